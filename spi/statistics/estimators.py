@@ -74,6 +74,13 @@ def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Arr
         return np.sqrt(np.mean((pseudo - (pseudo / w).sum(axis=0)) ** 2 / (w - 1.0), axis=0))
 
 
+def student(freedom: Array | float) -> Array:
+    """The factor of a 95 % interval, Student's with so many degrees of freedom."""
+    from scipy.special import stdtrit  # not needed to start the program
+
+    return np.asarray(stdtrit(np.maximum(freedom, 1.0), 0.975))
+
+
 def is_resolved(value: Array, stderr: Array) -> Array:
     """Whether a value stands clear of its standard error."""
     with np.errstate(invalid="ignore"):

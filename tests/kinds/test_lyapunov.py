@@ -1,18 +1,27 @@
 """Lyapunov exponents: where they are known, with the same bits however made, what is refused."""
 
+import io
+from pathlib import Path
+
 import numpy as np
 import pytest
-from helpers import compiled_only
+from heavy_top import HeavyTop
+from helpers import compiled_only, loop_in_python
+from rich.console import Console
+from scipy import stats
 from states import chunks_of, finished, same_numbers
 
 from spi.ensemble.given import draw_paths
-from spi.kinds.lyapunov import study
+from spi.kinds.lyapunov import study, table
 from spi.kinds.lyapunov.claims import quantities
-from spi.kinds.lyapunov.results import Exponents
+from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
+from spi.kinds.lyapunov.tangents import log_density, normals_at
+from spi.models import LotkaVolterra
 from spi.running.load import load
 from spi.specs import SpecError
 from spi.storage.records import Part
 
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 SPEC = """\
 title: A title
 kind: lyapunov
@@ -42,6 +51,16 @@ def plan_of(case):
 def results_of(case):
     plan = plan_of(case)
     return plan.results(finished(plan))
+
+
+def in_python(plan):
+    """The results without a compiled loop."""
+    with loop_in_python(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study.LyapunovPlan, "kernel_calls", lambda plan: [])
+        return plan.results(finished(plan))
+
+
+CANONICAL = "{{variables: [q, p], bracket: {{q p: 1}}, hamiltonian: {}, noises: [q], sigma: [1]}}"
 
 
 @compiled_only
@@ -93,6 +112,86 @@ def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):
     plan = plan_of(case_of("initial={law: uniform_on_surface, through: [0, 0, 1]}", "final_time=1", "step=2^-3"))
     found = plan.results(finished(plan))
     assert np.abs(found.total).max() < 1e-7 < found.exponent_stderr[0, -1]
+
+
+def test_states_that_begin_at_zero_and_grow(case_of):
+    """Kicks by Ĥ = q leave the tangent map of H = (p^2 - q^2)/2 as it is: exponents +-arcosh(1 + h^2/2) / h."""
+    model = CANONICAL.format("p^2/2 - q^2/2")
+    plan = plan_of(case_of(f"model={model}", "initial=[0, 0]", "step=1", "final_time=12", "warm_up=9", "every=2"))
+    found, known = in_python(plan), np.arccosh(1.5)
+    assert abs(found.energy[-1]) > 1e6 and found.nonfinite == 0
+    assert np.abs(found.exponent[:, -1] - [known, -known]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
+
+
+def test_the_area_that_flows_keep_on_surfaces_that_are_no_spheres():
+    """It is the Euclidean one by |grad C_1 ^ grad C_2|, and where B has a divergence, that of y1 y2 J, by y1 y2."""
+    y = np.random.default_rng(3).standard_normal((2, 6, 64))
+    top = HeavyTop((2.0, 1.0, 0.5))
+    P, G = np.moveaxis(y, 1, 0)[:3], np.moveaxis(y, 1, 0)[3:]
+    gradients = np.array([np.concatenate((0 * P, 2 * G)), np.concatenate((G, P))])
+    wedge = np.sqrt(np.linalg.det(np.einsum("aibl,cibl->blac", gradients, gradients)))
+    apart = log_density(top, y, normals_at(top, y)) - np.log(wedge)
+    assert np.ptp(apart) < 1e-7 < 1 < np.ptp(np.log(wedge))
+    y = np.exp(y[:, :2])
+    found = log_density(LotkaVolterra(), y, normals_at(LotkaVolterra(), y))
+    assert np.abs(found - np.log(y[:, 0] * y[:, 1])).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        ("model={system: heavy_top.yaml}", "initial=[1, 0.5, 0.3, 0.6, 0, 0.8]", "step=1/8", "every=4"),
+        ("model={name: lotka_volterra, sigma: [0.3]}", "initial=[1, 1.5]", "step=1/4", "every=1"),
+    ],
+)
+def test_the_sum_is_zero_at_any_time(case_of, tmp_path, system):
+    where = tmp_path / "heavy_top.yaml"
+    where.write_text((EXPERIMENTS / "systems" / "heavy_top.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    found = in_python(plan_of(case_of(*system, "final_time=1")))
+    assert np.abs(found.total).max() < 2e-7 and np.ptp(found.exponent[0]) > 1e-3
+
+
+def test_damped_states_have_euclidean_lengths(case_of):
+    """All vectors of a body that does not turn shrink at the rate of the damping, and so the area at twice that."""
+    case = case_of("damping=1/2", "final_time=1", "step=2^-3", "initial=[0, 0, 1]")
+    axis = case.model._replace(model=case.model.model._replace(inertia=(1e12,) * 3, sigma=(0.0, 0.0, 0.0)))
+    found = in_python(plan_of(case.model_copy(update={"model": axis})))
+    assert np.abs(found.exponent[:, -1] + 0.5).max() < 1e-6 and found.total_known is None
+
+
+def test_intervals_are_those_of_student(case_of):
+    plan = plan_of(case_of("final_time=1", "step=2^-3"))
+    rows, found = plan.rows(0, 0, 1, 64), results_of(plan.case)
+    values = rows.values[0, -1]
+    for value, half, paths in (
+        (found.exponent[0, -1], found.exponent_half[0, -1], values[0]),
+        (found.energy[-1], stats.t.ppf(0.975, 63) * found.energy_stderr[-1], values[3]),
+    ):
+        low, high = stats.t.interval(0.95, 63, paths.mean(), stats.sem(paths))
+        assert (value - half, value + half) == pytest.approx((low, high), rel=1e-7)
+    assert found.dimension_half == pytest.approx(stats.t.ppf(0.975, 7) * found.dimension_stderr)
+    few = Exponents.of(found.group())
+    assert few.exponent_half[0, -1] == found.exponent_half[0, -1]
+
+
+def test_where_the_energy_drifts_no_stationary_law_is_said_to_be_known(case_of):
+    """Kicks by Ĥ = q make of H = p^2/2 a mean of t/2."""
+    free = case_of(f"model={CANONICAL.format('p^2/2')}", "initial=[0, 0]", "step=1", "final_time=16", "every=1")
+    found = in_python(plan_of(free))
+    assert np.abs(found.energy - found.t / 2).max() < 4.5 * found.energy_stderr[-1]
+    assert abs(found.energy_change - 4) < 4.5 * found.energy_change_stderr and not found.is_stationary
+    text = io.StringIO()
+    table.show(Console(file=text, width=300), "A", [found])
+    assert "no stationary law was found, so that exponents are no limit: the mean of H goes from" in text.getvalue()
+    assert "no stationary law was found" in table.told([found])
+    body = results_of(case_of("final_time=2"))
+    assert body.is_stationary and "no stationary law" not in table.told([body])
+
+
+def test_what_is_not_a_number_has_no_dimension():
+    assert np.isnan(kaplan_yorke(np.array([np.nan, np.nan]))) and np.isnan(kaplan_yorke(np.array([0.1, -np.inf])))
+    found = kaplan_yorke(np.array([[0.02, np.nan], [-0.1, -0.1]]))
+    assert found[0] == pytest.approx(1.2) and np.isnan(found[1])
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 
 from spi.statistics.claims import Quantity, lost_among, quantity
-from spi.storage.records import INTERVAL
 
 from .results import Exponents
 
@@ -13,10 +12,9 @@ def quantities(readings: Sequence[Exponents]) -> Iterator[Quantity]:
     """At the last time, and how many paths diverged."""
     for one in readings:
         yield quantity("nonfinite", one.about, one.nonfinite)
-        largest = one.exponent[0, -1], INTERVAL * one.exponent_stderr[0, -1]
-        yield quantity("largest_exponent", one.about, *largest)
+        yield quantity("largest_exponent", one.about, one.exponent[0, -1], one.exponent_half[0, -1])
         known = math.nan if one.total_known is None else one.total_known
-        yield quantity("exponent_sum", one.about, one.total[-1], INTERVAL * one.total_stderr[-1], expected=known)
-        if one.dimension_stderr is not None:
+        yield quantity("exponent_sum", one.about, one.total[-1], one.total_half[-1], expected=known)
+        if one.dimension_half is not None:
             lost = lost_among(one.exponent[:, -1], "exponents")
-            yield quantity("dimension", one.about, one.dimension, INTERVAL * one.dimension_stderr, lost=lost)
+            yield quantity("dimension", one.about, one.dimension, one.dimension_half, lost=lost)

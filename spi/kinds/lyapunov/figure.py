@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, rules
+from spi.drawing.axes import rules
 from spi.drawing.spheres import cell_edges, dress_map
 
 from .results import PANELS, Exponents
@@ -49,7 +49,7 @@ def _panel(ax: Axes, readings: Sequence[Exponents], looks: style.Looks, k: int) 
     for one in readings:
         marker, colour = looks[one.about.variant]
         value = one.total if is_sum else one.exponent[k]
-        half = INTERVAL * (one.total_stderr if is_sum else one.exponent_stderr[k])
+        half = one.total_half if is_sum else one.exponent_half[k]
         ax.fill_between(one.t, value - half, value + half, color=colour, alpha=0.2, linewidth=0)
         ax.plot(one.t, value, color=colour, marker=marker, markersize=4)
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spi.statistics.estimators import RESOLVED, group_counts, student
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 #: What a figure can show.
@@ -11,6 +12,11 @@ PANELS = ("lyapunov", "pullback")
 
 #: The sides of a picture of a sphere.
 SPHERE_SIDES = "Mollweide y", "Mollweide x"
+
+#: The relative spread of values that are alike on all paths.
+EQUAL = 1e-6
+
+_SMALL = 0.1  # a change of the mean of H that is less, beside the spread of H, does not count
 
 
 class Pictures(Described):
@@ -44,6 +50,11 @@ class Pictures(Described):
         return share
 
     @property
+    def distance_half(self) -> np.ndarray:
+        """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
+        return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
+
+    @property
     def density(self) -> np.ndarray:
         """(times, rows, columns) share of the states in the cell by its area: on a sphere per steradian."""
         found: np.ndarray = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
@@ -66,6 +77,12 @@ class Exponents(Stored):
     dimension_stderr: Annotated[
         float | None, fact("standard error of the Lyapunov dimension, where exponents suffice for it")
     ] = None
+    energy: Annotated[Array | None, array("t", "mean of H", "energy", formula="E H(y(t))")] = None
+    energy_stderr: Annotated[Array | None, array("t", "standard error of the mean of H", "energy")] = None
+    energy_change: Annotated[
+        float | None, fact("mean of H at the later half of these times, less that at the earlier half", "energy")
+    ] = None
+    energy_change_stderr: Annotated[float | None, fact("standard error of this change", "energy")] = None
     change: Annotated[float, fact("largest factor, or its inverse, by which a vector changed before it was scaled")]
     nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
     step: Annotated[float, fact("step size", "time")]
@@ -79,9 +96,42 @@ class Exponents(Stored):
         """The Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
         return float(kaplan_yorke(self.exponent[:, -1]))
 
+    @property
+    def exponent_half(self) -> np.ndarray:
+        """(m, times) half the 95 % intervals of the exponents, Student's over the paths."""
+        return student(self.samples - 1) * self.exponent_stderr
+
+    @property
+    def total_half(self) -> np.ndarray:
+        """(times,) half the 95 % interval of the sum."""
+        return student(self.samples - 1) * self.total_stderr
+
+    @property
+    def dimension_half(self) -> float | None:
+        """Half the 95 % interval of the dimension, Student's over the jackknife groups."""
+        if self.dimension_stderr is None:
+            return None
+        return float(student(int(np.count_nonzero(group_counts(self.samples))) - 1)) * self.dimension_stderr
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether nothing speaks against a stationary law: the mean of H does not change from half to half.
+
+        A change counts that is resolved and not small beside the spread of H over the paths.
+        """
+        if self.energy is None or self.energy_stderr is None or self.energy_change is None:
+            return True
+        spread = self.energy_stderr[-1] * np.sqrt(max(self.samples - 1, 1))
+        if not spread > EQUAL * abs(self.energy[-1]):  # as without noise, or not finite
+            return True
+        stderr = self.energy_change_stderr or 0.0
+        return not abs(self.energy_change) > max(RESOLVED * stderr, _SMALL * spread)
+
 
 def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
     """j + (lambda_1 + ... + lambda_j) / |lambda_(j+1)| of exponents (m, ...), j the last with a sum of at least 0.
+
+    NaN if an exponent is not finite.
 
     J. L. Kaplan, J. A. Yorke, Lecture Notes in Mathematics 730, 1979.
     """
@@ -91,7 +141,9 @@ def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
     reached = np.take_along_axis(np.concatenate((zero, sums)), j, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = reached / np.abs(np.take_along_axis(np.concatenate((exponents, zero + np.inf)), j, axis=0))
-    found: np.ndarray = (j + np.where(j == len(exponents), 0.0, share))[0]
+    found: np.ndarray = np.where(
+        np.isfinite(exponents).all(axis=0), (j + np.where(j == len(exponents), 0, share))[0], np.nan
+    )
     return found
 
 

@@ -3,7 +3,12 @@
 Beside each path y go m others, y + eps q_i, with q_1, ..., q_m an orthonormal basis of the tangent space of the Casimir
 surface.  After some steps of the scheme (z_i - z) / eps = Q R, the columns of Q are the next basis, and the means of
 log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15, 1980.)
-Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.
+Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.  The
+distance eps is a fixed share of the larger of the states at both ends of these steps.
+
+Lengths are Euclidean times w^(-1/m), with w from :func:`log_density`, so that the volume of m dimensions is the one
+that Hamiltonian flows keep.  At a stationary law lengths do not matter in the limit; the sum is 0 at any time.
+Damping leaves the surface, and that measure shrinks; lengths are Euclidean there.
 """
 
 import math
@@ -14,33 +19,46 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import integrated, states_at
+from spi.ensemble.loop import integrated, limited_threads, states_at
 from spi.exact.gibbs import mean_divergence
+from spi.expressions.arithmetic import NumberError
 from spi.kinds.blocks import MeansPlan, lost_among
+from spi.kinds.functions import path_function
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import add_values, mean_over_paths
+from spi.statistics.powers import add_values, mean_over_paths, standard_deviation
 from spi.statistics.tallies import PathSet, sum_of_fields
 from spi.storage.records import Part
 
 from .pullback import Pulled, Seen
-from .results import PANELS, Exponents, kaplan_yorke
-from .tangents import NEAR, leaf_dimension, make_tangent, orthonormalise, tangents
+from .results import EQUAL, PANELS, Exponents, kaplan_yorke
+from .tangents import (
+    NEAR,
+    leaf_dimension,
+    log_density,
+    make_tangent,
+    normals_at,
+    orthonormalise,
+    size_of,
+    tangents,
+)
 
 _TIMES = 16  # at which results are known
 _BATCH_BYTES = 64e6
+_LEAST_NS = 1e5  # of work of a thread in a call
+_FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
 class Sums(NamedTuple):
-    """Of the exponents and their sum at T times, over some paths."""
+    """Of the exponents, their sum, H, and the change of H at T times, over some paths."""
 
     paths: int
     seconds: float
     cpu_seconds: float
-    values: np.ndarray  #: (2, T, m + 1, GROUPS) sums of values and of their squares
+    values: np.ndarray  #: (2, T, m + 3, GROUPS) sums of values and of their squares
     change: float  #: largest |log| of a factor by which a vector changed before it was scaled
     nonfinite: int
 
@@ -52,7 +70,7 @@ class Sums(NamedTuple):
 class Rows(NamedTuple):
     """What some blocks contribute."""
 
-    values: np.ndarray  #: (blocks, T, m + 1, LANES)
+    values: np.ndarray  #: (blocks, T, m + 3, LANES)
     change: np.ndarray  #: (blocks,)
     lost: np.ndarray  #: (blocks, LANES) whether a path diverged
 
@@ -90,6 +108,11 @@ class LyapunovPlan(MeansPlan):
         return [*super().kernel_calls(), *(self.pulled.kernel_calls() if self.pulled else [])]
 
     @cached_property
+    def _leaf(self) -> int:
+        """The dimension of the Casimir surface."""
+        return leaf_dimension(self.model, self.initial)
+
+    @cached_property
     def basis(self) -> np.ndarray:
         """(m, d) tangent vectors at y_0."""
         return tangents(self.model, self.initial)[: self.case.count]
@@ -122,7 +145,7 @@ class LyapunovPlan(MeansPlan):
         """The sums over no paths, or no states of pictures."""
         if number and self.pulled:
             return self.pulled.empty()
-        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + 1, GROUPS)), 0.0, 0)
+        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + _FURTHER, GROUPS)), 0.0, 0)
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
@@ -138,26 +161,64 @@ class LyapunovPlan(MeansPlan):
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
         q = np.broadcast_to(self.basis[:, np.newaxis, :, np.newaxis], (m, blocks, d, LANES)).copy()
-        make_tangent(self.model, y, q)  # random initial states have tangent spaces of their own
+        normals = normals_at(self.model, y)
+        make_tangent(q, normals)  # random initial states have tangent spaces of their own
         orthonormalise(q)
-        near = NEAR * np.linalg.norm(self.initial)
         total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
-        values = np.empty((blocks, len(self.known), m + 1, LANES))
-        before = np.append(0, self.stops)
-        for number_of_stop, stop in enumerate(self.stops, 1):
-            others = [self._moved(y + near * each, number_of_stop, first, end) for each in q]
-            y = self._moved(y, number_of_stop, first, end)
-            q = (np.array(others) - y) / near
-            make_tangent(self.model, y, q)
-            grown = orthonormalise(q)
-            change = np.fmax(change, np.abs(grown).max(axis=(0, 2)))
-            if number_of_stop > self.begin:
-                total += grown
-            at = np.searchsorted(self.known, number_of_stop)
-            if at < len(self.known) and self.known[at] == number_of_stop:
-                means = total / ((stop - before[self.begin]) * self.grid.reference_step)
-                values[:, at] = np.moveaxis(np.concatenate((means, means.sum(axis=0, keepdims=True))), 0, 1)
-        return Rows(values, change, np.logical_not(np.isfinite(values[:, -1]).all(axis=1)))
+        values = np.zeros((blocks, len(self.known), m + _FURTHER, LANES))
+        before, begun = np.append(0, self.stops), self._log_lengths(y, normals)
+        with (
+            limited_threads(self._threads(blocks)),
+            np.errstate(all="ignore"),
+        ):  # errors are those of paths that diverge
+            for number_of_stop, stop in enumerate(self.stops, 1):
+                moved = self._moved(y, number_of_stop, first, end)
+                near = (NEAR if number_of_stop % 2 else -NEAR) * size_of(y, moved)
+                others = [self._moved(y + near * each, number_of_stop, first, end) for each in q]
+                y, q = moved, (np.array(others) - moved) / near
+                normals = normals_at(self.model, y)
+                make_tangent(q, normals)
+                grown = orthonormalise(q)
+                change = np.fmax(change, np.abs(grown).max(axis=(0, 2)))
+                if number_of_stop == self.begin:
+                    begun = self._log_lengths(y, normals)
+                if number_of_stop > self.begin:
+                    total += grown
+                at = np.searchsorted(self.known, number_of_stop)
+                if at < len(self.known) and self.known[at] == number_of_stop:
+                    since = (stop - before[self.begin]) * self.grid.reference_step
+                    means = (total + (self._log_lengths(y, normals) - begun)) / since
+                    values[:, at, :m] = np.moveaxis(means, 0, 1)
+                    values[:, at, m] = means.sum(axis=0)
+                    values[:, at, m + 1] = self._energies(y)
+            half = len(self.known) // 2
+            if half:
+                energies = values[:, :, m + 1]
+                values[:, -1, m + 2] = energies[:, half:].mean(axis=1) - energies[:, :half].mean(axis=1)
+        return Rows(values, change, np.logical_not(np.isfinite(values[:, -1, : m + 1]).all(axis=1)))
+
+    def _threads(self, blocks: int) -> int:
+        """How many threads are worth waiting for in each of many short calls."""
+        work = blocks * LANES * self.case.every * typical_ns(self.row, self.model)
+        return max(1, min(blocks, int(work / _LEAST_NS)))
+
+    def _log_lengths(self, y: np.ndarray, normals: np.ndarray) -> np.ndarray | float:
+        """The logarithm of the length at y of a vector of Euclidean length 1."""
+        if self.case.damping:
+            return 0.0
+        return -log_density(self.model, y, normals) / self._leaf
+
+    @cached_property
+    def _energy(self) -> Any:
+        """H as a function of states (d, blocks, LANES); None where it depends on time."""
+        try:
+            return path_function(self.model, (), "H").values
+        except NumberError:
+            return None
+
+    def _energies(self, y: np.ndarray) -> np.ndarray | float:
+        """(blocks, LANES) H of states (blocks, d, LANES); NaN where it depends on time."""
+        return np.nan if self._energy is None else self._energy(np.moveaxis(y, 1, 0))
 
     @cached_property
     def _kernel_records(self) -> tuple[Any, Any]:
@@ -200,7 +261,7 @@ class LyapunovPlan(MeansPlan):
     def _known_sum(self) -> float | None:
         """The sum of the exponents of the equation; None where it is not known."""
         case = self.case
-        if self.case.count < leaf_dimension(self.model, self.initial) or case.damping:
+        if case.count < self._leaf or case.damping:
             return None
         if math.isinf(case.temperature):
             return 0.0
@@ -208,21 +269,30 @@ class LyapunovPlan(MeansPlan):
 
     def results(self, state: State) -> Exponents:
         """The results of one scheme of a case, from its final state."""
-        sums, groups = state.total(), group_counts(self.samples)
+        sums, groups, m = state.total(), group_counts(self.samples), self.case.count
         mean, without = mean_over_paths(sums.values[0], groups)
-        stderr = jackknife_stderr(mean, without, groups)
-        dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :-1], -1, 0)) for one in (mean, without))
-        is_known = self.case.count == leaf_dimension(self.model, self.initial) or dimension < self.case.count
+        with np.errstate(all="ignore"):
+            spread = standard_deviation(mean, mean_over_paths(sums.values[1], groups)[0])
+            stderr = spread / np.sqrt(self.samples - 1)  # paths are independent of one another
+            alike = ~(spread > EQUAL * np.abs(mean))  # squares of values that are nearly equal leave no digits
+            stderr = np.where(alike, jackknife_stderr(mean, without, groups), stderr)
+        dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :m], -1, 0)) for one in (mean, without))
+        is_known = m == self._leaf or dimension < m
+        of_energy: dict[str, Any] = {}
+        if self._energy is not None:
+            of_energy = {"energy": mean[:, m + 1], "energy_stderr": stderr[:, m + 1]}
+            of_energy |= {"energy_change": float(mean[-1, m + 2]), "energy_change_stderr": float(stderr[-1, m + 2])}
         return Exponents(
             **self.whole(state),
-            number=np.arange(1, self.case.count + 1),
+            number=np.arange(1, m + 1),
             t=self.stops[self.known - 1] * self.grid.reference_step,
-            exponent=mean[:, :-1].T,
-            exponent_stderr=stderr[:, :-1].T,
-            total=mean[:, -1],
-            total_stderr=stderr[:, -1],
+            exponent=mean[:, :m].T,
+            exponent_stderr=stderr[:, :m].T,
+            total=mean[:, m],
+            total_stderr=stderr[:, m],
             total_known=self._known_sum(),
             dimension_stderr=float(jackknife_stderr(dimension, others, groups)) if is_known else None,
+            **of_energy,
             change=float(np.exp(sums.change)),
             nonfinite=sums.nonfinite,
             step=self.case.step,

@@ -1,11 +1,13 @@
 """Tables of Lyapunov exponents."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.statistics.estimators import student
 
 from .results import Exponents
 
@@ -31,19 +33,20 @@ def show(console: "Console", heading: str, readings: Sequence[Exponents]) -> Non
 
 def _cells(one: Exponents) -> Iterator[str]:
     yield lines_of(one.about)
-    yield from map(_value, one.exponent[:, -1], one.exponent_stderr[:, -1])
-    yield _value(one.total[-1], one.total_stderr[-1])
+    yield from map(_value, one.exponent[:, -1], one.exponent_half[:, -1])
+    yield _value(one.total[-1], one.total_half[-1])
     yield _dimension(one)
 
 
 def _dimension(one: Exponents) -> str:
-    if one.dimension_stderr is None:
+    half = one.dimension_half
+    if half is None and math.isfinite(one.dimension):
         return f"{one.dimension:g} or more"
-    return _value(one.dimension, one.dimension_stderr) if one.dimension_stderr else f"{one.dimension:g}"
+    return _value(one.dimension, half) if half else f"{one.dimension:g}"
 
 
-def _value(value: float, stderr: float) -> str:
-    return with_interval(float(value), INTERVAL * float(stderr))
+def _value(value: float, half: float) -> str:
+    return with_interval(float(value), float(half))
 
 
 def _remarks(readings: Sequence[Exponents]) -> Iterator[str]:
@@ -54,15 +57,28 @@ def _remarks(readings: Sequence[Exponents]) -> Iterator[str]:
         yield f"{one.about.label}: {one.samples} paths until t = {one.t[-1]:g} with h = {one.step:g}{lost}, {speed}"
         if one.change > _LARGE:
             yield f"    vectors changed by factors of {one.change:.0e} between two stops: take a smaller `every`"
+        if not one.is_stationary:
+            yield f"    {_drift(one)}"
         if (found := one.pictures) is not None:
             yield f"    {found.points} states on one path of noise, which began a time t ago:"
             for i, t in enumerate(found.t):
-                mean = _value(found.distance[i], found.distance_stderr[i])
+                mean = _value(found.distance[i], found.distance_half[i])
                 told = f"mean distance {mean}, typical one {short(float(found.typical[i]))}"
                 yield f"    t = {t:g}: {told}, in {found.occupied[i]:.1%} of the cells"
 
 
+def _drift(one: Exponents) -> str:
+    """That the energy still changes."""
+    assert one.energy is not None and one.energy_stderr is not None
+    ends = (_value(one.energy[i], float(student(one.samples - 1)) * one.energy_stderr[i]) for i in (0, -1))
+    began, ended = (f"{end} at t = {t:g}" for end, t in zip(ends, one.t[[0, -1]], strict=True))
+    return f"no stationary law was found, so that exponents are no limit: the mean of H goes from {began} to {ended}"
+
+
 def told(readings: Sequence[Exponents]) -> str:
     """What came out of a case, in one sentence."""
-    values = [f"{_value(one.exponent[0, -1], one.exponent_stderr[0, -1])} with {whose(one.about)}" for one in readings]
-    return sentence([f"the largest Lyapunov exponent is {joined(values)}"])
+    values = [f"{_value(one.exponent[0, -1], one.exponent_half[0, -1])} with {whose(one.about)}" for one in readings]
+    found = [f"the largest Lyapunov exponent is {joined(values)}"]
+    if not all(one.is_stationary for one in readings):
+        found.append("no stationary law was found, so that this is no limit")
+    return sentence(found)

@@ -1,17 +1,25 @@
 """Tangent vectors of the Casimir surface, by differences of paths on the same noise."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import casimirs, conserved
-from spi.exact.surfaces import structure_matrix
+from spi.ensemble.protocol import casimirs, conserved, structure
+from spi.exact.surfaces import at_states, structure_matrix
 from spi.numerics.arrays import log
 
-#: Near paths are so far away, relative to |y_0|: what is left out is of this size, and roundings are 1e-9 of it.
+#: Near paths are so far away, relative to the state: what is left out is of this size, and roundings are 1e-9 of it.
 NEAR = 1e-7
+_BY = 1e-6  # relative, by which a state is moved for the gradient of a Casimir function
 _RANK = 1e-10  # singular values of B(y_0), relative to the largest, that are 0
+
+
+def size_of(*states: np.ndarray) -> np.ndarray:
+    """(blocks, 1, LANES) the largest component of any of some states (blocks, d, LANES), 1 where all are 0."""
+    found = np.maximum.reduce([np.abs(y).max(axis=1, keepdims=True) for y in states])
+    return np.where(found > 0.0, found, 1.0)
 
 
 def tangents(model: Any, y: Any) -> np.ndarray:
@@ -27,23 +35,50 @@ def leaf_dimension(model: Any, y: Any) -> int:
     return len(tangents(model, y))
 
 
-def make_tangent(model: Any, y: np.ndarray, vectors: np.ndarray) -> None:
-    """Take from vectors (m, blocks, d, LANES), in place, what is not tangent to the Casimir surfaces of states y.
+def normals_at(model: Any, y: np.ndarray) -> np.ndarray:
+    """(C, blocks, d, LANES) orthonormal vectors that span the gradients of the C Casimir functions at states y.
+
+    Gradients are central differences, y (blocks, d, LANES) being moved by 1e-6 of its size.
+    """
+    count, (blocks, d, lanes) = conserved(model), y.shape
+    if not count:
+        return np.empty((0, *y.shape))
+    by = _BY * size_of(y)[:, 0]
+    to = np.array([1.0, -1.0])[:, np.newaxis, np.newaxis] * np.eye(d)  # (2, j, i) by which component i is moved
+    states = np.moveaxis(y, 1, 0)[:, np.newaxis, np.newaxis] + np.multiply.outer(to.transpose(2, 0, 1), by)
+    found = at_states(partial(casimirs, model), states.reshape(d, -1)).reshape(count, 2, d, blocks, lanes)
+    gradients = np.ascontiguousarray(np.moveaxis((found[:, 0] - found[:, 1]) / (2.0 * by), 1, 2))
+    orthonormalise(gradients)
+    return gradients
+
+
+def make_tangent(vectors: np.ndarray, normals: np.ndarray) -> None:
+    """Take from vectors (m, blocks, d, LANES), in place, what is not tangent to the Casimir surfaces.
 
     The normal direction neither grows nor shrinks, so that of a vector that shrinks nothing else would be left in the
-    end.  Gradients of Casimir functions are central differences, y (blocks, d, LANES) being moved by 1e-6 of its size.
+    end.
     """
-    states = np.moveaxis(y, 1, 0)
-    by = 1e-6 * np.sqrt((states * states).sum(axis=0))
-    gradients = np.empty((conserved(model), *y.shape))
-    for j in range(len(states)):
-        ahead, behind = ([each + (sign * by if i == j else 0.0) for i, each in enumerate(states)] for sign in (1, -1))
-        changes = zip(casimirs(model, tuple(ahead)), casimirs(model, tuple(behind)), strict=True)
-        for c, (after, before) in enumerate(changes):
-            gradients[c, :, j] = (after - before) / by
-    orthonormalise(gradients)
-    for normal in gradients:
+    for normal in normals:
         vectors -= (normal * vectors).sum(axis=2, keepdims=True) * normal
+
+
+def log_density(model: Any, y: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(blocks, LANES) log of the Euclidean area by the area that Hamiltonian flows keep, at states (blocks, d, LANES).
+
+    On the tangent space of the Casimir surface B(y) is, in an orthonormal basis, an antisymmetric matrix b.  There the
+    symplectic form is b^-1, and the volume that it makes, the Liouville measure, is the Euclidean one by det(b)^(1/2).
+    The Casimir gradients are the kernel of B, so that det(b) = det(B + sum_c n_c n_c^T).  Where B has no divergence,
+    sum_i d_i B_ij = 0, this is |grad C_1 ^ grad C_2 ^ ...| up to a constant on the surface.
+    """
+    blocks, d, lanes = y.shape
+    states = np.repeat(np.moveaxis(y, 1, 0)[:, np.newaxis], d, axis=1)
+    units = np.repeat(np.eye(d)[..., np.newaxis], blocks * lanes, axis=2)
+    columns = at_states(partial(structure, model), states.reshape(d, -1), units.reshape(d, -1))
+    columns = np.ascontiguousarray(columns.reshape(d, d, blocks, lanes).transpose(1, 2, 0, 3))
+    for normal in normals:
+        columns += np.moveaxis(normal, 1, 0)[:, :, np.newaxis] * normal
+    found: np.ndarray = 0.5 * orthonormalise(columns).sum(axis=0)
+    return found
 
 
 def orthonormalise(vectors: np.ndarray) -> np.ndarray:

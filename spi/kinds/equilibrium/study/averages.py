@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.statistics.correlation import Correlation, of_means
-from spi.statistics.estimators import fit_order, group_counts, is_resolved, jackknife_stderr
+from spi.statistics.estimators import fit_order, group_counts, is_resolved, jackknife_stderr, student
 from spi.statistics.powers import mean_over_paths
 from spi.storage.records import Order
 
@@ -86,13 +86,6 @@ def _edges(recorder: Recorder) -> Array:
 
 def _stderr(found: _Found) -> Array:
     return np.where(np.isfinite(found.stderr_paths), found.stderr_paths, found.stderr_tau)
-
-
-def student(freedom: Array | float) -> Array:
-    """The factor of a 95 % interval."""
-    from scipy.special import stdtrit  # not needed to start the program
-
-    return np.asarray(stdtrit(np.maximum(freedom, 1.0), 0.975))
 
 
 def _found(recorder: Recorder, paths: Paths, samples: int) -> _Found:
