@@ -61,7 +61,8 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
 
     half_width, killed = domain(problem, strang, min(numbers), accuracy)
     size, seconds_probe = resolution(problem, strang, half_width, accuracy)
-    grids = _grids(problem, size, half_width)
+    rough = problem.rough(half_width)
+    grids = _grids(problem, size, half_width, rough.any())
     limit_ladder = ladder_of_limit(grids[0], strang, accuracy)
     ladder = ladder_of_scheme(grids[0], scheme, strang, limit_ladder, order, numbers, accuracy)
     runs = [_on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder) for grid in grids]
@@ -69,7 +70,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     floor = 2 * killed * largest + ROUNDING * np.sqrt(ladder[-1]) * largest
     limit, weak, direct = runs[0].limit, runs[0].weak, runs[0].direct
     disagreement, doubt = limit_of_scheme(problem.T, direct, ladder, limit, order)
-    bounds = _bounds(runs, floor, np.maximum(0.0, disagreement - doubt))
+    bounds = _bounds(runs, rough, floor, np.maximum(0.0, disagreement - doubt))
     notes = {
         "order": order,
         "grid": size,
@@ -120,14 +121,19 @@ def _problem(model, initial, final_time, functions):
     return Problem(tuple(map(float, initial)), float(final_time), rates, sigma, tuple(functions))
 
 
-def _grids(problem, size, half_width):
-    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha."""
+def _grids(problem, size, half_width, rough):
+    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
+
+    With functions that are `rough` two more: changes from grid to grid may be small by chance where there are kinks.
+    """
     wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
-    return [
+    found = [
         Grid(problem, *size, half_width),
         Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
         Grid(problem, size[0], even(coarser[1]), half_width),
     ]
+    more = [[even(n / REFINEMENT**k) for n in size] for k in (1, 2)] if rough else []
+    return found + [Grid(problem, *each, half_width) for each in more]
 
 
 class _Run(NamedTuple):
@@ -148,15 +154,17 @@ def _on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder):
     return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
 
 
-def _bounds(runs, floor, disagreement):
+def _bounds(runs, rough, floor, disagreement):
     """Bounds of the errors of values, limits and weak errors, the first run being the finest."""
     finest, others = runs[0], runs[1:]
-    value = finest.limit[:, None] + finest.weak
-    value_grid = sum(abs(value - run.limit[:, None] - run.weak) for run in others)
-    limit_grid = sum(abs(finest.limit - run.limit) for run in others)
-    weak_grid = sum(abs(finest.weak - run.weak) for run in others)
+
+    def of_grid(of):
+        """The sum of the changes with either direction; where there are kinks twice the largest that any grid shows."""
+        changes = np.abs([of(finest) - of(run) for run in others])
+        return np.where(rough.reshape(-1, *[1] * (changes.ndim - 2)), 2 * changes.max(axis=0), sum(changes[:2]))
+
     return (
-        value_grid + floor[:, None] + finest.value_uncertain,
-        finest.limit_uncertain + limit_grid + floor + disagreement,
-        weak_grid + finest.weak_uncertain + floor[:, None],
+        of_grid(lambda run: run.limit[:, None] + run.weak) + floor[:, None] + finest.value_uncertain,
+        finest.limit_uncertain + of_grid(lambda run: run.limit) + floor + disagreement,
+        of_grid(lambda run: run.weak) + finest.weak_uncertain + floor[:, None],
     )
