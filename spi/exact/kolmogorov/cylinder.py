@@ -37,9 +37,21 @@ from ..places import strengths_by_place
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
-from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
+from .ladders import (
+    DEPTH,
+    FIRST,
+    ladder_of_limit,
+    ladder_of_scheme,
+    limit_of_scheme,
+    limit_on,
+    prediction,
+    richardson,
+    weak_error,
+)
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
+STEPS = 256  #: that a refinement of the limit has at the finest, usually
+SECONDS, KINKS = 1.5e-8, 1.6e-6  #: of a point, for each step and function, and to look for kinks
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
 #: exp(hL_1/2) exp(hL_2) exp(hL_1/2)
@@ -84,6 +96,42 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         "seconds": perf_counter() - start,
     }
     return Expectations(np.asarray(steps, float), limit[:, None] + weak, limit, weak, *bounds, notes)
+
+
+class Refining:
+    """E phi(y(T)) of the equation on one grid after the other, see :mod:`.refining`."""
+
+    def __init__(self, model, initial, final_time, functions, accuracy):
+        self.problem, self.accuracy = _problem(model, initial, final_time, functions), accuracy
+        self.known = None
+        if self.problem.r == 0.0:
+            self.known = np.array([np.ravel(f(np.asarray(initial, float)[:, None]))[0] for f in functions])
+        self.strang = plan(words_of(STRANG, self.problem.active))
+        self.half_width, self.killed = domain(self.problem, self.strang, FIRST, accuracy)
+        self.rough = self.problem.rough(self.half_width)
+        self.costs = []
+        while np.prod(size := self._grid(len(self.costs))[0]) <= POINTS:
+            steps = 2 * STEPS * len(functions) * SECONDS
+            self.costs.append(float(np.prod(size)) * (steps + np.count_nonzero(self.rough) * KINKS))
+
+    def _grid(self, number):
+        """(its size, its half-width); those of odd number are wider."""
+        wider = 1.05 if number % 2 else 1.0
+        points = first_points(self.half_width) / 96 * (self.half_width * wider + LAYER) / (self.half_width + LAYER)
+        return [even(n * REFINEMENT ** (number - 1)) for n in (points, 96)], self.half_width * wider
+
+    def refine(self, number):
+        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
+        size, half_width = self._grid(number)
+        grid = Grid(self.problem, *size, half_width)
+        found, values = [], []
+        for n in FIRST * 2 ** np.arange(DEPTH + 1):
+            values.append(grid.run(self.strang, int(n)))
+            found.append(richardson(values))
+            if len(found) > 2 and np.all(abs(found[-1][0] - found[-2][0]) <= 0.02 * self.accuracy):
+                break
+        floor = (2 * self.killed + ROUNDING * np.sqrt(n)) * grid.largest
+        return found[-1][0], np.maximum(found[-1][1], abs(found[-1][0] - found[-2][0])) + floor
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):

@@ -104,8 +104,7 @@ def settling(values, rough):
         ratio = np.clip(np.nan_to_num(falls, nan=1.0), *_FALLS)
         carried = [changes[-1 - i] * ratio**i for i in range(min(_ASKED, len(changes)))]
         told = _SAFETY * np.max(carried, axis=0) * np.maximum(1.0, ratio / (1.0 - ratio))
-        known = len(changes) >= _ASKED and not np.isnan(changes).any()
-        error = np.where(rough, told if known else np.inf, smooth)
+        error = np.where(rough, told if len(changes) >= _ASKED else np.inf, smooth)
     return Settling(np.where(np.isnan(error), np.inf, error), falls)
 
 

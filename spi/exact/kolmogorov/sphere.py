@@ -20,7 +20,7 @@ from ...ensemble.protocol import axis_inertias
 from ..places import strengths_by_place
 from . import Demands, Expectations
 from .backward import numbers_of_steps
-from .harmonics import CLASSES, harmonics_up_to
+from .harmonics import CLASSES, KEPT, harmonics_up_to
 from .kinks import is_rough, settling
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
 
@@ -133,6 +133,26 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
+class Refining:
+    """E phi(y(T)) of the equation at one degree after the other, see :mod:`.refining`."""
+
+    def __init__(self, model, initial, final_time, functions, accuracy):
+        self.problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
+        self.known = _at_rest(self.problem, initial).limit if np.count_nonzero(initial) <= 1 else None
+        self.rough = self.problem.rough
+        self.rounding = ROUNDING * self.problem.size()[0]
+        self.costs = [self._cost(L) for L in LEVELS]
+
+    def _cost(self, L):
+        """Seconds of typical speed: of the semigroup, and of making the harmonics and the coefficients."""
+        making = (2e-5 if L <= KEPT else 1e-4) + 3e-5 * np.count_nonzero(self.rough)
+        return self.problem.cost_of_limit(L, rough=True) + making * L**2
+
+    def refine(self, number):
+        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
+        return self.problem.solve(LEVELS[number], schemes=False)[0], self.rounding
+
+
 def _cost_of_first_limits(problem):
     """About how many seconds the three coarsest degrees of the limit take."""
     with np.errstate(all="ignore"):
@@ -230,26 +250,26 @@ class _Problem(NamedTuple):
 
     def solve(self, L, schemes=True):
         """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
-        limit, classes = self._classes(L)
+        limit, harmonics, classes = self._classes(L)
         values = limit[:, None] + np.zeros(len(self.steps))
         for c, on, e, V in classes:
-            limit[on] += e @ semigroup(harmonics_up_to(L), c, self.turn, self.spread, self.time, V)
+            limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
             for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
-                values[on, i] += e @ Step(harmonics_up_to(L), c, self.words(h)).power(V, n)
+                values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
         return limit, values
 
     def limits(self, L, times):
         """(F, times) the limit at increasing times, as :meth:`solve` has that at one."""
-        nothing, classes = self._classes(L)
+        nothing, harmonics, classes = self._classes(L)
         limit = nothing[:, None] + np.zeros(len(times))
         for c, on, e, V in classes:
             for i, between in enumerate(np.diff(times, prepend=0.0)):
-                V = semigroup(harmonics_up_to(L), c, self.turn, self.spread, between, V)
+                V = semigroup(harmonics, c, self.turn, self.spread, between, V)
                 limit[on, i] += e @ V
         return limit
 
     def _classes(self, L):
-        """(F,) 0, or NaN where functions oscillate too fast for degree L; and what there is of each class of functions:
+        """(F,) 0, or NaN where functions oscillate too fast for degree L; the harmonics; and of each class of them:
 
         its number, which functions have a part in it, the functional of y_0, and their coefficients.
         """
@@ -262,7 +282,7 @@ class _Problem(NamedTuple):
             on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
             if np.any(on) and np.linalg.norm(e) >= 1e-14 * L:
                 found.append((c, on, e, np.ascontiguousarray(coefficients[c][:, on])))
-        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), found
+        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), harmonics, found
 
     def cost(self, L, rough=False):
         """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""
