@@ -27,7 +27,7 @@ __all__ = [
     "demands",
     "exact_expectations",
     "expectations",
-    "refining",
+    "refiner",
 ]
 
 
@@ -124,7 +124,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
     return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy, **limits)
 
 
-def refining(model, initial, final_time, functions, accuracy):
+def refiner(model, initial, final_time, functions, accuracy):
     """What refines E phi(y(T)) of the equation for F functions, one refinement at a time, on spheres and cylinders.
 
     It has ``costs``, the seconds of typical speed of each refinement there can be, ``rough`` (F,), which functions

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.ensemble.protocol import dimension
-from spi.exact.kolmogorov import refining
+from spi.exact.kolmogorov import refiner
 from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
 from spi.expressions import canonical, functions_of
 from spi.printing.text import short
@@ -32,7 +32,7 @@ UNDECIDED, SOLVING, SAMPLING = 0, 1, 2
 
 @lru_cache(maxsize=8, typed=True)
 def _refining(model: Any, initial: tuple, final_time: float, functions: tuple, accuracy: float) -> Any:
-    return refining(model, initial, final_time, functions_of(functions, dimension(model)), accuracy)
+    return refiner(model, initial, final_time, functions_of(functions, dimension(model)), accuracy)
 
 
 def refining_of(p: "AnswerPlan") -> Any:
