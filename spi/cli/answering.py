@@ -91,5 +91,6 @@ def _predict(experiment: "Experiment") -> None:
     with ProgressLine(experiment.name) as line:
         found = list(predictions(experiment, line.watch))
     for one in found:
-        takes = f": about {human_time(one.seconds)} of processor time; the next digit {human_time(one.next_digit)}"
+        takes = f": about {human_time(one.seconds)} of processor time"
+        takes += f"; the next digit {human_time(one.next_digit)}" * math.isfinite(one.next_digit)
         typer.echo(f"{one.case}: {one.how}{'' if math.isnan(one.seconds) else takes}")

@@ -109,6 +109,7 @@ class Quadrature:
             total, size, mass = total + weight @ value, size + weight @ np.abs(value), mass + weight.sum()
         return total, size, mass
 
+    @np.errstate(all="ignore")  # f may have no value, as log(y1) where y1 < 0
     def probabilities(self, f, edges):
         """(bins,) the probabilities that f(y) is in each bin, of which the last contains its upper edge.
 
@@ -119,10 +120,9 @@ class Quadrature:
         below, mass = np.zeros(len(edges)), 0.0
         for low, size, weight in self._on_grid(f) if self.surface.dimension == 2 else self._on_line(f):
             mass += weight.sum()
-            with np.errstate(invalid="ignore", divide="ignore"):
-                for i, edge in enumerate(edges):
-                    at = low <= edge if i == len(edges) - 1 else low < edge
-                    below[i] += (weight * np.where(size > 0, np.clip((edge - low) / size, 0.0, 1.0), at)).sum()
+            for i, edge in enumerate(edges):
+                at = low <= edge if i == len(edges) - 1 else low < edge
+                below[i] += (weight * np.where(size > 0, np.clip((edge - low) / size, 0.0, 1.0), at)).sum()
         return np.diff(below) / mass
 
     # --- nodes -------------------------------------------------------------------------------------------------------

@@ -186,8 +186,31 @@ def _written(expression, binds):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def singular_parts(expression):
+    """The parts of a tree at whose zeros it may have no derivatives: u in abs(u), u^0.3, log(u), 1/u, cos of tan."""
+    if isinstance(expression, Constant | Component):
+        return []
+    if isinstance(expression, WholePower):
+        return singular_parts(expression.a)
+    own = []
+    if isinstance(expression, Absolute | SquareRoot | Logarithm):
+        own = [expression.a]
+    elif isinstance(expression, Tangent):
+        own = [Cosine(expression.a)]
+    elif isinstance(expression, Quotient):
+        own = [expression.b]
+    elif isinstance(expression, Power):
+        whole = isinstance(expression.b, Constant) and expression.b.value >= 0 and expression.b.value % 1 == 0
+        own = [] if whole else [expression.a]
+    own = [part for part in own if not is_constant(part)]
+    return own + [part for operand in expression for part in singular_parts(operand)]
+
+
 def as_numpy(expression):
-    """The function phi(y) of arrays y of shape (d, ...) with values of shape (...)."""
+    """The function phi(y) of arrays y of shape (d, ...) with values of shape (...).
+
+    Its attribute ``singular`` has such functions of its :func:`singular_parts`.
+    """
 
     def value(e, y):
         if isinstance(e, Constant):
@@ -202,6 +225,7 @@ def as_numpy(expression):
         with np.errstate(all="ignore"):
             return np.array(value(expression, np.asarray(y, float)))  # never a view of y
 
+    phi.singular = tuple(map(as_numpy, singular_parts(expression)))
     return phi
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from ..kinds.answer import solving
 from ..kinds.answer.decisions import PILOTING
 from ..kinds.state import State
 from ..specs import Experiment
@@ -25,15 +26,16 @@ def predictions(experiment: Experiment, watch: Watch) -> Iterator[Prediction]:
     """Those of the cases of an experiment of kind answer."""
     for plan in plans(experiment):
         of_kind: Any = plan
-        if of_kind.solvable:
-            yield Prediction(plan.case.name, "without sampling", float("nan"), float("nan"))
-            continue
         compile_missing(kernel_calls([plan]), watch.report_compiling)
         state = State(plan)
-        while state.extra.stage == PILOTING:
+        while state.extra.stage == PILOTING and not solving.is_clear(of_kind, state.extra):
             advance_some_here([state], {(0, chunk) for chunk in state.missing()}, lambda number: None)
             allocate(state)
         extra, end = state.extra, plan.case.final_time
+        both = f" ({told})" if of_kind.solvable and (told := solving.why(extra, plan.case.accuracy)) else ""
+        if extra.solving == solving.SOLVING:
+            yield Prediction(plan.case.name, f"without sampling{both}", extra.solving_seconds, float("nan"))
+            continue
         how = f"{plan.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "
-        how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}"
+        how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}{both}"
         yield Prediction(plan.case.name, how, extra.predicted_cpu_seconds, extra.next_cpu_seconds)

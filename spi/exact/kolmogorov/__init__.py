@@ -27,6 +27,7 @@ __all__ = [
     "demands",
     "exact_expectations",
     "expectations",
+    "refiner",
 ]
 
 
@@ -121,3 +122,13 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
     No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
     return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy, **limits)
+
+
+def refiner(model, initial, final_time, functions, accuracy):
+    """What refines E phi(y(T)) of the equation for F functions, one refinement at a time, on spheres and cylinders.
+
+    It has ``costs``, the seconds of typical speed of each refinement there can be, ``rough`` (F,), which functions
+    have kinks, ``known`` (F,), the expectations where nothing moves, else None, and ``refine(number)``, the values and
+    their uncertainties, of which :func:`.refining.refined` makes an error.
+    """
+    return _solver(model).Refining(model, initial, final_time, functions, accuracy)

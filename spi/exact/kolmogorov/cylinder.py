@@ -37,9 +37,21 @@ from ..places import strengths_by_place
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
-from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
+from .ladders import (
+    DEPTH,
+    FIRST,
+    ladder_of_limit,
+    ladder_of_scheme,
+    limit_of_scheme,
+    limit_on,
+    prediction,
+    richardson,
+    weak_error,
+)
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
+STEPS = 256  #: that a refinement of the limit has at the finest, usually
+SECONDS, KINKS = 1.5e-8, 1.6e-6  #: of a point, for each step and function, and to look for kinks
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
 #: exp(hL_1/2) exp(hL_2) exp(hL_1/2)
@@ -61,7 +73,8 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
 
     half_width, killed = domain(problem, strang, min(numbers), accuracy)
     size, seconds_probe = resolution(problem, strang, half_width, accuracy)
-    grids = _grids(problem, size, half_width)
+    rough = problem.rough(half_width)
+    grids = _grids(problem, size, half_width, rough.any())
     limit_ladder = ladder_of_limit(grids[0], strang, accuracy)
     ladder = ladder_of_scheme(grids[0], scheme, strang, limit_ladder, order, numbers, accuracy)
     runs = [_on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder) for grid in grids]
@@ -69,7 +82,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     floor = 2 * killed * largest + ROUNDING * np.sqrt(ladder[-1]) * largest
     limit, weak, direct = runs[0].limit, runs[0].weak, runs[0].direct
     disagreement, doubt = limit_of_scheme(problem.T, direct, ladder, limit, order)
-    bounds = _bounds(runs, floor, np.maximum(0.0, disagreement - doubt))
+    bounds = _bounds(runs, rough, floor, np.maximum(0.0, disagreement - doubt))
     notes = {
         "order": order,
         "grid": size,
@@ -83,6 +96,42 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         "seconds": perf_counter() - start,
     }
     return Expectations(np.asarray(steps, float), limit[:, None] + weak, limit, weak, *bounds, notes)
+
+
+class Refining:
+    """E phi(y(T)) of the equation on one grid after the other, see :mod:`.refining`."""
+
+    def __init__(self, model, initial, final_time, functions, accuracy):
+        self.problem, self.accuracy = _problem(model, initial, final_time, functions), accuracy
+        self.known = None
+        if self.problem.r == 0.0:
+            self.known = np.array([np.ravel(f(np.asarray(initial, float)[:, None]))[0] for f in functions])
+        self.strang = plan(words_of(STRANG, self.problem.active))
+        self.half_width, self.killed = domain(self.problem, self.strang, FIRST, accuracy)
+        self.rough = self.problem.rough(self.half_width)
+        self.costs = []
+        while np.prod(size := self._grid(len(self.costs))[0]) <= POINTS:
+            steps = 2 * STEPS * len(functions) * SECONDS
+            self.costs.append(float(np.prod(size)) * (steps + np.count_nonzero(self.rough) * KINKS))
+
+    def _grid(self, number):
+        """(its size, its half-width); those of odd number are wider."""
+        wider = 1.05 if number % 2 else 1.0
+        points = first_points(self.half_width) / 96 * (self.half_width * wider + LAYER) / (self.half_width + LAYER)
+        return [even(n * REFINEMENT ** (number - 1)) for n in (points, 96)], self.half_width * wider
+
+    def refine(self, number):
+        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
+        size, half_width = self._grid(number)
+        grid = Grid(self.problem, *size, half_width)
+        found, values = [], []
+        for n in FIRST * 2 ** np.arange(DEPTH + 1):
+            values.append(grid.run(self.strang, int(n)))
+            found.append(richardson(values))
+            if len(found) > 2 and np.all(abs(found[-1][0] - found[-2][0]) <= 0.02 * self.accuracy):
+                break
+        floor = (2 * self.killed + ROUNDING * np.sqrt(n)) * grid.largest
+        return found[-1][0], np.maximum(found[-1][1], abs(found[-1][0] - found[-2][0])) + floor
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -120,14 +169,19 @@ def _problem(model, initial, final_time, functions):
     return Problem(tuple(map(float, initial)), float(final_time), rates, sigma, tuple(functions))
 
 
-def _grids(problem, size, half_width):
-    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha."""
+def _grids(problem, size, half_width, rough):
+    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
+
+    With functions that are `rough` two more: changes from grid to grid may be small by chance where there are kinks.
+    """
     wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
-    return [
+    found = [
         Grid(problem, *size, half_width),
         Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
         Grid(problem, size[0], even(coarser[1]), half_width),
     ]
+    more = [[even(n / REFINEMENT**k) for n in size] for k in (1, 2)] if rough else []
+    return found + [Grid(problem, *each, half_width) for each in more]
 
 
 class _Run(NamedTuple):
@@ -148,15 +202,17 @@ def _on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder):
     return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
 
 
-def _bounds(runs, floor, disagreement):
+def _bounds(runs, rough, floor, disagreement):
     """Bounds of the errors of values, limits and weak errors, the first run being the finest."""
     finest, others = runs[0], runs[1:]
-    value = finest.limit[:, None] + finest.weak
-    value_grid = sum(abs(value - run.limit[:, None] - run.weak) for run in others)
-    limit_grid = sum(abs(finest.limit - run.limit) for run in others)
-    weak_grid = sum(abs(finest.weak - run.weak) for run in others)
+
+    def of_grid(of):
+        """The sum of the changes with either direction; where there are kinks twice the largest that any grid shows."""
+        changes = np.abs([of(finest) - of(run) for run in others])
+        return np.where(rough.reshape(-1, *[1] * (changes.ndim - 2)), 2 * changes.max(axis=0), sum(changes[:2]))
+
     return (
-        value_grid + floor[:, None] + finest.value_uncertain,
-        finest.limit_uncertain + limit_grid + floor + disagreement,
-        weak_grid + finest.weak_uncertain + floor[:, None],
+        of_grid(lambda run: run.limit[:, None] + run.weak) + floor[:, None] + finest.value_uncertain,
+        finest.limit_uncertain + of_grid(lambda run: run.limit) + floor + disagreement,
+        of_grid(lambda run: run.weak) + finest.weak_uncertain + floor[:, None],
     )

@@ -12,6 +12,7 @@ import scipy.fft
 from scipy.special import erfc
 
 from ...ensemble.loop import thread_count
+from .kinks import FINER, extrapolated, is_rough, low_pass, sharpened
 
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
@@ -42,6 +43,14 @@ class Problem(NamedTuple):
         """The largest that the noise gives y_1."""
         return abs(self.sigma[1]) * self.r
 
+    def rough(self, half_width):
+        """(F,) whether each function has kinks within that width."""
+        angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+        y1 = self.initial[0] + np.linspace(-1.0, 1.0, 301)[:, None] * (half_width + LAYER)
+        state = np.stack([np.broadcast_to(v, (301, 720)) for v in (y1, self.r * np.cos(angle), self.r * np.sin(angle))])
+        state = state.reshape(3, -1)
+        return np.array([is_rough(phi, state) for phi in self.functions])
+
     def active(self, part, k):
         """Whether a flow moves anything."""
         return part == "drift" or self.sigma[k] != 0
@@ -62,8 +71,7 @@ class Grid:
         self.y1, self.y2, self.y3 = problem.initial[0] + x[:, None], r * np.cos(alpha), r * np.sin(alpha)
         self.m = np.arange(n_alpha // 2 + 1)
         self.k = 2 * np.pi / self.period * np.arange(n1 // 2 + 1)[:, None]
-        depth = (abs(x[:, None]) - half_width) / LAYER
-        window = 0.5 * erfc((depth - 0.35) / 0.07)
+        depth, window = _window(x[:, None], half_width)
         # Nearly nothing gets across the layer, neither by drift nor by noise.
         rate = max(75 * problem.speed / LAYER, 0.5 * (30 * problem.sigma[1] * r / LAYER) ** 2)
         self.killing = 0.5 * rate * erfc((0.45 - depth) / 0.08)
@@ -71,6 +79,30 @@ class Grid:
         values = np.stack([np.asarray(phi(state), float).reshape(self.shape) for phi in problem.functions]) * window
         self.largest = abs(values).max(axis=(1, 2))
         self.start = scipy.fft.rfft(values, axis=2)
+        for f in np.flatnonzero(problem.rough(half_width)):
+            self.start[f] = self._projected(problem.functions[f], half_width)
+
+    def _projected(self, phi, half_width):
+        """The transform of a function with kinks, from finer grids and through a low-pass filter."""
+        modes = extrapolated(*(self._modes(phi, half_width, times) for times in FINER))
+        half, few = self.shape[0] // 2, abs(scipy.fft.fftfreq(self.shape[0], 1 / self.shape[0]))[:, None]
+        return scipy.fft.ifft(modes * low_pass(few, half) * low_pass(self.m), axis=0)
+
+    def _modes(self, phi, half_width, times):
+        """The waves of this grid that a function has on one that is so many times finer in both directions."""
+        n1, n_alpha = (times * n for n in self.shape)
+        y1, y2, y3 = self.problem.initial
+        angle, r = np.arctan2(y3, y2), self.problem.r
+        x, alpha = self.period / n1 * (np.arange(n1) - n1 // 2), angle + 2 * np.pi / n_alpha * np.arange(n_alpha)
+
+        def point(x, alpha):
+            return np.array([y1 + x, r * np.cos(alpha), r * np.sin(alpha)])
+
+        values, added = sharpened(phi, point, x, alpha)
+        values = (values + added * (n1 / self.period)) * _window(x[:, None], half_width)[1]
+        modes = scipy.fft.rfft(np.fft.ifftshift(values, axes=0), axis=1)[:, : len(self.m)]
+        modes, half = scipy.fft.fft(modes, axis=0, overwrite_x=True) / times**2, self.shape[0] // 2
+        return np.concatenate([modes[:half], modes[-half:]])
 
     def run(self, plan, n):
         """E phi(y_n), one number for each phi, for n steps of size T/n."""
@@ -88,8 +120,8 @@ class Grid:
                 results = [(p, self._apply(groups, h, factors, k, f.copy())) for p, groups in branches]
                 k, f = 0, sum(p * self._turn(branch_k, 0, g) for p, (branch_k, g) in results)
             k, f = self._apply(end, h, factors, k, f)
-        f = self._turn(k, 1, f) * _low_pass(self.k)
-        return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * _low_pass(self.m), self.shape[1], axis=1)[:, 0]
+        f = self._turn(k, 1, f) * low_pass(self.k)
+        return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * low_pass(self.m), self.shape[1], axis=1)[:, 0]
 
     def _apply(self, groups, h, factors, k, f):
         for group in groups:
@@ -116,9 +148,10 @@ class Grid:
         return np.exp(real + 1j * turn * wave) if drift else np.exp(real)
 
 
-def _low_pass(wave):
-    """1 up to a third of the largest wave number, to rounding; 0 at the largest."""
-    return 0.5 * erfc((wave / wave[-1] - 0.7) / 0.08)
+def _window(x, half_width):
+    """(how deep in the layer y_1 - y_1(0) = x is, what functions are multiplied by)."""
+    depth = (abs(x) - half_width) / LAYER
+    return depth, 0.5 * erfc((depth - 0.35) / 0.07)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

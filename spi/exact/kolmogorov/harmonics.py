@@ -24,6 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import coo_array
+from scipy.special import roots_legendre
+
+from .kinks import FINER, extrapolated, low_pass, sharpened
 
 CLASSES = (0, 1, 2, 3)
 #: Up to this degree :func:`harmonics_up_to` keeps what it has made, 30 MB at most.
@@ -141,8 +144,11 @@ class Harmonics:
         turn = self.turn[which]
         return turn[left].T @ block @ turn[right]
 
-    def project(self, functions, radius):
-        """Coefficients of phi(radius n) for each class: arrays (size, number of functions)."""
+    def project(self, functions, radius, rough=()):
+        """Coefficients of phi(radius n) for each class: arrays (size, number of functions).
+
+        `rough` (F,) says which functions have kinks.
+        """
         rings, around = self.L + 1 + self.L // 2, 3 * self.L + 4
         z, weights = np.polynomial.legendre.leggauss(rings)
         phi = 2 * np.pi / around * np.arange(around)
@@ -151,7 +157,32 @@ class Harmonics:
         points = radius * points.reshape(3, -1)
         values = np.array([np.broadcast_to(f(points), points.shape[1]).reshape(rings, around) for f in functions])
         modes = np.fft.rfft(values, axis=-1)[..., : self.L + 1] * (weights * 2 * np.pi / around)[:, None]
-        return self._sort(lambda P, m: ((P @ modes[:, :, m].real.T), (P @ -modes[:, :, m].imag.T)), z, len(functions))
+        found = self._coefficients(modes, z)
+        for f in np.flatnonzero(rough):
+            both = [self._projected(functions[f], radius, times) for times in FINER]
+            for c in CLASSES:
+                found[c][:, f] = extrapolated(*(one[c] for one in both))
+        return found
+
+    def _projected(self, f, radius, times):
+        """Coefficients of a function with kinks for each class, from a finer grid and through a low-pass filter."""
+        rings, around = times * (self.L + 1 + self.L // 2), times * (3 * self.L + 4)
+        z, weights = roots_legendre(rings)
+        phi = 2 * np.pi / around * np.arange(around)
+
+        def point(z, phi):
+            s = np.sqrt((1 - z) * (1 + z))
+            return radius * np.array([s * np.cos(phi), s * np.sin(phi), z])
+
+        values, added = sharpened(f, point, z, phi)
+        modes = np.fft.rfft(values * weights[:, None] + added, axis=-1)[:, : self.L + 1] * (2 * np.pi / around)
+        found = self._coefficients(modes[None], z)
+        degree = {c: np.repeat(np.arange(self.L + 1), [len(m) for m in self.orders[c]]) for c in CLASSES}
+        return {c: found[c][:, 0] * low_pass(degree[c], self.L) for c in CLASSES}
+
+    def _coefficients(self, modes, z):
+        """From weighted modes (functions, rings, orders)."""
+        return self._sort(lambda P, m: ((P @ modes[:, :, m].real.T), (P @ -modes[:, :, m].imag.T)), z, len(modes))
 
     def evaluation(self, point):
         """The vectors e_c with f(point) = sum_c e_c . f_c, for a point of the unit sphere."""

@@ -12,7 +12,6 @@ both.
 """
 
 import time
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,8 @@ from ...ensemble.protocol import axis_inertias
 from ..places import strengths_by_place
 from . import Demands, Expectations
 from .backward import numbers_of_steps
-from .harmonics import CLASSES, harmonics_up_to
+from .harmonics import CLASSES, KEPT, harmonics_up_to
+from .kinks import is_rough, settling
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
 
 #: Degrees tried in turn.
@@ -44,7 +44,8 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     without it, weak errors are wanted to a fiftieth of themselves.
 
     The degree L is raised until the weak error has settled.  The stated error is its last change, or a quarter of the
-    change before where that is larger (a change may be small by chance).  The limit is far cheaper, so it is taken at a
+    change before where that is larger (a change may be small by chance); of functions with kinks see
+    :func:`.kinks.settling`.  The limit is far cheaper, so it is taken at a
     higher degree, and value = limit + weak error.
     """
     started = time.perf_counter()
@@ -107,7 +108,7 @@ def _settled_weak_errors(problem, rounding, accuracy):
             break
         limits[L], values = problem.solve(L)
         weak[L] = values - limits[L][:, None]
-        weak_error, weak_error_bound = _settled(weak, rounding[:, None])
+        weak_error, weak_error_bound = _settled(weak, rounding[:, None], problem.rough[:, None])
         goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
         if len(weak) >= 3 and np.all(weak_error_bound <= np.maximum(goal, 2 * rounding[:, None])):
             break
@@ -132,6 +133,26 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
+class Refining:
+    """E phi(y(T)) of the equation at one degree after the other, see :mod:`.refining`."""
+
+    def __init__(self, model, initial, final_time, functions, accuracy):
+        self.problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
+        self.known = _at_rest(self.problem, initial).limit if np.count_nonzero(initial) <= 1 else None
+        self.rough = self.problem.rough
+        self.rounding = ROUNDING * self.problem.size()[0]
+        self.costs = [self._cost(L) for L in LEVELS]
+
+    def _cost(self, L):
+        """Seconds of typical speed: of the semigroup, and of making the harmonics and the coefficients."""
+        making = (2e-5 if L <= KEPT else 1e-4) + 3e-5 * np.count_nonzero(self.rough)
+        return self.problem.cost_of_limit(L, rough=True) + making * L**2
+
+    def refine(self, number):
+        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
+        return self.problem.solve(LEVELS[number], schemes=False)[0], self.rounding
+
+
 def _cost_of_first_limits(problem):
     """About how many seconds the three coarsest degrees of the limit take."""
     with np.errstate(all="ignore"):
@@ -143,12 +164,13 @@ def _refined_limit(problem, found, goal, rounding, times=None):
 
     With `times` those at all of them.
     """
+    rough = problem.rough if times is None else problem.rough[:, None]
     for L in LEVELS[len(found) :]:
-        settled = len(found) >= 3 and np.all(_settled(found, rounding)[1] <= np.maximum(goal, 2 * rounding))
+        settled = len(found) >= 3 and np.all(_settled(found, rounding, rough)[1] <= np.maximum(goal, 2 * rounding))
         if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
         found[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
-    return _settled(found, rounding)
+    return _settled(found, rounding, rough)
 
 
 def _at_rest(problem, initial):
@@ -160,14 +182,10 @@ def _at_rest(problem, initial):
     return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, {"fixed point": True})
 
 
-def _settled(by_degree, rounding):
+def _settled(by_degree, rounding, rough):
     """The last of a sequence of refinements, and its error, infinite where that is not known."""
     found = list(by_degree.values())
-    changes = [abs(b - a) for a, b in pairwise(found)]
-    if not changes:
-        return found[-1], np.full_like(found[-1], np.inf)
-    error = np.maximum(changes[-1], changes[-2] / 4 if len(changes) > 1 else np.inf) + rounding
-    return found[-1], np.where(np.isnan(error), np.inf, error)
+    return found[-1], settling(found, rough).error + rounding
 
 
 def extrapolate(steps, weak_error):
@@ -187,6 +205,13 @@ def extrapolate(steps, weak_error):
     return found[0], abs(found[0] - found[1])
 
 
+def _all_over():
+    """(3, 20000) points of the unit sphere."""
+    z, phi = np.linspace(-1, 1, 20000), np.arange(20000) * np.pi * (np.sqrt(5) - 1)
+    s = np.sqrt(1 - z**2)
+    return np.array([s * np.cos(phi), s * np.sin(phi), z])
+
+
 class _Problem(NamedTuple):
     compositions: tuple
     point: np.ndarray  #: y_0 / r
@@ -197,6 +222,7 @@ class _Problem(NamedTuple):
     steps: np.ndarray
     counts: list
     functions: tuple
+    rough: np.ndarray  #: (F,) which of them have kinks
 
     @classmethod
     def of(cls, model, compositions, initial, final_time, steps, functions):
@@ -210,14 +236,13 @@ class _Problem(NamedTuple):
         sigma = strengths_by_place(model, 3)
         spread = [(s * r / i) ** 2 / 2 for s, i in zip(sigma, noise_inertia, strict=True)]
         turn = [r / i for i in inertia]
-        return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions))
+        rough = np.array([is_rough(f, r * _all_over()) for f in functions], bool)
+        return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions), rough)
 
     def size(self):
         """The largest |phi| and the integral of phi^2 over the unit sphere, both roughly (F,)."""
-        z, phi = np.linspace(-1, 1, 20000), np.arange(20000) * np.pi * (np.sqrt(5) - 1)
-        s = np.sqrt(1 - z**2)
-        points = self.radius * np.array([s * np.cos(phi), s * np.sin(phi), z])
-        values = np.array([np.broadcast_to(f(points), z.shape) for f in self.functions])
+        points = self.radius * _all_over()
+        values = np.array([np.broadcast_to(f(points), points.shape[1]) for f in self.functions])
         return abs(values).max(axis=1), 4 * np.pi * np.mean(values**2, axis=1)
 
     def words(self, h):
@@ -225,38 +250,39 @@ class _Problem(NamedTuple):
 
     def solve(self, L, schemes=True):
         """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
-        limit, classes = self._classes(L)
+        limit, harmonics, classes = self._classes(L)
         values = limit[:, None] + np.zeros(len(self.steps))
         for c, on, e, V in classes:
-            limit[on] += e @ semigroup(harmonics_up_to(L), c, self.turn, self.spread, self.time, V)
+            limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
             for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
-                values[on, i] += e @ Step(harmonics_up_to(L), c, self.words(h)).power(V, n)
+                values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
         return limit, values
 
     def limits(self, L, times):
         """(F, times) the limit at increasing times, as :meth:`solve` has that at one."""
-        nothing, classes = self._classes(L)
+        nothing, harmonics, classes = self._classes(L)
         limit = nothing[:, None] + np.zeros(len(times))
         for c, on, e, V in classes:
             for i, between in enumerate(np.diff(times, prepend=0.0)):
-                V = semigroup(harmonics_up_to(L), c, self.turn, self.spread, between, V)
+                V = semigroup(harmonics, c, self.turn, self.spread, between, V)
                 limit[on, i] += e @ V
         return limit
 
     def _classes(self, L):
-        """(F,) 0, or NaN where functions oscillate too fast for degree L; and what there is of each class of functions:
+        """(F,) 0, or NaN where functions oscillate too fast for degree L; the harmonics; and of each class of them:
 
         its number, which functions have a part in it, the functional of y_0, and their coefficients.
         """
         harmonics, found = harmonics_up_to(L), []
-        coefficients, evaluation = harmonics.project(self.functions, self.radius), harmonics.evaluation(self.point)
+        coefficients = harmonics.project(self.functions, self.radius, self.rough)
+        evaluation = harmonics.evaluation(self.point)
         size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
         for c in CLASSES:
             e = evaluation[c]
             on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
             if np.any(on) and np.linalg.norm(e) >= 1e-14 * L:
                 found.append((c, on, e, np.ascontiguousarray(coefficients[c][:, on])))
-        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), found
+        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), harmonics, found
 
     def cost(self, L, rough=False):
         """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""

@@ -1,6 +1,5 @@
 """What an answer decides next: pilot, a tenth of the work, the whole, checks."""
 
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,13 +7,12 @@ import numpy as np
 from spi.ensemble.protocol import large
 from spi.ensemble.random_states import RandomState
 from spi.kinds.plans import State
-from spi.kinds.weak.estimators.kolmogorov.study import solution
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import ROUND
 from spi.storage.records import INTERVAL
 
-from . import outcome
-from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, glance, pilot_of
+from . import outcome, solving
+from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, pilot_of
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
 from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, most_points, power_of_two, whole_blocks
 from .planner import BIAS_SHARE, CHECK_SHARE, Choice, Measured, allocation, choose, contradicted
@@ -41,32 +39,15 @@ def decided(p: "AnswerPlan", state: State) -> Decisions | None:
     extra: Decisions = state.extra
     if extra.stage == DONE:
         return None
-    if p.solvable and np.isnan(extra.known).any():
-        return _solved(p, extra)
+    if extra.solving == solving.SOLVING:
+        return solving.turn(p, extra)
     if extra.stage == PILOTING:
-        return _after_pilot(p, state)
+        sampled = _after_pilot(p, state)
+        undecided = p.solvable and extra.solving == solving.UNDECIDED and sampled.stage != PILOTING
+        return solving.compared(p, extra, sampled) if undecided else sampled
     if extra.stage == BEGINNING:
         return _whole(p, state, extra, WHOLE)
     return _checked(p, state)
-
-
-def _solved(p: "AnswerPlan", extra: Decisions) -> Decisions:
-    """With the solution without sampling, which is the answer if it is good enough."""
-    began, cpu_began = time.perf_counter(), time.process_time()
-    found = solution(p.case, *p.solving)
-    spent = time.perf_counter() - began, time.process_time() - cpu_began
-    extra = extra._replace(
-        seconds=spent[0],
-        cpu_seconds=spent[1],
-        known=found.limit,
-        known_bound=found.limit_bound,
-        aim=p.case.accuracy,
-        predicted_cpu_seconds=spent[1],
-        next_cpu_seconds=2.0 * spent[1],
-    )
-    if (found.limit_bound <= p.case.accuracy).all():
-        return extra._replace(stage=DONE, scheme=-1)
-    return extra._replace(wanted=glance(len(extra.wanted)))
 
 
 def powers_of(p: "AnswerPlan", measured: Measured, scheme: int, accuracy: float, lowest: int) -> Any:

@@ -43,6 +43,11 @@ class Decisions(NamedTuple):
     works: np.ndarray  #: (schemes, 4) predicted work by levels of extrapolation, NaN where it is not known
     known: np.ndarray  #: (F,) expectations that were found without sampling
     known_bound: np.ndarray  #: (F,)
+    solving: int  #: whether it is solved for, see :mod:`.solving`
+    refined: np.ndarray  #: (refinements, F) expectations without sampling
+    uncertain: np.ndarray  #: (refinements, F) of it what each refinement has of its own
+    solving_seconds: float  #: predicted, of typical speed; NaN before
+    sampling_seconds: float
 
     @classmethod
     def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
@@ -51,6 +56,7 @@ class Decisions(NamedTuple):
         wanted = glance(sets) if sampling else np.zeros(sets, np.int64)
         fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
         fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
+        fields |= dict.fromkeys(("solving_seconds", "sampling_seconds"), nan)
         fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points", "looked", "compared"), 0)
         return cls(
             **fields,
@@ -60,6 +66,9 @@ class Decisions(NamedTuple):
             works=np.full((sets // SETS, 4), nan),
             known=nothing,
             known_bound=nothing,
+            solving=int(not sampling),
+            refined=np.zeros((0, functions)),
+            uncertain=np.zeros((0, functions)),
         )
 
     @property

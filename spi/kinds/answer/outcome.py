@@ -13,6 +13,7 @@ from spi.schemes import weak_exponents
 from spi.statistics.richardson import weights
 from spi.storage.records import HEAVY_TAILS, INTERVAL
 
+from . import solving
 from .keys import ROUNDING
 from .levels import AGAINST, DIFFERENCE, LEVELS, SETS, VALUE
 from .planner import bound, changed, order_of, shares
@@ -139,8 +140,17 @@ def answer(p: "AnswerPlan", state: State) -> Answer:
     }
     if extra.scheme < 0:
         zero, limit = np.zeros(len(case.functions)), extra.known_bound
-        why = "a solution without sampling is known for this system"
-        return Answer(value=extra.known, half=limit, bias=limit, stderr=zero, reached=True, why=why, **told)
+        reached = bool((limit <= case.accuracy).all())
+        return Answer(
+            value=extra.known,
+            half=limit,
+            bias=limit,
+            stderr=zero,
+            reached=reached,
+            why=solving.why(extra, case.accuracy),
+            warnings=() if reached else (f"the numerical error is more than {short(case.accuracy, 'g')}",),
+            **told,
+        )
     one = found(p, state)
     if extra.aim > case.accuracy and np.isfinite(one.half).all():
         told["aim"] = max(case.accuracy, float(one.half.max()))  # which is what the seconds and samples allow
@@ -191,7 +201,8 @@ def _why(p: "AnswerPlan", state: State) -> str:
         known = [f"{short(work, '.2g')} ({n})" for n, work in enumerate(works) if np.isfinite(work)]
         each += [f"{name} {', '.join(known)}"] if known else []
     said = "predicted seconds of typical speed after the pilot (levels of extrapolation)"
-    return f"{said}: {'; '.join(each)}" if each else ""
+    both = [solving.why(state.extra, p.case.accuracy)] if p.solvable else []
+    return "; ".join([*both, f"{said}: {'; '.join(each)}" if each else ""]).strip("; ")
 
 
 def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen) -> Iterator[str]:

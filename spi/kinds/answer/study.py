@@ -28,7 +28,7 @@ from spi.statistics.estimators import GROUPS
 from spi.statistics.tallies import Chunk, sum_of_fields
 from spi.storage.records import Part
 
-from . import deciding, outcome
+from . import deciding, outcome, solving
 from .decisions import DONE, Decisions
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
 from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, paths_of_set, seconds_of
@@ -100,8 +100,7 @@ class AnswerPlan(SamplesPlan):
         unknown = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
         if case.sampling or unknown or not can_solve(case.model):
             return False
-        need = demands_of(case, *self.solving)
-        return not need.obstacle and need.seconds <= case.seconds
+        return not demands_of(case, *self.solving).obstacle
 
     @property
     def solving(self) -> tuple[Any, tuple[float, ...]]:
@@ -246,7 +245,9 @@ class AnswerPlan(SamplesPlan):
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error."""
         done = sum(self.costs[i] * tally.paths for i, tally in state.tallies.items())
-        return Done(float(done), float(self.costs @ state.extra.wanted), outcome.standard_error(self, state))
+        solved, whole = solving.work(self, state.extra) if self.solvable else (0.0, 0.0)
+        total = float(self.costs @ state.extra.wanted) + whole
+        return Done(float(done) + solved, total, outcome.standard_error(self, state))
 
     def so_far(self, state: State) -> State | None:
         """None: before all is there nothing is known of the bias."""

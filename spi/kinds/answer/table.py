@@ -1,5 +1,6 @@
 """Answers as lines of text, and as rows of numbers."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,7 @@ def lines(one: Answer) -> Iterator[str]:
         yield f"{whose} at t = {one.about.final_time:g}: {found}"
     yield f"  {how(one)}"
     yield f"  {cost(one)}"
-    if one.why and one.chosen:
+    if one.why:
         yield f"  {one.why}"
     for warning in one.warnings:
         yield f"  warning: {warning}"
@@ -62,6 +63,8 @@ def how(one: Answer) -> str:
 def cost(one: Answer) -> str:
     """What it took, and what the next digit would."""
     took = f"processor time {human_time(one.cpu_seconds)}"
+    if not one.chosen and math.isfinite(one.predicted_seconds):
+        took += f" (predicted {human_time(one.predicted_seconds)})"
     if one.chosen:
         took += f" (predicted {human_time(one.predicted_seconds)}, of it the pilot {human_time(one.pilot_seconds)})"
     known = np.isfinite(one.half).all() and np.isfinite(one.next_digit_seconds)

@@ -1,0 +1,66 @@
+"""The expectation of the equation alone, refined as far as is asked for, with what each refinement costs.
+
+A refinement is told by its number; it needs nothing of those before, so that whoever goes on with them, perhaps in
+another process, needs their values only.  Costs are in seconds of typical speed, from counts of operations, not from
+a clock: so whoever decides by them decides alike on every machine.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .kinks import settling
+
+
+class Refined(NamedTuple):
+    """What some refinements tell of E phi(y(T)) for F functions."""
+
+    value: np.ndarray  #: (F,)
+    bound: np.ndarray  #: (F,) of the numerical error, infinite before it is known
+    falls: float  #: by what factor the error is expected to fall with the next refinement, 1 where it does not
+    least: int  #: refinements before the error can be known
+
+
+class Outlook(NamedTuple):
+    """What it takes to go on to a wanted accuracy."""
+
+    next_seconds: float  #: of the next refinement; infinite where there is none
+    next_bound: float  #: the error that it is expected to reach
+    seconds: float  #: until the accuracy is reached; infinite where it is not expected to be
+    refinements: int  #: until then
+
+
+#: Before the order of convergence is known, this is expected of a refinement.
+_EXPECTED = 0.3
+#: So many values tell how fast errors fall.
+_KNOWN = 4
+
+
+def refined(values, uncertain, rough):
+    """What refinements (k, F) tell, each with an uncertainty of its own, (k, F), of functions `rough` or not."""
+    values, uncertain = np.asarray(values, float), np.asarray(uncertain, float)
+    least = _KNOWN if np.any(rough) else _KNOWN - 1
+    if not len(values):
+        nothing = np.full(len(rough), np.nan)
+        return Refined(nothing, np.full(len(rough), np.inf), _EXPECTED, least)
+    found = settling(values, rough)
+    bound = np.where(np.isnan(values[-1]), np.inf, found.error + uncertain[-1])
+    worst = int(np.argmax(bound))
+    falls = found.falls[worst] if len(values) >= _KNOWN else _EXPECTED
+    return Refined(values[-1], bound, float(np.clip(np.nan_to_num(falls, nan=_EXPECTED), 1e-3, 1.0)), least)
+
+
+def outlook(so_far, number, costs, accuracy):
+    """The :class:`Outlook` after `number` refinements, of which `costs` has the seconds of all there can be."""
+    left, bound = costs[number:], float(so_far.bound.max())
+    if bound <= accuracy:
+        return Outlook(0.0, bound, 0.0, 0)
+    if not left:
+        return Outlook(np.inf, bound, np.inf, 0)
+    if not np.isfinite(bound):  # not before there are enough of them
+        least = max(so_far.least - number, 1)
+        return Outlook(left[0], np.inf, sum(left[:least]) if len(left) >= least else np.inf, least)
+    with np.errstate(divide="ignore"):
+        needed = np.ceil(np.log(accuracy / bound) / np.log(so_far.falls)) if so_far.falls < 1.0 else np.inf
+    seconds = sum(left[: int(needed)]) if needed <= len(left) else np.inf
+    return Outlook(left[0], bound * so_far.falls, seconds, int(min(needed, len(left))))
