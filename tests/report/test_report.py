@@ -258,13 +258,13 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
             yield function(*(entries[0] for entries in lists))
             raise pictures.BrokenExecutor
 
-        def shutdown(self, **_):
-            pass
-
+    ended = []
+    monkeypatch.setattr(pictures, "end_all", ended.append)
     monkeypatch.setattr(pictures, "processors", lambda: 2)
     monkeypatch.setattr(pictures, "ProcessPoolExecutor", Killed)
     monkeypatch.setattr(pictures, "picture", lambda results, prefix: f"{results} {prefix}")
     assert list(pictures.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
+    assert [type(one) for one in ended] == [Killed]
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():
