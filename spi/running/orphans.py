@@ -8,6 +8,7 @@ import threading
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
+from typing import Any
 
 try:
     import fcntl
@@ -49,7 +50,8 @@ def end_all(executor: ProcessPoolExecutor) -> None:
     comes any more it learns when the last end of the pipe for answers is closed, the one that this process has.
     """
     processes = list((executor._processes or {}).values())  # the method for it comes with Python 3.14
-    manager, answers = executor._executor_manager_thread, executor._result_queue
+    manager: Any = executor._executor_manager_thread
+    answers: Any = executor._result_queue
     executor.shutdown(wait=False, cancel_futures=True)
     for process in processes:
         process.kill()

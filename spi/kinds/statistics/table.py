@@ -8,7 +8,7 @@ import numpy as np
 from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, decimal, lines_of, new_table, print_with_remarks, short, with_interval
 
 from .results import DensityMap, Passages, Statistics
 
@@ -61,7 +61,7 @@ def _cells(reading: Statistics, f: int, i: int) -> Iterator[str]:
     yield _cell(reading.mean[f, i], reading.mean_stderr[f, i])
     if (deviation := reading.deviation) is not None:
         yield _cell(*(each[f, i] for each in (reading.difference, reading.difference_stderr) if each is not None))
-        yield f"{deviation[f, i]:.1f}" if np.isfinite(deviation[f, i]) else "-"
+        yield decimal(deviation[f, i]) if np.isfinite(deviation[f, i]) else "-"
     for _, values, errors in _further(reading):
         if values is not None:
             yield _cell(values[f, i], errors[f, i])
