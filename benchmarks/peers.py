@@ -31,6 +31,7 @@ import numpy as np
 from peer_problem import BATCH, EXPONENTS, INITIAL, MODEL, PATHS, REFERENCE, Row
 from peer_programs import diffrax_rows, torchsde_rows
 
+import spi
 from spi.compiler.dispatch import kernel
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, paths_of, use_threads
@@ -107,7 +108,7 @@ def our_rows():
 def all_rows():
     """The rows of spi and of each peer that is installed, and the reference's last states."""
     rows, reference = our_rows()
-    print(f"spi {version('spi')}: {BATCH['spi']} paths at once when timed")
+    print(f"spi {spi.__version__}: {BATCH['spi']} paths at once when timed")
     for name, below, make in ("diffrax", "jax", diffrax_rows), ("torchsde", "torch", torchsde_rows):
         try:
             rows += make()

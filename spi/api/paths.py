@@ -28,6 +28,14 @@ _BATCH_BYTES = 64e6  # of the states of some blocks, which are handed to an obse
 
 _MUCH_BYTES = 1e9  # of states, of which a person is told
 
+#: Keys of specs that decide nothing of a path, and why.
+_OF_SPECS = {
+    "times": "chooses fields of a figure; every=k stores each k-th state, and .sel(t=...) takes some of them",
+    **dict.fromkeys(("panels", "title", "asks", "figure"), "is for figures and tables; leave it out"),
+    **dict.fromkeys(("cases", "profiles", "sweep", "expect"), "is for spi.run; leave it out"),
+    **dict.fromkeys(("kind", "schemes"), "cannot be chosen; give the scheme as second argument"),
+}
+
 _OF_EXPERIMENTS = ("case_title", "panels")  # attributes that say nothing of a path
 
 Observer = Callable[[np.ndarray, np.ndarray], Any]
@@ -61,7 +69,8 @@ def trajectory(
     `observe` keeps something else in place of the states, so that memory does not bound the number of samples: it is
     called with the times (times,) and the states (paths, times, components) of some paths at a time, and returns an
     array whose first axis is that of the paths, or a mapping of names and such arrays; the variables of the result are
-    these, or ``observed``.  It is given 64 paths at least, so that these at all times must find room in memory.
+    these, or ``observed``.  A second axis as long as the times is the axis ``t``, unless there are as many components.
+    It is given 64 paths at least, so that these at all times must find room in memory.
 
     Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
     """
@@ -80,6 +89,8 @@ def trajectory(
 
 def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
     """The plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
+    if needless := [f"{key}: {reason}" for key, reason in _OF_SPECS.items() if key in keys]:
+        raise SpecError(*needless)
     fixed = {"kind": "trajectory", "model": model, "schemes": [scheme], "panels": ["components"]}
     (case,) = of_mapping(fixed | keys, "trajectory", place="").cases
     if len(case.runs) > 1:
@@ -167,15 +178,21 @@ def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line
         told = observe(times, y)
         for name, values in told.items() if isinstance(told, dict) else [("observed", told)]:
             values = np.asarray(values)
+            if name in ("path", "t"):
+                raise ValueError(f"observe returned {name}, which is the name of an axis; take another")
             if values.shape[:1] != y.shape[:1]:
                 what = f"returned {name} of shape {values.shape} for {len(y)} paths"
                 raise ValueError(f"observe {what}; the first axis must be that of the paths")
             found.setdefault(name, []).append(values)
     arrays = {name: np.concatenate(parts) for name, parts in found.items()}
-    variables = {
-        name: (("path", *(f"{name}_{i}" for i in range(1, values.ndim))), values) for name, values in arrays.items()
-    }
-    return xr.Dataset(variables, {"path": np.arange(samples)}, _attributes(ready))
+
+    def axes(name: str, values: np.ndarray) -> tuple[str, ...]:
+        along = values.shape[1:2] == times.shape and len(times) != len(ready.initial)
+        return "path", *("t" if along and i == 1 else f"{name}_{i}" for i in range(1, values.ndim))
+
+    variables = {name: (axes(name, values), values) for name, values in arrays.items()}
+    coordinates = {"path": np.arange(samples), "t": ("t", times, {"long_name": "time"})}
+    return xr.Dataset(variables, coordinates, _attributes(ready))
 
 
 def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:

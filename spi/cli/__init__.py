@@ -93,7 +93,7 @@ def schema() -> None:
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
 
-app.command()(showing.report)
+app.command(cls=showing.Report)(showing.report)
 app.command()(starting.doctor)
 app.command()(cache.cache)
 

@@ -5,9 +5,10 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from .options import (
     FAILED,
@@ -202,6 +203,23 @@ def _refuse_results_in(out: Path, sources: list[Path] | None) -> None:
         end(INVALID, f"--out is the folder of figures now; {remedy}")
 
 
+#: Options of `spi report` whose value may be left out, and what it is then.
+_FOLDERS = {"--latex": "tables", "--data": "curves"}
+_OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex; without a value tables."
+_OF_DATA = "Folder for the curves as CSV, <data>/<name>.csv; without a value curves."
+
+
+class Report(TyperCommand):
+    """`spi report`, where an option behind which another one follows, or nothing, has its usual value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The arguments that are left, as of every command."""
+        whole: list[str] = []
+        for argument, follows in zip(args, [*args[1:], "-"], strict=False):
+            whole += [argument, _FOLDERS[argument]] if argument in _FOLDERS and follows[:1] == "-" else [argument]
+        return super().parse_args(ctx, whole)
+
+
 def report(
     sources: Several = None,
     profile: Profile = None,
@@ -211,8 +229,8 @@ def report(
     kind: As = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
-    latex: Annotated[Path | None, typer.Option(help="Folder for the tables as LaTeX: <latex>/<name>.tex.")] = None,
-    data: Annotated[Path | None, typer.Option(help="Folder for the curves as CSV: <data>/<name>.csv.")] = None,
+    latex: Annotated[Path | None, typer.Option(help=_OF_LATEX)] = None,
+    data: Annotated[Path | None, typer.Option(help=_OF_DATA)] = None,
 ) -> None:
     """Write results to one self-contained HTML page.
 
@@ -222,9 +240,6 @@ def report(
     from ..storage import write_all
     from .progress import ProgressLine
 
-    for option, folder in (("--latex", latex), ("--data", data)):
-        if str(folder).startswith("-"):  # an option was taken for its value
-            end(INVALID, f"{option}: is '{folder}'; must be a folder, e.g. {option} tables")
     paths = stored(sources, results, profile, overrides, samples, seed, kind)
     problems: list[str] = []
     with ProgressLine(out.name) as line:

@@ -84,9 +84,8 @@ def new(
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
-    if source is None and kind is not None:
-        end(INVALID, "--as: applies to copies only; add --from EXPERIMENT")
-    files = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
+    which = "system" if system else "experiment"
+    files = _template(which, target, kind) if source is None else _copies(source, target, kind)
     written = _write(files, target)
     for path in written:
         tell(f"wrote {path}")
@@ -95,10 +94,15 @@ def new(
     tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
 
-def _template(which: str, target: Path) -> dict[Path, bytes]:
+def _template(which: str, target: Path, kind: str | None) -> dict[Path, bytes]:
+    """The template, or that of another kind which is made of it, without its comments."""
     from ..running import shipped
+    from ..running.load import load_as
 
-    text = shipped.template(which).replace("NAME.yaml", shlex.quote(target.as_posix())).replace("NAME", target.stem)
+    text = shipped.template(which)
+    if kind is not None:
+        text = load_as(kind, shipped.path_of_template(which)).text
+    text = text.replace("NAME.yaml", shlex.quote(target.as_posix())).replace("NAME", target.stem)
     return {target: text.encode()}
 
 

@@ -165,8 +165,8 @@ def with_interval(value: float, half: float) -> str:
     """
     if not math.isfinite(value):
         return str(value)
-    if not (math.isfinite(half) and half > 0):
-        return short(value, ".3e")
+    if not (math.isfinite(half) and half > 1e-300):  # below, powers of ten are no longer exact or are 0
+        return short(value, ".3e") if value else "0"
     scale = math.floor(math.log10(max(abs(value), half)))
     place = math.floor(math.log10(half))
     place -= half < 1.95 * 10.0**place
@@ -187,6 +187,8 @@ def duration(seconds: float) -> str:
     """``12.3 µs``: a time with three digits in the unit that suits it."""
     if not (math.isfinite(seconds) and seconds > 0):
         return f"{seconds:g}"
+    if seconds >= 1e9:
+        return f"{seconds:.3g} s"
     power = math.floor(math.log10(float(f"{seconds:.2e}")) / 3 + 1e-9)
     power = min(max(power, -4), 0)
     scaled = seconds / 1000.0**power
@@ -221,6 +223,11 @@ def fraction(x: float) -> str:
         return "not known"
     nearest = Fraction(x).limit_denominator(12)
     return str(nearest) if abs(nearest - x) < 1e-12 else f"{x:g}"
+
+
+def decimal(x: float) -> str:
+    """``12.3``; from a million on ``1.2e6``, since a ratio to an error that is nearly 0 may have hundreds of digits."""
+    return f"{x:.1f}" if abs(x) < 1e6 else short(x)
 
 
 def short(x: float | None, form: str = ".1e") -> str:

@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 
 from ..report import views
 from ..running.compiling import processors
+from ..running.orphans import end_all
 from ..storage.records import Results
 
 #: Bytes of the largest SVG that stands in a page.
@@ -43,7 +44,7 @@ def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup 
     except BrokenExecutor:  # one of them was killed; this process does what is left
         yield from map(_tried, found[done:], prefixes[done:])
     finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+        end_all(executor)
 
 
 def _tried(results: Results, prefix: str) -> Markup | Exception:

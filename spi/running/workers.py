@@ -17,7 +17,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
-from .orphans import follow_the_parent
+from .orphans import end_all, follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
 MOST_LOSSES, MOST_WORKERS = 5, 1024
@@ -89,10 +89,7 @@ class Processes:
 
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Start all anew: when one is lost, the executor of the standard library gives up all."""
-        answers: Any = self.executor._result_queue if self.stuck() else None
         self.close()
-        if answers:  # nobody is left who could write, so that the executor learns that nothing comes any more
-            answers._writer.close()
         self.executor = self._start()
         lost = list(waiting.values())
         waiting.clear()
@@ -100,10 +97,7 @@ class Processes:
 
     def close(self) -> None:
         """End all, whatever they do."""
-        left = list((self.executor._processes or {}).values())  # the method for it comes with Python 3.14
-        self.executor.shutdown(wait=False, cancel_futures=True)
-        for process in left:
-            process.terminate()
+        end_all(self.executor)
 
     def _start(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=follow_the_parent)

@@ -158,7 +158,8 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
     for name in case.schemes_used:
         row = case.row(name)
         if row.needs_truncation and name in used and not truncated and case.noise is None:
-            raise wrong_scheme(case, name, "which needs bounded increments", "set truncate_noise: true")
+            right = _apart(name) if max(getattr(case, "extrapolate", (0,))) else "set truncate_noise: true"
+            raise wrong_scheme(case, name, "which needs bounded increments", right)
         if pairs > MOST and needs_areas(row.record):
             what = f"which needs the Lévy areas of {pairs} pairs of noises that do not commute"
             raise wrong_scheme(case, name, what, f"there may be {MOST}; leave out the scheme or some of the noises")
@@ -225,6 +226,12 @@ def check_needs(case: Any) -> None:
             raise wrong_scheme(case, name, f"which is for {able}", "use another")
 
 
+def _apart(name: str) -> str:
+    """Where a scheme that needs bounded increments may stand, with which extrapolated ones have no powers of h."""
+    keys = f"{{name: {name}, schemes: [{name}], truncate_noise: true, extrapolate: 0}}"
+    return f"give '{name}' a panel of its own beside the extrapolated schemes, a case {keys}"
+
+
 def check_extrapolate(case: Any) -> None:
     """What the key `extrapolate` needs: schemes whose weak error is a series in known powers of h, and steps."""
     check_distinct(case.extrapolate, "extrapolate")
@@ -232,7 +239,9 @@ def check_extrapolate(case: Any) -> None:
         return
     for key, why in (("reference_scheme", "measures each scheme with itself"), ("truncate_noise", "needs powers of h")):
         if getattr(case, key):
-            raise wrong(f"has {most}, which {why}", f"leave out {key}", "extrapolate")
+            bounded = [name for name in case.schemes if key == "truncate_noise" and case.row(name).needs_truncation]
+            right = f"leave out {key}" + (f", and {_apart(bounded[0])}" if bounded else "")
+            raise wrong(f"has {most}, which {why}", right, "extrapolate")
     for name in case.schemes:
         if weak_exponents(case.row(name), case.model, most) is None:
             what = f"has {most}, but theory knows no powers of h in the weak error of '{name}'"

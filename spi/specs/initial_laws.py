@@ -26,7 +26,9 @@ from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, qu
 
 LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
 _TRIALS = 2**16  # states by which it is estimated
-_MOST_BYTES = 9_000_000
+#: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
+_MOST_NUMBERS = 2**20
+_POINTS = "give states of your own by law: points, from a CSV file or an .npz of numpy.savez"
 _MATRIX = tuple[tuple[float, ...], ...]
 
 _Through = key_of(State, "a state on the Casimir surface")
@@ -127,8 +129,11 @@ class OfPoints(Keys):
 
     def state(self, model: Any, files: Files) -> RandomState:
         """The first state that is not 0, and the law."""
-        data = content(files.text(self.file, "file", _MOST_BYTES, binary=True))
+        data = content(files.text(self.file, "file", 32 * _MOST_NUMBERS, binary=True))
         y, weight = (_of_npz if data[:2] == b"PK" else _of_csv)(data, self.file, model)
+        if len(y) * (y.shape[1] + 1) > _MOST_NUMBERS:
+            most = _MOST_NUMBERS // (y.shape[1] + 1)
+            raise wrong(f"is {shown(self.file)}, with {len(y)} states", f"must have at most {most}", "file")
         check_finite(y, shown(self.file), "file")
         if populations(model) and not (y > 0).all():
             number = int(np.argmin((y > 0).all(axis=1)))
@@ -181,8 +186,8 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     if surface is None:
         what = f"is for Casimir surfaces that are spheres or products of them, which those of {name} are not"
         if key == "project":
-            raise wrong(what, "leave it out, or give states of your own by law: points", key)
-        raise wrong(what, "use gaussian, or give states of your own by law: points", "law")
+            raise wrong(what, f"leave it out, or {_POINTS}", key)
+        raise wrong(what, f"use gaussian, or {_POINTS}", "law")
     if not any(surface.lengths):
         raise wrong("is 0, a surface of one state", "give another state", key if key != "project" else "mean")
     return surface
@@ -226,7 +231,8 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
     try:
         rows = [row for row in csv.reader(io.StringIO(data.decode("utf-8-sig"))) if any(map(str.strip, row))]
     except (UnicodeDecodeError, csv.Error):
-        raise wrong(f"is {shown(path)}, which is neither CSV nor a file of numpy.savez", right, "file") from None
+        right += f"; or be an .npz of numpy.savez with an array y of {len(names)} columns, and perhaps weight"
+        raise wrong(f"is {shown(path)}, which is neither CSV nor .npz", right, "file") from None
     head = [name.strip() for name in rows[0]] if rows else []
     if head and not any(map(_is_number, head)):
         rows = rows[1:]

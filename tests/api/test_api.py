@@ -268,18 +268,36 @@ def test_observers_see_all_paths(monkeypatch, most):
 
     def observe(t, y):
         seen.append(y.shape)
-        return {"highest": y.max(axis=1), "end": t[-1] + y[:, -1, 0]}
+        return {"highest": y.max(axis=1), "end": t[-1] + y[:, -1, 0], "first": y[..., 0], "ends": y[:, ::4]}
 
     found = spi.trajectory(BODY, "splitting", samples=samples, observe=observe, **PATH)
     states = spi.trajectory(BODY, "splitting", samples=samples, **PATH).y
     np.testing.assert_array_equal(found.highest, states.max("t"))
     np.testing.assert_array_equal(found.end, 0.5 + states[:, -1, 0])
     assert found.end.dims == ("path",) and len(seen) == (3 if most == 1 else 1)
+    np.testing.assert_array_equal(found.first.sel(t=0.25), states.sel(t=0.25)[:, 0])
+    assert found.ends.dims == ("path", "ends_1", "ends_2") and found.t.values.tolist() == states.t.values.tolist()
     one = spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: y[:, -1], **PATH)
     np.testing.assert_array_equal(one.observed, states[:3, -1])
     with pytest.raises(ValueError, match=r"returned observed of shape \(\) for 3 paths"):
         spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: y.sum(), **PATH)
+    with pytest.raises(ValueError, match="observe returned t, which is the name of an axis; take another"):
+        spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: {"t": y[..., 0]}, **PATH)
     assert messages(spi.trajectory, BODY, "splitting", observe=observe, **PATH)[0].startswith("samples: missing")
+
+
+def test_an_axis_that_may_be_one_of_components_is_not_taken_for_that_of_times():
+    short = PATH | {"final_time": 0.25}
+    found = spi.trajectory(BODY, "splitting", samples=2, observe=lambda t, y: y[:, -1], **short)
+    assert len(found.t) == 3 and found.observed.dims == ("path", "observed_1")
+
+
+@pytest.mark.parametrize(
+    "key", ["times", "panels", "title", "asks", "figure", "cases", "profiles", "sweep", "expect", "kind", "schemes"]
+)
+def test_keys_that_decide_nothing_of_a_path_are_refused(key):
+    (told,) = messages(spi.trajectory, BODY, "splitting", **PATH, **{key: [0, 0.5]})
+    assert told.startswith(f"{key}: ") and ("every=k" in told) == (key == "times")
 
 
 def test_what_is_wrong_with_a_trajectory_is_told_at_once():

@@ -209,8 +209,9 @@ def test_a_new_experiment_may_be_one_of_another_kind():
     assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
     assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
     assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
-    assert "add --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
-    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
+    for options, kind in (((), "weak"), (("--system",), "trajectory")):  # of the templates
+        assert call("new", kind, "--as", kind, *options)[0] == 0 and load(f"{kind}.yaml").kind == kind
+    assert sorted(path.name for path in Path().iterdir()) == ["mine.yaml", "trajectory.yaml", "weak.yaml"]
 
 
 def test_nothing_is_overwritten_and_odd_names_are_refused():

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import yaml
 from extrapolation_cases import COARSE, group_of, symmetric
 from helpers import INITIAL, ONE_NOISE, RIGID_BODY, SCHEMES
 from scipy.linalg import expm
@@ -23,6 +24,7 @@ from spi.schemes import composed, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
 from spi.schemes.stages import compositions, flows, is_own_reverse
 from spi.specs import SpecError
+from spi.specs.writing import as_yaml
 from spi.statistics.claims import PASSED, judge
 from spi.statistics.richardson import Extrapolation, places, weights
 from spi.storage.records import Results
@@ -195,6 +197,19 @@ def test_means_of_casimirs_stay_exact():
     np.testing.assert_allclose(found["expectation"], sum(x * x for x in case.initial), rtol=1e-13)
 
 
+PANEL = "give 'midpoint' a panel of its own beside the extrapolated schemes, a case {name: midpoint, schemes: "
+PANEL += "[midpoint], truncate_noise: true, extrapolate: 0}"
+
+
+def test_a_scheme_with_bounded_increments_stands_in_a_panel_beside_extrapolated_ones():
+    """As the messages say."""
+    of_case = PANEL.partition("a case ")[2]
+    cases = [{"name": "splittings"}, yaml.safe_load(of_case)]
+    keys = {"extrapolate": 1, "estimators": ["plain"], "schemes": ["splitting_symmetric"], "cases": cases}
+    found = load(SPEC, text=as_yaml(yaml.safe_load(SPEC.read_text()) | keys)).cases
+    assert [(case.extrapolate, case.truncate_noise) for case in found] == [((1,), False), ((0,), True)]
+
+
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
@@ -216,6 +231,10 @@ def test_means_of_casimirs_stay_exact():
         (
             ["extrapolate=1", "estimators=[plain]", "reference_scheme=splitting"],
             "extrapolate: has 1, which measures each scheme with itself; leave out reference_scheme",
+        ),
+        *(
+            (["extrapolate=1", "estimators=[plain]", "schemes=[splitting_symmetric, midpoint]", *more], PANEL)
+            for more in ([], ["truncate_noise=true"])
         ),
     ],
 )  # fmt: skip

@@ -12,7 +12,16 @@ from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
 from spi.printing import as_csv, as_json
-from spi.printing.text import fraction, new_console, new_table, power_of_two, print_whole, with_interval
+from spi.printing.text import (
+    decimal,
+    duration,
+    fraction,
+    new_console,
+    new_table,
+    power_of_two,
+    print_whole,
+    with_interval,
+)
 from spi.report import views
 from spi.storage.records import Group, Order, Results
 
@@ -164,13 +173,20 @@ def test_unknown_kind(results):
         (0.5, 0.02, "5.0e-1 ± 0.2e-1"),
         (1e-3, 4e-3, "1e-3 ± 4e-3"),
         (12.5, 0.5, "1.25e1 ± 0.05e1"),
-        (0.0, 0.0, "0.000e0"),
+        (0.0, 0.0, "0"),
+        (0.0, 5e-324, "0"),
+        (1.0, 1e-310, "1.000e0"),
         (2.5e-5, 0.0, "2.500e-5"),
         (math.inf, math.nan, "inf"),
     ],
 )
 def test_with_interval(value, half, text):
     assert with_interval(value, half) == text
+
+
+def test_numbers_that_are_huge_without_a_noise_have_no_hundreds_of_digits():
+    assert [decimal(x) for x in (-2.34, 99999.94, 1e308, -1e6)] == ["-2.3", "99999.9", "1.0e308", "-1.0e6"]
+    assert [duration(x) for x in (0.0, 1e300)] == ["0", "1e+300 s"]
 
 
 def test_numbers():

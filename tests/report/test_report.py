@@ -2,6 +2,7 @@
 
 import csv
 import io
+import pathlib
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -287,8 +288,11 @@ def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypat
     assert "Results of one experiment" in (tmp_path / "report.html").read_text()
     with pytest.raises(storage.StorageError, match="results: no results here; run an experiment first, or name the"):
         app(["report"], standalone_mode=False)
-    assert app(["report", "--results", ".", "--latex", "--data"], standalone_mode=False) == 2
-    assert not (tmp_path / "--data").exists()
+    app(["report", "first", "--latex", "--results", ".", "--data"], standalone_mode=False)
+    assert [str(path) for folder in ("tables", "curves") for path in pathlib.Path(folder).iterdir()] == [
+        "tables/first.tex",
+        "curves/first.csv",
+    ]
 
 
 def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
@@ -302,13 +306,13 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
             yield function(*(entries[0] for entries in lists))
             raise pictures.BrokenExecutor
 
-        def shutdown(self, **_):
-            pass
-
+    ended = []
+    monkeypatch.setattr(pictures, "end_all", ended.append)
     monkeypatch.setattr(pictures, "processors", lambda: 2)
     monkeypatch.setattr(pictures, "ProcessPoolExecutor", Killed)
     monkeypatch.setattr(pictures, "picture", lambda results, prefix: f"{results} {prefix}")
     assert list(pictures.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
+    assert [type(one) for one in ended] == [Killed]
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():

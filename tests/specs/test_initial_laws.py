@@ -88,6 +88,25 @@ def test_damaged_files_of_numpy(error, tmp_path):
     assert "in which there are no such arrays" in error(*with_law("law: points, file: y.npz"))
 
 
+def test_the_limit_of_files_of_states_is_one_on_numbers(spec, error, tmp_path, monkeypatch):
+    """The same states pass or not, whatever they are written in."""
+    monkeypatch.setattr("spi.specs.initial_laws._MOST_NUMBERS", 4000)
+    y = np.random.default_rng(1).standard_normal((1001, 3)) * 1e-300
+    for count in (1000, 1001):
+        np.savetxt(tmp_path / f"{count}.csv", y[:count], fmt="%.17e", delimiter=",")
+        np.savez(tmp_path / f"{count}.npz", y=y[:count])
+    assert spec(*with_law("law: points, file: 1000.csv")).hash == spec(*with_law("law: points, file: 1000.npz")).hash
+    for name in ("1001.csv", "1001.npz"):
+        told = error(*with_law(f"law: points, file: {name}"))
+        assert f"is '{name}', with 1001 states; must have at most 1000" in told
+
+
+def test_a_file_of_another_sort_is_told_of_both(error, tmp_path):
+    np.save(tmp_path / "y.npy", np.ones((2, 3)))
+    told = error(*with_law("law: points, file: y.npy"))
+    assert "neither CSV nor .npz; must have the columns y1, y2, y3, and perhaps weight; or be an .npz of" in told
+
+
 @pytest.mark.parametrize(
     ("law", "message"),
     [

@@ -215,7 +215,7 @@ def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen) -> Iter
         what = f"the order found is {extra.order:.2f}, not {theory:g} as assumed"
         yield f"{what}, as with functions that have jumps; not extrapolated"
     if (heavy := float(chosen.levels.kurtosis.max())) > HEAVY_TAILS:
-        yield f"heavy tails: the kurtosis of a level is {heavy:.0f}, so that intervals may be too narrow"
+        yield f"heavy tails: the kurtosis of a level is {heavy:.3g}, so that intervals may be too narrow"
     if chosen.consistency > _DOUBT:
         yield f"levels do not agree with one another: their check is {chosen.consistency:.1f}, and should be below 1"
     if not one.passed and np.isfinite(one.value).all():

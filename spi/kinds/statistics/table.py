@@ -8,7 +8,7 @@ import numpy as np
 from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import add_rows, decimal, lines_of, new_table, print_with_remarks, short, with_interval
 from spi.statistics.claims import WIDEST
 
 from .results import LEAST_GROUPS, DensityMap, Passages, Quantiles, Statistics
@@ -63,7 +63,7 @@ def _cells(reading: Statistics, f: int, i: int) -> Iterator[str]:
     if (deviation := reading.deviation) is not None:
         known = (each[f, i] for each in (reading.difference, reading.difference_stderr) if each is not None)
         yield _cell(reading, *known)
-        yield f"{deviation[f, i]:.1f}" if np.isfinite(deviation[f, i]) else "-"
+        yield decimal(deviation[f, i]) if np.isfinite(deviation[f, i]) else "-"
     for _, values, errors in _further(reading):
         if values is not None:
             yield _cell(reading, values[f, i], errors[f, i])

@@ -14,6 +14,7 @@ from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import (
     INTERVAL,
     add_rows,
+    decimal,
     lines_of,
     lost_paths,
     new_table,
@@ -85,7 +86,7 @@ def _casimir_cells(reading: Equilibrium, i: int, c: int) -> Iterator["str | Text
     rms, worst = (float(values[i, -1, c]) for values in (reading.casimir_rms, reading.casimir_worst))
     p, low, high, bias, stderr = (float(getattr(reading, name)[i, c]) for name in _PER_CASIMIR)
     growth = f"{p:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(p) else "not fitted"
-    ratio = f"{bias / stderr:.1f}" if stderr > 0 and math.isfinite(bias / stderr) else "-"
+    ratio = decimal(bias / stderr) if stderr > 0 and math.isfinite(bias / stderr) else "-"
     yield from (short(rms), short(worst), growth, short(bias), ratio)
 
 

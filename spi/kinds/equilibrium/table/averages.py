@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, power_of_two, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, decimal, lines_of, new_table, power_of_two, short, with_interval
 
 from ..results import APART, LONG_ENOUGH, Averages, Equilibrium, with_averages
 
@@ -45,7 +45,7 @@ def _cells(found: Averages, i: int, f: int, known: bool) -> Iterator[str]:
         factor = found.average_half[i, f] / found.stderr[i, f] if found.stderr[i, f] else INTERVAL
         of_bias = found.bias[i, f], factor * found.bias_stderr[i, f]
         yield _cell(*of_bias) if found.bias_stderr[i, f] else "reference"
-        yield f"{found.deviation[i, f]:.1f}" if np.isfinite(found.deviation[i, f]) else "-"
+        yield decimal(found.deviation[i, f]) if np.isfinite(found.deviation[i, f]) else "-"
     yield _cell(found.tau[i, f], INTERVAL * found.tau_stderr[i, f])
 
 
@@ -78,7 +78,7 @@ def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
     likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
     for text, value, bad in (
         (
-            "burn-in: the second half of the kept time differs from the first by {:.1f} standard errors of that; "
+            "burn-in: the second half of the kept time differs from the first by {} standard errors of that; "
             "give a longer burn_in and final_time",
             halves := np.abs(found.halves),
             halves > likely,
@@ -94,7 +94,7 @@ def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
             ~np.isfinite(found.window) & np.isfinite(found.tau) & (lengths >= LONG_ENOUGH),
         ),
         (
-            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {:.1f} more "
+            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more "
             "than by chance; run longer",
             apart := found.disagreement(paths),
             apart > APART,
@@ -103,7 +103,8 @@ def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
         if bad.any():
             worst = np.where(bad, value if value is not lengths else -value, -np.inf).argmax()
             i, f = np.unravel_index(worst, value.shape)
-            told = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(value[i, f])
+            found_value = decimal(value[i, f]) if "{}" in text else value[i, f]
+            told = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(found_value)
             yield f"{found.functions[f]}, h = {reading.h[i]:g}: {told}"
 
 
