@@ -1,0 +1,301 @@
+"""How often the intervals that the program states hold the exact value.
+
+    python benchmarks/intervals.py [--seeds 200] [--write docs/intervals.md] [names...]
+
+Each line runs one experiment with as many seeds.  The exact value comes from a formula, from matrix exponentials, from
+moments of the scheme itself, or from quadrature; never from sampling.  Printed are the share of the intervals that hold
+it, the 95 % interval of that share (Clopper and Pearson), and how many intervals it is from.  Intervals of one run
+are correlated, so the interval of the share counts runs, not intervals.
+"""
+
+import argparse
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.stats import beta, norm
+
+import spi
+from spi.exact import gibbs
+from spi.kinds.work_precision.work_points import WorkCurve, interval_of_median, work_for
+from spi.running.load import load
+
+INTERVAL = 1.96  #: what the tables of the program multiply standard errors by
+
+#: dy = B grad H dt + sum_k B grad Ĥ_k ∘ dW_k of linear H and Ĥ_k: y' = A y + sum_k C_k y ∘ dW_k.
+DRIFT, NOISES, SIGMA = (0.5, 0.3, 1.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.4, 0.3)
+START = np.array([0.6, 0.0, 0.8])
+LINEAR = {
+    "algebra": "so(3)",
+    "hamiltonian": "0.5*y1 + 0.3*y2 + y3",
+    "noises": ["y1", "y2"],
+    "sigma": list(SIGMA),
+    "name": "linear_spin",
+}
+
+
+def turning(a) -> np.ndarray:
+    """The matrix of B(y) a on so(3), with {y1, y2} = -y3 and cyclic permutations."""
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]]).T
+
+
+A = turning(DRIFT)
+C = [s * turning(n) for s, n in zip(SIGMA, NOISES, strict=True)]
+ITO = A + 0.5 * sum(c @ c for c in C)
+
+
+def squares(m: np.ndarray) -> np.ndarray:
+    """The matrix of d/dt (y y') of y' = m y, as a vector of nine."""
+    return np.kron(m, np.eye(3)) + np.kron(np.eye(3), m)
+
+
+def euler_maruyama(h: float, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """E y and E y y' of Euler-Maruyama steps of size h until `time`."""
+    step = np.eye(3) + h * ITO
+    second = np.kron(step, step) + h * sum(np.kron(c, c) for c in C)
+    n = round(time / h)
+    return (
+        np.linalg.matrix_power(step, n) @ START,
+        (np.linalg.matrix_power(second, n) @ np.kron(START, START)).reshape(3, 3),
+    )
+
+
+def limit(time: float) -> tuple[np.ndarray, np.ndarray]:
+    """E y and E y y' of the equation."""
+    second = squares(ITO) + sum(np.kron(c, c) for c in C)
+    return expm(time * ITO) @ START, (expm(time * second) @ np.kron(START, START)).reshape(3, 3)
+
+
+def strong_error(h: float, reference: float, time: float) -> float:
+    """sup_n (E |y_h - y_ref|^2)^(1/2) of Euler-Maruyama: second moments of (y_ref, y_h, and its increments so far)."""
+    eye, nought = np.eye(3), np.zeros((3, 3))
+    step = np.block([[eye + reference * ITO, nought, nought], [nought, eye, nought], [nought, nought, eye]])
+    kicks = [np.block([[c, nought, nought], [nought, nought, nought], [nought, c, nought]]) for c in C]
+    once = np.kron(step, step) + reference * sum(np.kron(k, k) for k in kicks)
+    ends = np.block([[eye, nought, nought], [nought, eye + h * ITO, eye], [nought, nought, nought]])
+    whole = np.kron(ends, ends) @ np.linalg.matrix_power(once, round(h / reference))
+    moments, largest = np.kron(*2 * (np.concatenate((START, START, 0 * START)),)), 0.0
+    for _ in range(round(time / h)):
+        moments = whole @ moments
+        m = moments.reshape(9, 9)
+        largest = max(largest, np.trace(m[:3, :3] - m[:3, 3:6] - m[3:6, :3] + m[3:6, 3:6]))
+    return math.sqrt(largest)
+
+
+class Interval(NamedTuple):
+    """One interval that the program states, NaN where it says that it has none, and the exact value."""
+
+    label: str
+    low: float
+    high: float
+    exact: float
+
+
+def around(label: str, value: Any, stderr: Any, exact: Any) -> Interval:
+    """The interval of 1.96 standard errors to both sides."""
+    half = INTERVAL * float(stderr)
+    return Interval(label, float(value) - half, float(value) + half, float(exact))
+
+
+Source = Callable[[int], Iterator[Interval]]  #: the intervals that a seed gives
+
+
+def of_spec(spec: Mapping[str, Any], intervals: Callable[[Any], Iterator[Interval]]) -> Source:
+    """The intervals of the results of a spec."""
+    return lambda seed: intervals(spi.run(spec, out=None, seed=seed, progress=False))
+
+
+# --- strong and weak errors ------------------------------------------------------------------------------------------
+
+STRONG = {
+    "title": "intervals",
+    "kind": "strong",
+    "model": LINEAR,
+    "initial": START.tolist(),
+    "final_time": 1,
+    "steps": "2^-2 .. 2^-5",
+    "reference_step": "2^-7",
+    "schemes": ["euler_maruyama"],
+    "samples": 512,
+}
+PHI = {"linear": "y1", "square": "y3^2"}
+WEAK = STRONG | {"kind": "weak", "functions": PHI, "samples": 4096, "reference_step": "2^-8"}
+
+
+def strong(results) -> Iterator[Interval]:
+    """Errors at each step, and the order against the slope of the exact errors at the steps of the fit."""
+    steps = results.h.values
+    exact = np.array([strong_error(h, 2.0**-7, 1.0) for h in steps])
+    for i in range(len(steps)):
+        yield around("error", results.error.values[i], results.error_stderr.values[i], exact[i])
+    n = int(results.points_in_fit)
+    slope = np.polyfit(np.log(steps[-n:]), np.log(exact[-n:]), 1)[0] if n > 1 else math.nan
+    yield Interval("order", float(results.order_low), float(results.order_high), float(slope))
+
+
+def weak(results) -> Iterator[Interval]:
+    """Errors at each step."""
+    y, yy = limit(1.0)
+    for h in results.h.values:
+        one, two = euler_maruyama(float(h), 1.0)
+        for name, exact in (("linear", one[0] - y[0]), ("square", two[2, 2] - yy[2, 2])):
+            at = {"h": h, "function": name}
+            yield around(name, results.error.sel(at), results.error_stderr.sel(at), exact)
+
+
+def work(seed: int) -> Iterator[Interval]:
+    """The time at which an error is reached, of times and errors that are drawn: 3 h, 2e-7 s / h, 10 and 30 % apart."""
+    draw, h, repeats = np.random.default_rng(seed), 2.0 ** -np.arange(2.0, 8.0), 9
+    error, half = 3.0 * h, 0.1 * 3.0 * h
+    seconds = 2e-7 / h * np.exp(0.3 * draw.standard_normal((repeats, len(h))))
+    low, median, high = np.quantile(seconds, (0.25, 0.5, 0.75), axis=0)
+    drawn = error + half / INTERVAL * draw.standard_normal()  # all step sizes share their paths
+    curve = WorkCurve(h, drawn, half, h > 0, median, *interval_of_median(median, low, high, repeats))
+    point = work_for(0.1, curve)
+    yield Interval("seconds", point.low, point.high, 2e-7 / (0.1 / 3.0))
+
+
+# --- equilibrium -----------------------------------------------------------------------------------------------------
+
+
+def equilibrium(keys: Mapping[str, Any]) -> Source:
+    """Means over time and paths, of which quadrature gives the exact values."""
+    spec = BODY | keys
+    (case,) = load("intervals.yaml", text=json.dumps(spec)).cases
+    law = gibbs.law_of(case.model, case.initial, case.temperature)
+    exact = [law.expectation(function.values)[0] for function in case.path_functions]
+
+    def means(results) -> Iterator[Interval]:
+        for name, true in zip(case.functions, exact, strict=True):
+            mean, half = (float(one.sel(function=name)[0]) for one in (results.average, results.average_half))
+            yield Interval(name, mean - half, mean + half, true)
+
+    return of_spec(spec, means)
+
+
+BODY = {
+    "title": "intervals",
+    "kind": "equilibrium",
+    "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
+    "initial": ["cos(1.1)", 0, "sin(1.1)"],
+    "schemes": ["splitting_metropolis"],
+    "bins": 8,
+    "steps": [1],
+    "temperature": "1/4",
+    "functions": {"H": "H", "square": "y3^2"},
+}
+WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}}
+UNIFORM = {"temperature": None, "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}}
+
+# --- answers ---------------------------------------------------------------------------------------------------------
+
+#: p = -W: the bracket {q, p} = 1 with H = p^2/2, which leaves p, and the noise q.
+BROWNIAN = {"bracket": {"q p": 1}, "variables": ["q", "p"], "hamiltonian": "p^2/2", "noises": ["q"], "name": "brownian"}
+
+
+def above(threshold: float) -> str:
+    """1 where p is above the threshold, 0 below."""
+    return f"(1 + (p - {threshold})/abs(p - {threshold}))/2"
+
+
+ANSWERS = {  # formula, exact value, accuracy
+    "smooth": ("cos(p)", math.exp(-0.5), 2e-3),
+    "kink": ("abs(p)", math.sqrt(2 / math.pi), 4e-3),
+    "indicator": (above(1.0), norm.sf(1.0), 4e-3),
+    "rare": (above(3.09), norm.sf(3.09), 2e-4),
+    "heavy tail": ("exp(2*p)", math.exp(2.0), 2e-1),
+}
+
+
+def answer(name: str) -> Source:
+    """An answer to a wanted accuracy, sampled."""
+    formula, exact, accuracy = ANSWERS[name]
+    spec = {"title": "intervals", "kind": "answer", "model": BROWNIAN, "initial": [0, 0], "final_time": 1}
+    spec |= {"functions": {"phi": formula}, "accuracy": accuracy, "sampling": True}
+
+    def interval(results) -> Iterator[Interval]:
+        value, half = float(results.value[0]), float(results.half[0])
+        yield Interval("E phi", value - half, value + half, exact)
+
+    return of_spec(spec, interval)
+
+
+def rows() -> dict[str, Callable[[], Source]]:
+    """What is measured, made when it is asked for."""
+    found = {
+        "strong": lambda: of_spec(STRONG, strong),
+        "weak, plain": lambda: of_spec(WEAK | {"estimators": ["plain"]}, weak),
+        "weak, multilevel": lambda: of_spec(WEAK | {"estimators": ["multilevel"], "seconds": 0.1}, weak),
+        "weak, quasi": lambda: of_spec(WEAK | {"estimators": ["quasi"]}, weak),
+        "work-precision": lambda: work,
+        "equilibrium, 16 paths": lambda: equilibrium({"final_time": 512, "samples": 16}),
+        "equilibrium, 1 path": lambda: equilibrium({"final_time": 4096, "samples": 1}),
+        "equilibrium, uniform, 9 paths": lambda: equilibrium(UNIFORM | {"final_time": 1024, "samples": 9}),
+        "equilibrium, two wells, 16 paths": lambda: equilibrium(WELLS | {"final_time": 8192, "samples": 16}),
+        "equilibrium, two wells, 2 paths": lambda: equilibrium(WELLS | {"final_time": 16384, "samples": 2}),
+    }
+    return found | {f"answer, {name}": lambda name=name: answer(name) for name in ANSWERS}
+
+
+class Held(NamedTuple):
+    """Of one label: how many intervals held the exact value, how many were stated, how many runs stated none."""
+
+    held: int = 0
+    stated: int = 0
+    absent: int = 0
+
+    def interval(self, runs: int) -> tuple[float, float]:
+        """The 95 % interval of the share by Clopper and Pearson, as if each run had one interval."""
+        held = self.held / max(self.stated, 1) * runs
+        return float(beta.ppf(0.025, held, runs - held + 1)) if held else 0.0, float(
+            beta.ppf(0.975, held + 1, runs - held) if held < runs else 1.0
+        )
+
+
+def tally(source: Source, seeds: Iterable[int]) -> dict[str, Held]:
+    """For each label how often the value was held."""
+    counts: dict[str, Held] = {}
+    for seed in seeds:
+        for label, low, high, exact in source(seed):
+            before, stated = counts.get(label, Held()), math.isfinite(low) and math.isfinite(high)
+            counts[label] = Held(
+                before.held + (stated and low <= exact <= high), before.stated + stated, before.absent + (not stated)
+            )
+    return counts
+
+
+HEADING = ("| interval | of | held | 95 % interval of that | intervals | not stated |", "|---|---|---|---|---|---|")
+
+
+def main() -> None:
+    """Print the table, or write it into a page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=200, help="how many seeds a line has (default: %(default)s)")
+    parser.add_argument("--write", type=Path, help="the page whose table is replaced")
+    parser.add_argument("names", nargs="*", help=f"beginnings of lines: {'; '.join(rows())}")
+    wanted = parser.parse_args()
+    lines = list(HEADING)
+    for name, source in rows().items():
+        if wanted.names and not name.startswith(tuple(wanted.names)):
+            continue
+        for label, counts in tally(source(), range(1, wanted.seeds + 1)).items():
+            low, high = counts.interval(wanted.seeds)
+            share = counts.held / max(counts.stated, 1)
+            lines.append(
+                f"| {name} | {label} | {share:.1%} | {low:.1%} to {high:.1%} | {counts.stated} | {counts.absent} |"
+            )
+            print(lines[-1], flush=True)
+    if wanted.write:
+        page = wanted.write.read_text(encoding="utf-8")
+        table = "\n".join(lines)
+        page = re.sub(r"(?ms)^\| interval \|.*?(?=^[^|]|\Z)", lambda match: table + "\n", page)
+        wanted.write.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
