@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, SCHEMES, take_steps
+from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 from yaml_cases import definition
 
 from spi import systems
@@ -10,9 +10,11 @@ from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.friction import friction_time
 from spi.ensemble.protocol import drift_flow, noise_flow
+from spi.ensemble.scheme_protocol import REPORT
 from spi.ensemble.table_flows import drift_tables, friction_tables, noise_tables
 from spi.models.thermal import thermal
 from spi.numerics.angles import ANY_ANGLES
+from spi.schemes.metropolis import Metropolis, noises_alike
 from spi.schemes.one_flow import friction_times, sweep
 from spi.schemes.parts import Drift, Noise
 
@@ -70,11 +72,26 @@ def test_shapes_do_not_grow_in_number_with_the_system():
     assert sum(rows[1]) > sum(rows[0])
 
 
+def judged(made):
+    """(scheme, model, h, dW, y, coins) of a step of a chain whose noises are judged in loops."""
+    rng, model = np.random.default_rng(3), thermal(systems.record(made), 0.5)
+    return Metropolis(), model, 0.5, rng.standard_normal((5, LANES)), rng.standard_normal((15, LANES)), rng.random(576)
+
+
+def test_flows_are_judged_in_loops_as_they_are_one_by_one():
+    made = systems.made(definition(CHAIN.replace("N", "5").replace(", x(1)*x(2)", "")), "judged_chain")
+    with_tables, without = judged(made), judged(straight(made))
+    assert [len(numbers) for numbers, *_ in noises_alike(with_tables[1])] == [1, 3, 1]  # ends and what is between
+    assert noises_alike(without[1]) is None
+    (found, report), (expected, _) = take_step(*with_tables), take_step(*without)
+    assert np.abs(found - expected).max() < 1e-12 < np.abs(found - with_tables[4]).max()
+    assert 0 < report[REPORT.index("noise_judged") + 1] < report[REPORT.index("noise_judged")]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="is about compiled code")
-@pytest.mark.parametrize("name", ["splitting_symmetric", "splitting_metropolis"])
-def test_steps_with_tables_are_those_without(name):
-    made, scheme = chain(5), SCHEMES[name].record
+def test_steps_with_tables_are_those_without():
+    made, scheme = chain(5), SCHEMES["splitting_symmetric"].record
     y = np.random.default_rng(3).standard_normal((15, LANES))
     dW = 0.1 * np.random.default_rng(4).standard_normal((4, 15 * 6, LANES))
     with_tables, without = (
