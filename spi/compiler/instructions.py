@@ -7,6 +7,7 @@ from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
+from numba.np.arrayobj import populate_array
 
 from .records import is_array
 
@@ -68,6 +69,38 @@ def store_strided(stride, array, i, numbers):
         return context.get_dummy_value()
 
     return types.void(array, types.int64, numbers), code
+
+
+def load_each(count, model, places, array):
+    """Of a function of a model, a tuple of places, an array and i: (array[places[0] + i], ...), `count` floats.
+
+    Where there are fewer places, the rest is 0.
+    """
+
+    def code(context, builder, signature, values):
+        data = cgutils.create_struct_proxy(array)(context, builder, values[2]).data
+        indices = [builder.add(place, values[3]) for place in cgutils.unpack_tuple(builder, values[1])]
+        loaded = [builder.load(builder.gep(data, [index], inbounds=True)) for index in indices]
+        loaded += [context.get_constant(types.float64, 0.0)] * (count - len(loaded))
+        return context.make_tuple(builder, signature.return_type, loaded)
+
+    return types.UniTuple(types.float64, count)(model, places, array, types.int64), code
+
+
+def floats_on_stack(count, *arguments):
+    """Of a function: an array of so many floats, empty, that is gone when the function in whose code it is returns."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def code(context, builder, signature, values):
+        block = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
+        block.align = 64
+        array = context.make_array(kind)(context, builder)
+        data = builder.bitcast(block, ir.DoubleType().as_pointer())
+        length, stride = (context.get_constant(types.intp, number) for number in (count, 8))
+        populate_array(array, data=data, shape=(length,), strides=(stride,), itemsize=stride, meminfo=None)
+        return array._getvalue()
+
+    return kind(*arguments), code
 
 
 def xor_strips(count, target, t, a, i, b, j):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, number, unrolled
+from ..compiler.dispatch import device, number
 from ..compiler.records import field
 from ..numerics.rng import (
     BRIDGES,
@@ -20,7 +20,7 @@ from ..numerics.rng import (
 from .areas import areas_length, copy_areas, draw_areas, join_areas
 from .lanes import aligned
 from .pairs import channels
-from .protocol import noise_indices, noises
+from .protocol import noises
 
 
 @device
@@ -46,31 +46,30 @@ def draw_channels(model, increments, noise, draw, block, scale, words, stride):
         draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride)
 
 
-@unrolled(noise_indices)
-def draw_bridges(index, model, increments, noise, draw, block, scale, words, normals, finest):
+@device
+def draw_bridges(model, increments, noise, draw, block, scale, words, normals, finest):
     """Increments over the halves, quarters, ... of those steps, `finest` sub-steps at last, given those of the steps.
 
     Lévy's construction: given the increment dW over a time t, that over its first half is dW/2 + sqrt(t)/2 Z with a
     standard normal Z.  Bridge number n + part, of a stream of its own, halves sub-step `part` of n.
     `normals` (STEPS_PER_DRAW * LANES) is scratch.
     """
-    k = number(index)
-    stream = noise.stream + np.uint64(BRIDGES)
-    n = 1
-    while n < finest:
-        deviation = 0.5 * scale / np.sqrt(n)
-        for part in range(n):
-            channel = np.uint64((n + part) * 4096 + k)
-            draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
-            whole, half = first_lane(model, k, n, part), first_lane(model, k, 2 * n, 2 * part)
-            other = first_lane(model, k, 2 * n, 2 * part + 1)
-            for step in range(STEPS_PER_DRAW):
-                row, bridge = increments[step], normals[step * LANES :]
-                for lane in range(LANES):
-                    row[half + lane] = 0.5 * row[whole + lane] + bridge[lane]
-                    row[other + lane] = row[whole + lane] - row[half + lane]
-        n = 2 * n
-    return increments
+    for k in channels(model):
+        stream = noise.stream + np.uint64(BRIDGES)
+        n = 1
+        while n < finest:
+            deviation = 0.5 * scale / np.sqrt(n)
+            for part in range(n):
+                channel = np.uint64((n + part) * 4096 + k)
+                draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
+                whole, half = first_lane(model, k, n, part), first_lane(model, k, 2 * n, 2 * part)
+                other = first_lane(model, k, 2 * n, 2 * part + 1)
+                for step in range(STEPS_PER_DRAW):
+                    row, bridge = increments[step], normals[step * LANES :]
+                    for lane in range(LANES):
+                        row[half + lane] = 0.5 * row[whole + lane] + bridge[lane]
+                        row[other + lane] = row[whole + lane] - row[half + lane]
+            n = 2 * n
 
 
 @device
@@ -88,37 +87,35 @@ def add_first_half(model, dW, first):
             dW[lane] = first[lane] + dW[lane]
 
 
-@unrolled(noise_indices)
-def join_halves(index, model, dW, first, finest):
+@device
+def join_halves(model, dW, first, finest):
     """The sub-steps of a step from those of its halves, where dW holds the second: half as many of each half.
 
     Increments over the whole step stay those of the second half; :func:`add_first_half` comes after.
     """
-    k = number(index)
-    n = finest
-    while n > 1:
-        for part in range(n // 2):
-            source = first_lane(model, k, n // 2, part)
-            early, late = first_lane(model, k, n, part), first_lane(model, k, n, n // 2 + part)
-            for lane in range(LANES):
-                dW[late + lane] = dW[source + lane]
-                dW[early + lane] = first[source + lane]
-        n = n // 2
-    return dW
+    for k in channels(model):
+        n = finest
+        while n > 1:
+            for part in range(n // 2):
+                source = first_lane(model, k, n // 2, part)
+                early, late = first_lane(model, k, n, part), first_lane(model, k, n, n // 2 + part)
+                for lane in range(LANES):
+                    dW[late + lane] = dW[source + lane]
+                    dW[early + lane] = first[source + lane]
+            n = n // 2
 
 
-@unrolled(noise_indices)
-def turn_around(index, model, dW, turned, finest):
+@device
+def turn_around(model, dW, turned, finest):
     """The increments of the path run through backwards: sub-steps in reversed order."""
-    k = number(index)
-    n = 1
-    while n <= finest:
-        for part in range(n):
-            source, target = first_lane(model, k, n, part), first_lane(model, k, n, n - 1 - part)
-            for lane in range(LANES):
-                turned[target + lane] = dW[source + lane]
-        n = 2 * n
-    return dW
+    for k in channels(model):
+        n = 1
+        while n <= finest:
+            for part in range(n):
+                source, target = first_lane(model, k, n, part), first_lane(model, k, n, n - 1 - part)
+                for lane in range(LANES):
+                    turned[target + lane] = dW[source + lane]
+            n = 2 * n
 
 
 @device
@@ -128,19 +125,18 @@ def clip(model, dW, clipped, bound):
             clipped[lane] = min(max(dW[lane], -bound), bound)
 
 
-@unrolled(noise_indices)
-def clip_substeps(index, model, dW, clipped, h, finest):
+@device
+def clip_substeps(model, dW, clipped, h, finest):
     """Clip the increments over sub-steps, each by the bound for its own length."""
-    k = number(index)
-    n = 2
-    while n <= finest:
-        bound = truncation_bound(h / n)
-        for part in range(n):
-            begin = first_lane(model, k, n, part)
-            for lane in range(begin, begin + LANES):
-                clipped[lane] = min(max(dW[lane], -bound), bound)
-        n = 2 * n
-    return dW
+    for k in channels(model):
+        n = 2
+        while n <= finest:
+            bound = truncation_bound(h / n)
+            for part in range(n):
+                begin = first_lane(model, k, n, part)
+                for lane in range(begin, begin + LANES):
+                    clipped[lane] = min(max(dW[lane], -bound), bound)
+            n = 2 * n
 
 
 # What the loop over time does with rows of increments.  Where no scheme asks for sub-steps, which is so for nearly all,

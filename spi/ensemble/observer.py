@@ -13,6 +13,7 @@ from .invariants import casimirs_of_states
 from .lanes import load_lane
 from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, large, populations
 from .random_states import RandomState
+from .table_flows import is_inlined
 
 #: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
 SQUARES, STATES = range(2)
@@ -90,12 +91,20 @@ def beginning_at(observer, model, initial, states):
     return observer._replace(start=np.ascontiguousarray(start.reshape(len(start), -1, LANES).transpose(1, 0, 2)))
 
 
-@device
+@device(by_type=True)
 def observe(observer, model, row, paths, level, n, y, reference):
     """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of level 0 then.
 
     Of the lanes the first `paths` count, since the last block may be partly idle.
     """
+    return _observe if is_inlined(model) else _called
+
+
+def _called(observer, model, row, paths, level, n, y, reference):
+    _on_its_own(observer, model, row, paths, level, n, y, reference)
+
+
+def _observe(observer, model, row, paths, level, n, y, reference):
     stride = observer.levels[level, 1]
     if stride > 0 and n % stride == 0:
         place = observer.levels[level, 0] + n // stride - 1
@@ -106,6 +115,9 @@ def observe(observer, model, row, paths, level, n, y, reference):
     if observer.extremes.shape[2] > 0 and (level > 0 or n == observer.levels[level, 2]):
         start = observer.start[row if len(observer.start) > 1 else 0]
         _watch(model, observer.extremes[row, level], start, observer.rates[level], n, paths, y)
+
+
+_on_its_own = device(inline=False)(_observe)
 
 
 @device

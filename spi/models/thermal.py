@@ -19,6 +19,7 @@ from ..ensemble.fields import (
     noise_field,
     noise_field_derivative,
 )
+from ..ensemble.friction import friction_after, friction_rate
 from ..ensemble.protocol import (
     conserved,
     dimension,
@@ -31,7 +32,6 @@ from ..ensemble.protocol import (
     noise_indices,
     noises,
     pieces,
-    strengths,
 )
 from ..ensemble.special import frozen
 from .delegation import answering_as_inner, inner
@@ -62,17 +62,12 @@ class Thermal(NamedTuple):
         return Thermal(within, model.temperature, within.sigma)
 
     def friction_time(model, k, t, y):
-        """To order 2, from s' = -c g' and q = c g'' t at s = 0; where g is quadratic s = s' t (1 - exp(-q)) / q.
-
-        That quotient is taken as 1 / (1 + q/2 + q^2/12), which is right to third order, and never large: friction over
-        long times, or near a maximum of g, is too weak, but cannot carry the state away.
-        """
         c = friction_rate(model, k)
         field = noise_field(model.model, k, y)
         gradient = drift_gradient(model.model, y)
         bent = dot(gradient, noise_field_derivative(model.model, k, y, field))
-        q = c * t * (bent + dot(field, drift_hessian(model.model, y, field)))
-        return -c * t * dot(gradient, field) / (1.0 + q * (0.5 + q * (1.0 / 12.0)))
+        bend = bent + dot(field, drift_hessian(model.model, y, field))
+        return friction_after(c, t, dot(gradient, field), bend)
 
     def drift_gradient(model, y):
         gradient = drift_gradient(model.model, y)
@@ -81,12 +76,6 @@ class Thermal(NamedTuple):
     def drift_hessian(model, y, v):
         turned = drift_hessian(model.model, y, v)
         return _add_friction_derivative(model, turned, drift_gradient(model.model, y), turned, y, v)
-
-
-@device
-def friction_rate(model, k):
-    """c_k = sigma_k^2 / (2 T)."""
-    return strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
 
 
 @unrolled(noise_indices)

@@ -9,13 +9,18 @@ of state and direction as it is (Horowitz, Physics Letters B 268, 1991).
 Without f, with min(1, exp(-dH/T)), paths would have the strong order 1/4 and the weak order 1/2.
 """
 
+import functools
 from typing import NamedTuple
 
-from ..compiler.dispatch import device, number, unrolled
-from ..ensemble.friction import friction_time
-from ..ensemble.lanes import load_lane, store_lane
+import numpy as np
+
+from ..compiler.dispatch import INDICES, device, number, unrolled
+from ..compiler.generated import function_of
+from ..ensemble.friction import friction_rate, friction_time
+from ..ensemble.lanes import load_lane
 from ..ensemble.pairs import channels
 from ..ensemble.protocol import dimension, hamiltonian, noise_indices, noises, piece_indices, pieces, strengths
+from ..ensemble.table_flows import friction_tables, noise_tables
 from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
 from .large import size_or
@@ -23,6 +28,7 @@ from .large_metropolis import judged_step_of_large, judged_work
 from .parts import Drift, Noise
 from .reporting import report_judged
 from .splitting import sweep
+from .table_sweeps import angle_in_rows, friction_in_rows, lanes_of, places, turn_rows
 
 
 def there_and_back(model):
@@ -34,11 +40,6 @@ def there_and_back(model):
 there_and_back.count = pieces
 
 
-@unrolled(each="a[i] if accepted else b[i]")
-def one_of(a, b, accepted):
-    """a or b."""
-
-
 @device
 def judged(model, uniforms, y, energies, proposed, refused):
     """Put the proposed states that are accepted in the place of those in `y`; returns how many there are.
@@ -47,23 +48,34 @@ def judged(model, uniforms, y, energies, proposed, refused):
     """
     count = 0
     for lane in range(LANES):
-        state, new = load_lane(model, y, lane), load_lane(model, proposed, lane)
-        energy = hamiltonian(model, new)
+        energy = hamiltonian(model, load_lane(model, proposed, lane))
         ratio = (energies[lane] - energy) / model.temperature + refused[lane]
         accepted = uniforms[lane] - 1.0 < expm1(ratio)  # False for NaN
-        store_lane(y, lane, one_of(new, state, accepted))
         energies[lane] = energy if accepted else energies[lane]
         refused[lane] = 0.0 if accepted else 1.0
         count += 1 if accepted else 0
+    for i in range(dimension(model)):
+        for lane in range(LANES):
+            at = i * LANES + lane
+            y[at] = y[at] if refused[lane] > 0.0 else proposed[at]
     return count
 
 
-@unrolled(noise_indices)
-def judge_noises(index, model, count, h, dW, uniforms, y, energies, times, proposed):
+@device(by_type=True)
+def judge_noises(model, h, dW, uniforms, y, energies, times, proposed):
     """The flows of all noises with their friction one after the other; returns how many were accepted.
 
     From y the time s = f(y) + sigma dW is proposed, f that of friction; from the state there the way back is -s.
     """
+    if (alike := noises_alike(model)) is not None:
+        return _in_loops(alike)
+    return lambda model, h, dW, uniforms, y, energies, times, proposed: _judge_each(
+        model, 0, h, dW, uniforms, y, energies, times, proposed
+    )
+
+
+@unrolled(noise_indices)
+def _judge_each(index, model, count, h, dW, uniforms, y, energies, times, proposed):
     k = number(index)
     for lane in range(LANES):
         friction = friction_time(model, k, h, load_lane(model, y, lane))
@@ -76,6 +88,67 @@ def judge_noises(index, model, count, h, dW, uniforms, y, energies, times, propo
         there, variance = times[lane] - times[LANES + lane], h * strengths(model)[k] * strengths(model)[k]
         times[lane] = (there - back) * (there + back) / (2.0 * variance)
     return count + judged(model, uniforms[k * LANES :], y, energies, proposed, times)
+
+
+def noises_alike(model):
+    """((numbers, flow, friction), ...) of noises in order, those together that have one shape; None without tables.
+
+    flow is (shape, components that move, rows), and friction (shape, rows), of which noise numbers[i] has the row i.
+    """
+    tables, frictions, found = noise_tables(model), friction_tables(model), []
+    if not frictions or any(len(tables[k]) != 1 for k in noise_indices(model)):
+        return None
+    for k in noise_indices(model):
+        ((shape, count, rows),), (slopes, row) = tables[k], frictions[k]
+        if len(rows) != 1:
+            return None
+        if not found or found[-1][1][:2] != (shape, count) or found[-1][2][0] != slopes:
+            found.append(([], (shape, count, []), (slopes, [])))
+        found[-1][0].append(k)
+        found[-1][1][2].append(rows[0])
+        found[-1][2][1].append(row)
+    return tuple((tuple(of), (a, b, tuple(c)), (d, tuple(e))) for of, (a, b, c), (d, e) in found)
+
+
+@functools.lru_cache
+def _in_loops(alike):
+    """The function that judges the noises, those that are alike in one loop."""
+    lines, names = ["def in_loops(model, h, dW, uniforms, y, energies, times, proposed):", "count = 0"], {}
+    for n, (numbers, (shape, moved, rows), (slopes, others)) in enumerate(alike):
+        sizes = {"shape": shape, "size": len(rows[0]), "moved": moved, "slopes": slopes, "others": len(others[0])}
+        names |= {f"{name}_{n}": INDICES[value]() for name, value in sizes.items()}
+        names |= {f"numbers_{n}": np.array(numbers), f"flows_{n}": places(rows), f"frictions_{n}": places(others)}
+        records = ", ".join(f"{name}_{n}" for name in sizes)
+        lines += [
+            f"for i in range({len(numbers)}):",
+            f"    k, rows, others = numbers_{n}[i], flows_{n}[i : i + 1], frictions_{n}[i : i + 1]",
+            f"    count += judge_in_rows({records}, k, rows, others, model, h, dW, uniforms[k * LANES :], y, energies,"
+            " times, proposed)",
+        ]
+    return function_of([*lines, "return count"], names | {"judge_in_rows": judge_in_rows, "LANES": LANES})
+
+
+@device(inline=False)
+def judge_in_rows(
+    shape, size, moved, slopes, others_size, k, rows, others, model, h, dW, uniforms, y, energies, times, proposed
+):
+    """As :func:`_judge_each`, of a noise whose flow and friction are those of shapes in some rows."""
+    sigma, rate = strengths(model)[k], friction_rate(model, k)
+    friction = times[LANES:]
+    friction_in_rows(slopes, others_size, model, rate, h, y, friction, others)
+    for lane in range(LANES):
+        times[lane] = friction[lane] + sigma * dW[k * LANES + lane]
+    for i in range(dimension(model) * LANES):
+        proposed[i] = y[i]
+    largest = angle_in_rows(shape, size, model, proposed, times, rows)
+    turn_rows(largest, shape, size, moved, model, proposed, times, rows)
+    back = lanes_of(INDICES[1]())
+    friction_in_rows(slopes, others_size, model, rate, h, proposed, back, others)
+    for lane in range(LANES):
+        behind = times[lane] + back[lane]
+        there, variance = times[lane] - friction[lane], h * sigma * sigma
+        times[lane] = (there - behind) * (there + behind) / (2.0 * variance)
+    return judged(model, uniforms, y, energies, proposed, times)
 
 
 @unrolled(there_and_back)
@@ -105,7 +178,7 @@ class Metropolis(NamedTuple):
         uniforms = coins[LANES:]
         for lane in range(LANES):
             energies[lane] = hamiltonian(model, load_lane(model, y, lane))
-        noise = judge_noises(model, 0, h, dW, uniforms, y, energies, times, proposed)
+        noise = judge_noises(model, h, dW, uniforms, y, energies, times, proposed)
         for i in range(dimension(model) * LANES):
             proposed[i] = y[i]
         for lane in range(LANES):

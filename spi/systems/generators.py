@@ -18,6 +18,9 @@ from .spectrum import Block, blocks
 from .splitting import Flow, connected
 from .symbolics import Symbolics
 
+#: What moves block by block, what moves by series, and the variables whose logarithms are coordinates.
+Moving = tuple[list[Block | Axis], dict[int, Series], frozenset[int]]
+
 
 class Generator(NamedTuple):
     """One of the matrices."""
@@ -68,10 +71,8 @@ def _added(found: Sequence[Generator]) -> list[Generator]:
     return list(merged.values())
 
 
-def motions(
-    found: Sequence[Generator], bracket: Bracket
-) -> tuple[list[Block | Axis], dict[int, Series], frozenset[int]]:
-    """(what moves block by block: by matrices that commute, then about axes; what moves by series; the logarithms)."""
+def motions(found: Sequence[Generator], bracket: Bracket) -> Moving:
+    """By matrices that commute, block by block, then about axes, and by series."""
     if any(one.curved for one in found):
         return [], series([one.curved or bracket.as_field(one.entries) for one in found]), bracket.logarithmic
     steady, matrices = constant_rates([one.entries for one in found], bracket.dimension)
