@@ -22,8 +22,10 @@ from scipy.stats import beta, norm
 
 import spi
 from spi.exact import gibbs
+from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.work_precision.work_points import WorkCurve, interval_of_median, work_for
 from spi.running.load import load
+from spi.statistics.intervals import student_of_paths
 
 INTERVAL = 1.96  #: what the tables of the program multiply standard errors by
 
@@ -96,9 +98,9 @@ class Interval(NamedTuple):
     exact: float
 
 
-def around(label: str, value: Any, stderr: Any, exact: Any) -> Interval:
-    """The interval of 1.96 standard errors to both sides."""
-    half = INTERVAL * float(stderr)
+def around(label: str, value: Any, stderr: Any, exact: Any, factor: float = INTERVAL) -> Interval:
+    """The interval of 1.96, or another factor, standard errors to both sides."""
+    half = factor * float(stderr)
     return Interval(label, float(value) - half, float(value) + half, float(exact))
 
 
@@ -225,6 +227,141 @@ def answer(name: str) -> Source:
     return of_spec(spec, interval)
 
 
+# --- statistics ------------------------------------------------------------------------------------------------------
+
+#: A body that turns about its third axis by the angle W(t), from (1, 0, 1): y1 = cos W(t), at any step size.
+AXIS = {
+    "title": "intervals",
+    "kind": "statistics",
+    "model": {"name": "rigid_body", "inertia": [1e12] * 3, "noise_inertia": [1, 1, 1], "sigma": [1e-12, 1e-12, 1]},
+    "initial": [1, 0, 1],
+    "schemes": ["splitting"],
+    "every": 1,
+}
+MEANS = {
+    "final_time": 1,
+    "step": "2^-4",
+    "functions": {"y1": "y1"},
+    "statistics": ["mean", "variance", "quantiles"],
+    "quantiles": [0.01, 0.5, 0.95],
+}
+SHARES = {"share 0.1 %": 1e-3, "share 0.01 %": 1e-4}
+TURNED = {
+    "final_time": 2,
+    "step": "2^-8",
+    "functions": {"turned": {"passage": "y1 < 0"}},
+    "statistics": ["mean", "histogram"],
+    "bins": 4,
+    "samples": 2048,
+}
+
+
+def below(x: float, t: float) -> float:
+    """P(cos W(t) <= x)."""
+    a, turns = math.acos(min(max(x, -1.0), 1.0)), 2 * math.pi * np.arange(-4, 5)
+    return float((norm.cdf((2 * math.pi - a + turns) / t**0.5) - norm.cdf((a + turns) / t**0.5)).sum())
+
+
+def means(results) -> Iterator[Interval]:
+    """At the last time, and the band that holds all means at once."""
+    t, one = results.t.values, results.dataset.isel(function=0)
+    exact, last = np.exp(-t / 2), one.isel(t=-1)
+    yield Interval("mean", float(last.mean_low), float(last.mean_high), float(exact[-1]))
+    variance, factor = 0.5 * (1 + math.exp(-2 * t[-1])) - exact[-1] ** 2, student_of_paths(int(one.attrs["samples"]))
+    yield around("variance", last.variance, last.variance_stderr, variance, factor)
+    for level in last.level.values:
+        ends = last.sel(level=level)
+        yield Interval(
+            f"{level:g}-quantile", *(below(float(q), t[-1]) for q in (ends.quantile_low, ends.quantile_high)), level
+        )
+    error, half = np.abs(one["mean"].values - exact)[1:], (float(one.band) * one.mean_stderr.values)[1:]
+    yield Interval("band", 0.0, 1.0 if np.isfinite(half).all() else math.nan, float(np.max(error / half)))
+
+
+def shares(results) -> Iterator[Interval]:
+    """Shares that have passed, looked at once."""
+    for f, (label, share) in enumerate(SHARES.items()):
+        one = results.dataset.isel(function=f, t=-1)
+        yield Interval(label, float(one.mean_low), float(one.mean_high), share)
+
+
+def staying(t: np.ndarray) -> np.ndarray:
+    """P(|W| < pi/2 until t)."""
+    b = (2 * np.arange(60) + 1)[:, np.newaxis]
+    return (4 / math.pi * np.sin(b * math.pi / 2) / b * np.exp(-(b**2) * np.maximum(t, 1e-3) / 2)).sum(axis=0)
+
+
+def passages(results) -> Iterator[Interval]:
+    """The first time at which |W| passes pi/2, until t = 2."""
+    one, fine = results.dataset.isel(function=0), np.linspace(0, 2, 4001)
+    factor, last = student_of_paths(int(one.attrs["samples"])), one.isel(t=-1)
+    share = 1 - staying(np.array([2.0]))[0]
+    yield around("corrected share", last.passage_share, last.passage_share_stderr, share, factor)
+    yield around("mean time", one.passage_time, one.passage_time_stderr, np.trapezoid(staying(fine), fine), factor)
+    begin, end = one.passage_from_t.values, one.until_t.values
+    known = (staying(begin) - staying(end)) / (end - begin)
+    for i in (1, 3):
+        value, stderr = (each.values[i] for each in (one.passage_density, one.passage_density_stderr))
+        yield around("density", value, stderr, known[i], factor)
+
+
+def seen_once() -> Mapping[str, Any]:
+    """Paths looked at once, of which a share has passed a place."""
+    places = [math.cos(norm.isf(share / 2) / 2) for share in SHARES.values()]
+    functions = {f"f{f}": {"passage": f"{place!r} > y1"} for f, place in enumerate(places)}
+    keys = {"final_time": "1/4", "step": "1/4", "samples": 4096, "statistics": ["mean"]}
+    return AXIS | keys | {"functions": functions}
+
+
+# --- Lyapunov exponents ----------------------------------------------------------------------------------------------
+
+#: A plane whose noises stretch it alike in all directions: exponents sigma^2 and -sigma^2.
+PLANE = {
+    "variables": ["q", "p"],
+    "bracket": {"q p": 1},
+    "hamiltonian": "q^2/2 + p^2/2",
+    "noises": ["q^2/2 - p^2/2", "q*p"],
+    "sigma": [1, 1],
+    "name": "plane",
+}
+SPIN = {
+    "algebra": "so(3)",
+    "hamiltonian": "y1^2/2 + y2^2/4 + y3^2/6",
+    "noises": ["y1", "y2", "y3"],
+    "sigma": [0.5, 0.5, 0.5],
+    "name": "spin",
+}
+LYAPUNOV = {"title": "intervals", "kind": "lyapunov", "schemes": ["splitting_symmetric"], "samples": 64}
+STRETCHED = LYAPUNOV | {"model": PLANE, "initial": [1, 0], "final_time": 16, "warm_up": 1, "step": "1/32"}
+COOLED = LYAPUNOV | {"model": SPIN, "final_time": 40, "warm_up": 8, "step": "1/16"}
+
+
+def lyapunov(largest: float, dimension: float | None = None) -> Callable[[Any], Iterator[Interval]]:
+    """The largest exponent and the dimension at the last time."""
+
+    def exponents(results) -> Iterator[Interval]:
+        last = results.dataset.isel(t=-1, number=0)
+        yield around("largest exponent", last.exponent, last.exponent_half, largest, 1.0)
+        if dimension is not None:
+            (group,) = results.stored.groups
+            one = Exponents.of(group)
+            yield around("dimension", one.dimension, one.dimension_half, dimension, 1.0)
+
+    return exponents
+
+
+def divergence(results) -> Iterator[Interval]:
+    """The sum of the exponents against the quadrature of the divergence."""
+    last = results.dataset.isel(t=-1)
+    yield around("sum", last.total, last.total_half, results.dataset.attrs["total_known"], 1.0)
+
+
+def cooled(temperature: str) -> Mapping[str, Any]:
+    """A body at a temperature, in its Gibbs law from the beginning."""
+    law = {"law": "gibbs", "through": [0.6, 0.48, 0.64], "temperature": temperature}
+    return COOLED | {"temperature": temperature, "initial": law}
+
+
 def rows() -> dict[str, Callable[[], Source]]:
     """What is measured, made when it is asked for."""
     found = {
@@ -238,6 +375,17 @@ def rows() -> dict[str, Callable[[], Source]]:
         "equilibrium, uniform, 9 paths": lambda: equilibrium(UNIFORM | {"final_time": 1024, "samples": 9}),
         "equilibrium, two wells, 16 paths": lambda: equilibrium(WELLS | {"final_time": 8192, "samples": 16}),
         "equilibrium, two wells, 2 paths": lambda: equilibrium(WELLS | {"final_time": 16384, "samples": 2}),
+    }
+    found |= {
+        f"statistics, {n} paths": lambda n=n: of_spec(AXIS | MEANS | {"samples": n}, means) for n in (64, 512, 8192)
+    }
+    found |= {
+        "statistics, shares": lambda: of_spec(seen_once(), shares),
+        "passages": lambda: of_spec(AXIS | TURNED, passages),
+        "Lyapunov": lambda: of_spec(STRETCHED, lyapunov(1.0)),
+        "Lyapunov, damped": lambda: of_spec(STRETCHED | {"damping": "1/4", "final_time": 64}, lyapunov(0.75, 1.6)),
+        "Lyapunov, T = 1/4": lambda: of_spec(cooled("1/4"), divergence),
+        "Lyapunov, T = 1/16": lambda: of_spec(cooled("1/16"), divergence),
     }
     return found | {f"answer, {name}": lambda name=name: answer(name) for name in ANSWERS}
 
