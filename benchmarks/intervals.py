@@ -336,15 +336,19 @@ STRETCHED = LYAPUNOV | {"model": PLANE, "initial": [1, 0], "final_time": 16, "wa
 COOLED = LYAPUNOV | {"model": SPIN, "final_time": 40, "warm_up": 8, "step": "1/16"}
 
 
+def record(results) -> Exponents:
+    """What is stored of the one scheme, with what follows from it."""
+    (group,) = results.stored.groups
+    return Exponents.of(group)
+
+
 def lyapunov(largest: float, dimension: float | None = None) -> Callable[[Any], Iterator[Interval]]:
     """The largest exponent and the dimension at the last time."""
 
     def exponents(results) -> Iterator[Interval]:
-        last = results.dataset.isel(t=-1, number=0)
-        yield around("largest exponent", last.exponent, last.exponent_half, largest, 1.0)
+        one = record(results)
+        yield around("largest exponent", one.exponent[0, -1], one.exponent_half[0, -1], largest, 1.0)
         if dimension is not None:
-            (group,) = results.stored.groups
-            one = Exponents.of(group)
             yield around("dimension", one.dimension, one.dimension_half, dimension, 1.0)
 
     return exponents
@@ -352,8 +356,8 @@ def lyapunov(largest: float, dimension: float | None = None) -> Callable[[Any], 
 
 def divergence(results) -> Iterator[Interval]:
     """The sum of the exponents against the quadrature of the divergence."""
-    last = results.dataset.isel(t=-1)
-    yield around("sum", last.total, last.total_half, results.dataset.attrs["total_known"], 1.0)
+    one = record(results)
+    yield around("sum", one.total[-1], one.total_half[-1], one.total_known, 1.0)
 
 
 def cooled(temperature: str) -> Mapping[str, Any]:
