@@ -138,7 +138,7 @@ def test_values_of_a_swept_parameter(extended):
     fixed = ["sweep=null", "model.sigma=[3/4, 3/4, 3/4]", "expect=null"]
     (alone,) = storage.read(runner.run(runner.load("s.yaml", overrides=fixed), "one")).groups
     different = differing([middle._replace(case="main")], [alone], times=False)
-    assert all(name.startswith("main/splitting: swept_") for name in different)
+    assert all(name.startswith(("main/splitting: swept_", "main/splitting: case_title")) for name in different)
     assert middle.arrays["error"].tobytes() == alone.arrays["error"].tobytes()
 
 

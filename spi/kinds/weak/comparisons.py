@@ -36,9 +36,9 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
                 continue
             at = exact.functions.index(name), int(np.flatnonzero(exact.h == h)[0])
             stderr = reading.sampled.error_stderr[f, i]
-            difference = reading.error[f, i] - exact.error[at]
-            found.deviation[f, i] = in_standard_errors(difference, np.hypot(stderr, bounds.error_bound[at]))
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                difference = reading.error[f, i] - exact.error[at]
+                found.deviation[f, i] = in_standard_errors(difference, np.hypot(stderr, bounds.error_bound[at]))
                 found.share[f, i] = stderr / np.abs(exact.error[at])
     return found
 
