@@ -92,7 +92,7 @@ def test_the_same_bits_from_every_snapshot_and_in_chunks(load_text):
 @compiled_only
 @pytest.mark.parametrize("samples", [12, 1])
 def test_intervals_hold_the_exact_value(load_text, samples):
-    """Of the uniform law; benchmarks/coverage.py does the same with 1000 runs and other laws."""
+    """Of the uniform law; benchmarks/intervals.py does the same with 1000 runs and other laws."""
     runs, time = 60, 512 if samples > 1 else 2048
     case = load_text(LONG, f"samples={samples}", "steps=[1]", f"final_time={time}", "spacing=1", "burn_in=32").cases[0]
     cases = [case.model_copy(update={"seed": seed}) for seed in range(1, runs + 1)]

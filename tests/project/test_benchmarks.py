@@ -142,7 +142,7 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 
 #: Each program of the folder with arguments for which it takes a minute or less.
 SHORT = {
-    "coverage.py": ["--runs", "4", "uniform"],
+    "intervals.py": ["--seeds", "1", "strong"],
     "digests.py": ["experiments/rigid_body_strong.yaml"],
     "equilibrium.py": ["--samples", "20000"],
     "euler.py": [],  # and results, which the test computes
