@@ -2,10 +2,27 @@
 
 import pytest
 from helpers import compiled_only
-from reuse_cases import DIFFERENT, EQUAL, INVALID, REFUSED, Change, Spec, changes, digests, keys_of, laid, outcomes
+from reuse_cases import (
+    DIFFERENT,
+    EQUAL,
+    INVALID,
+    REFUSED,
+    Change,
+    Spec,
+    changes,
+    digests,
+    everything,
+    keys_of,
+    laid,
+    outcomes,
+)
 
+from spi import storage
 from spi.kinds import KINDS
-from spi.running.known import Keys
+from spi.running import run as runner
+from spi.running import shards
+from spi.running.checkpoint import Checkpoint, Limits, Shard, sums_path
+from spi.running.known import Kept, Keys
 from spi.running.load import plans
 
 #: The keys that a kind has to say what is wrong with them: no value is right.
@@ -62,6 +79,61 @@ def test_what_decides_no_sums_is_not_in_their_digest():
         changed("strong", schemes=["splitting_order2", "splitting"]),
     ):
         assert digests(change.before.loaded()) == digests(change.after.loaded())
+
+
+#: Kinds whose sums are of functions; those of stability are last states, of which functions are computed afterwards.
+SUMS = ("weak", "equilibrium", "statistics")
+
+
+def with_more(kind, *keys):
+    """The spec of a kind with twice the samples, and with some mappings in the opposite order."""
+    more = {"samples": str(2 * int(laid(kind)["samples"]))}
+    plain = "estimators: [plain]\nextrapolate: 0"
+    return changed(kind, plain, **more, **{key: dict(reversed(laid(kind)[key].items())) for key in keys})
+
+
+@pytest.mark.parametrize("kind", SUMS)
+def test_more_samples_go_on_with_sums_of_functions_in_the_same_order_alone(kind):
+    """With the order of functions, sums of fewer samples are of no use: neither those of a run, nor those of shards."""
+    before, same = map(Spec.loaded, with_more(kind)[1:])
+    other = with_more(kind, "functions").after.loaded()
+    for plan in plans(before):
+        keys = Keys.of(plan)
+        sums = [{"number": number} for number in range(len(keys.path_sets))]
+        stored = Kept({"keys": {"part": keys._asdict()}}, {"part": {"path_sets": sums, "extra": {}}})
+        assert keys.path_sets and stored.of(keys) == {"path_sets": sums, "extra": {}}
+        assert any(stored.of(Keys.of(one)).get("path_sets") == sums for one in plans(same))
+        assert not any(stored.of(Keys.of(one)) for one in plans(other))
+
+
+@pytest.mark.parametrize("kind", SUMS)
+def test_shards_of_specs_in_another_order_are_apart(tmp_path, kind):
+    """Each has a name of its own; and one that a person renames is of no use, see the test before."""
+    before, other = reordered(kind, "functions").before.loaded(), reordered(kind, "functions").after.loaded()
+    for one in (None, Shard(1, 2)):
+        paths = [sums_path(spec, tmp_path, one) for spec in (before, other)]
+        assert len(set(paths)) == 2
+        paths[1].parent.mkdir(exist_ok=True)
+        paths[1].touch()
+    found = Checkpoint(before, sums_path(before, tmp_path), Limits(), print).shards()
+    assert not found
+
+
+@compiled_only
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SUMS)
+def test_samples_are_extended_after_another_order_of_functions(tmp_path, kind):
+    """Onto sums of fewer samples in that order, and in the other one; shards of the one are no shards of the other."""
+    before, same = map(Spec.loaded, with_more(kind)[1:])
+    other, right = with_more(kind, "functions").after.loaded(), {}
+    for name, after in {"same": same, "other": other}.items():
+        runner.run(before, tmp_path / name).unlink()
+        right[name] = everything(runner.run(after, tmp_path / f"{name} alone"))
+        assert everything(runner.run(after, tmp_path / name)) == right[name]
+    shards.run_shard(other, Shard(1, 1), tmp_path)
+    with pytest.raises(storage.StorageError, match="no shards of"):
+        shards.merge(same, tmp_path)
+    assert everything(shards.merge(other, tmp_path)) == right["other"]
 
 
 @compiled_only
