@@ -69,7 +69,8 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
     extra, takes = decided(monkeypatch, refiner, per_sample, accuracy)
     assert (extra.solving == solving.SOLVING) == solves
     needed = sum(refiner.costs[:4])  # of which an error of 1e-3 at a kink can be told
-    assert takes <= 1.5 * min(needed, per_sample / accuracy**2) or takes <= solving.SURE + per_sample / accuracy**2
+    sampling = per_sample / accuracy**2
+    assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * solving.SURE + sampling
     said = solving.why(extra, accuracy)
     solving_seconds, sampling_seconds = (short(x, ".2g") for x in (extra.solving_seconds, extra.sampling_seconds))
     assert said.startswith(f"predicted seconds of typical speed to 0.001: solving {solving_seconds}, sampling ")
@@ -77,7 +78,7 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
         assert said.endswith("not looked at, as solving was to take less than 3") and takes <= solving.SURE
     else:
         assert said.endswith(f", sampling {sampling_seconds}")
-        assert extra.sampling_seconds == per_sample / accuracy**2
+        assert extra.sampling_seconds == sampling
     if solves:
         assert abs(extra.known[0] - TRUTH) <= extra.known_bound[0] <= accuracy
 
