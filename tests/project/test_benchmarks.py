@@ -142,6 +142,7 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 
 #: Each program of the folder with arguments for which it takes a minute or less.
 SHORT = {
+    "accuracies.py": ["--accuracies", "1e-2"],
     "coverage.py": ["--runs", "4", "uniform"],
     "digests.py": ["experiments/rigid_body_strong.yaml"],
     "equilibrium.py": ["--samples", "20000"],
