@@ -18,6 +18,7 @@ from ..kinds.blocks import BlocksPlan
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
+from ..printing.text import human_time
 from ..running import workers
 from ..running.compiling import compile_missing
 from ..running.run import kernel_calls
@@ -254,11 +255,12 @@ def answer(
     state = State(plan)
     with Line("answer", progress) as line:
         compile_missing(kernel_calls([plan]), line.watch.report_compiling)
-        workers.advance_here([state], lambda number: line.share("work", *_work(plan, state)))
+        workers.advance_here([state], lambda number: _share(line, plan, state))
     found: Answer = plan.results(state)
     return found
 
 
-def _work(plan: Any, state: State) -> tuple[float, float]:
+def _share(line: Line, plan: Any, state: State) -> None:
+    """Say how much is done of what is predicted, which no clock decides."""
     done, total, _ = plan.progress(state)
-    return done, total or 1.0
+    line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0)

@@ -1,4 +1,4 @@
-"""How far a run is, in a notebook or a terminal: one line that is written over."""
+"""How far a run is: in a notebook one display that is updated, in a terminal one line that is written over."""
 
 import math
 import sys
@@ -11,21 +11,22 @@ _WIDTH = 100  # of the line, cut there
 
 
 class Line:
-    """One line, on standard output in a notebook and on standard error elsewhere; it vanishes at the end.
+    """One line, a display in a notebook and on standard error elsewhere; it vanishes at the end.
 
     Without `wanted` there is none but in a notebook; with False there is none at all.
     """
 
     def __init__(self, name: str, wanted: bool | None) -> None:
         self.name, self.shown = name, in_notebook() if wanted is None else wanted
-        self.stream = sys.stdout if in_notebook() else sys.stderr
+        self.in_notebook, self.stream = in_notebook(), sys.stdout if in_notebook() else sys.stderr
         self.length = 0
+        self.display: Any = None  #: that of a notebook, once something was written
 
     def __enter__(self) -> "Line":
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._write("", end="\r")
+        self._write("", end="" if self.in_notebook else "\r")
 
     @property
     def watch(self) -> Watch:
@@ -49,12 +50,26 @@ class Line:
         self.length = 0
 
     def _write(self, text: str, end: str = "") -> None:
-        """Write over what stands in the line."""
-        if self.shown:
+        """Write over what stands in the line; with an end of line, what stays."""
+        if self.shown and self.in_notebook:
+            self._display(text, end)
+        elif self.shown:
             cut = text[:_WIDTH] if end != "\n" else text
             self.stream.write(f"\r{cut:<{self.length}}{end}")
             self.stream.flush()
             self.length = len(cut)
+
+    def _display(self, text: str, end: str) -> None:
+        """The same in a notebook, which keeps what is written over by carriage returns."""
+        if end:
+            self.stream.write(text + end)
+            self.stream.flush()
+            return
+        plain = {"text/plain": text[:_WIDTH]}
+        if self.display is not None:
+            self.display.update(plain, raw=True)
+        elif text:
+            self.display = sys.modules["IPython"].display.display(plain, raw=True, display_id=True)
 
 
 def in_notebook() -> bool:

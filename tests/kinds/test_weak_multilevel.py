@@ -19,6 +19,7 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
+from spi.ensemble.random_states import RandomState
 from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
@@ -139,6 +140,19 @@ def test_multilevel_goes_on_from_every_state(scheme):
         assert same_numbers(resumed(p, plain, 2), whole)
     assert not same_numbers(found[-2], whole)
     assert same_numbers(finished(p), whole)
+
+
+@compiled_only
+def test_without_noise_samples_are_of_the_initial_law_or_not_wanted():
+    """Strengths may be the number 0: then rounding errors vary, by which nothing is allotted."""
+    case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "seconds=0.5")
+    still = levels_plan_of(case.model_copy(update={"model": case.model._replace(sigma=(0.0,) * 3)}), "splitting")
+    levels = levels_after(levels_plan_of(case, "splitting"), 2 * ROUND)
+    assert not still.allocation(levels, 1.0).any()
+    from_law = RandomState(case.initial, None, {})
+    p = replace(still, case=still.case.model_copy(update={"initial": from_law}))
+    budget = p.allocation(levels, 1.0) @ p.seconds_per_block
+    assert 0.4 < budget < 0.5 + ROUND * p.seconds_per_block.sum()
 
 
 @pytest.mark.share

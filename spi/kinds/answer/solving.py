@@ -52,7 +52,7 @@ def prospect(p: "AnswerPlan", extra: Decisions, accuracy: float | None = None) -
 
 
 def turn(p: "AnswerPlan", extra: Decisions) -> Decisions:
-    """The end, one refinement more, the pilot that says what sampling takes, or sampling for good."""
+    """The end, one refinement more, or the comparison with sampling, before the first of which there is a pilot."""
     found, ahead = prospect(p, extra)
     if ahead.refinements == 0 and not ahead.seconds:
         return _ended(p, extra, found)
@@ -60,10 +60,8 @@ def turn(p: "AnswerPlan", extra: Decisions) -> Decisions:
     most = SURE if math.isnan(extra.sampling_seconds) else extra.sampling_seconds
     if _goes_on(ahead, most, p.case.seconds - spent):
         return _refined(p, extra, ahead)
-    extra = extra._replace(solving_seconds=spent + ahead.seconds)
-    if math.isnan(extra.sampling_seconds):
-        return extra._replace(solving=UNDECIDED, wanted=glance(len(extra.wanted)))
-    return extra._replace(solving=SAMPLING)
+    wanted = glance(len(extra.wanted)) if math.isnan(extra.sampling_seconds) else extra.wanted
+    return extra._replace(solving=UNDECIDED, solving_seconds=spent + ahead.seconds, wanted=wanted)
 
 
 def _goes_on(ahead: Outlook, most: float, left: float) -> bool:
@@ -71,9 +69,8 @@ def _goes_on(ahead: Outlook, most: float, left: float) -> bool:
 
     How fast errors fall may be known badly, and one refinement is known to take what it does.
     """
-    if ahead.next_seconds > left:
-        return False
-    return ahead.seconds <= min(most, left) or ahead.next_seconds <= max(SURE, _SMALL * most)
+    most = min(most, left)
+    return ahead.next_seconds <= left and (ahead.seconds <= most or ahead.next_seconds <= max(SURE, _SMALL * most))
 
 
 def compared(p: "AnswerPlan", extra: Decisions, sampled: Decisions) -> Decisions:

@@ -16,7 +16,6 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
 from spi.ensemble.points import points_of
-from spi.ensemble.protocol import noise_indices
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
 from spi.expressions import canonical, range_of
@@ -225,7 +224,7 @@ class AnswerPlan(SamplesPlan):
     @cached_property
     def spans(self) -> np.ndarray:
         """(F,) how far apart values of each function can be: 0 where paths are all the same, infinity if unknown."""
-        if not noise_indices(self.model) and not isinstance(self.case.initial, RandomState):
+        if not self.is_random:
             return np.zeros(len(self.case.functions))
         return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
 

@@ -24,7 +24,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.points import Points
-from spi.ensemble.protocol import noise_indices
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan
 from spi.numerics.rng import LANES
@@ -201,7 +200,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         cost = self.seconds_per_block / LANES
         root, per_root = self.least_work(variance, cost)
         samples = np.zeros(len(self.levels))
-        if root > 0 and noise_indices(self.model):  # without noise one path is all, whatever rounding says
+        if root > 0 and self.is_random:  # else one path is all, whatever rounding says
             budget, target = self.case.seconds or np.inf, self.case.standard_error
             floor = max(target**2, root**2 / _LONGEST, 1e-300) if target else 0.0
             work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / floor if target else np.inf)
