@@ -13,6 +13,7 @@ import spi
 from spi import storage
 from spi.api.progress import Line
 from spi.drawing import Figure
+from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
 from spi.storage.records import INTERVAL
 
@@ -177,10 +178,11 @@ def test_a_notebook_shows_a_line(monkeypatch, capsys, wanted, shown):
     with Line("mine", wanted) as line:
         line.share("paths", 1, 4)
         line.watch.tell("news")
-        line.watch.report_compiling(1, 2, "splitting")
+        line.watch.report_compiling(Compiling(1, (Job("splitting", "", "integrate", (), 7.0),), 1))
     out, err = capsys.readouterr()
     assert err == ""
-    assert (out.startswith("\rmine: paths 25%\rnews") and "\n\rmine: compiling 1 of 2: splitting" in out) == shown
+    compiling = "\n\rmine: compiling 1 of 1 kernel, about 9 s: splitting (7 s)"
+    assert (out.startswith("\rmine: paths 25%\rnews") and compiling in out) == shown
     assert out.endswith("\r" if shown else "") and (shown or out == "")
 
 
