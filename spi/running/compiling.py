@@ -131,7 +131,7 @@ def processes_for(jobs):
 
 def described(jobs, processes):
     """``3 kernels, about 25 s on 2 processors: splitting (25 s), midpoint (9 s), invariants (1 s)``."""
-    taken = {}
+    taken: dict[str, tuple[int, float]] = {}
     for job in jobs:
         count, seconds = taken.get(job.title, (0, 0.0))
         taken[job.title] = count + 1, seconds + job.seconds
