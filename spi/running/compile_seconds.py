@@ -10,12 +10,15 @@ from typing import Any, NamedTuple
 from ..ensemble.protocol import dimension, large, noise_indices, pieces
 from ..ensemble.scheme_protocol import judges
 from ..ensemble.table_flows import drift_tables
+from ..schemes.isospectral import IsospectralMidpoint
+from ..schemes.midpoint import Midpoint
 from ..schemes.sweeps import sweeps
 
 STARTING = 2.0  #: of the first kernel of a process, which loads the compiler
 _LOOP = 1.9  # the loop over time, with increments and sums
 _SWEEP, _COMPONENT = 0.35, 0.03  # a sweep, and each of its components
 _SQUARE = 0.01  # of the field of a step, for the square of the number of components
+_NEWTON = 3  # times as much for schemes that solve equations
 _STAGE = 7.0  # of a composition for an array-state model, whose flows are loops over arrays
 _OTHER = 0.4  # a kernel that takes no steps
 _JUDGED = 3  # stages that a scheme with flows that are judged counts for
@@ -27,7 +30,7 @@ class Size(NamedTuple):
 
     sweeps: int  #: flows of a composition
     components: int  #: of a sweep
-    entries: int = 0  #: of the derivative of a field
+    entries: int = 0  #: of the derivative of a field, thrice where it is solved for
     stages: int = 0  #: of a composition for an array-state model
 
 
@@ -48,6 +51,7 @@ def size_of(scheme: Any, model: Any) -> Size:
     if large(model):
         return Size(0, 0, stages=_JUDGED if stages is None else len(stages))
     if stages is None and not judges(scheme):
-        return Size(0, 0, dimension(model) ** 2)
+        times = _NEWTON if isinstance(scheme, (Midpoint, IsospectralMidpoint)) else 1
+        return Size(0, 0, times * dimension(model) ** 2)
     count = len(noise_indices(model)) + 2 * pieces(model) - 1 if stages is None else len(sweeps(stages, model))
     return Size(count, min(dimension(model), _ROW) if drift_tables(model) else dimension(model))

@@ -35,10 +35,13 @@ MEASURED = {
     "zeitlin at a temperature, symmetric splitting": (Size(0, 0, stages=3), 29.3),
     "Lotka-Volterra, Euler-Maruyama": (Size(0, 0, 2**2), 2.1),
     "rigid body, Euler-Maruyama": (Size(0, 0, 3**2), 2.1),
-    "rigid body, midpoint": (Size(0, 0, 3**2), 3.1),
-    "rigid body, isospectral midpoint": (Size(0, 0, 3**2), 3.0),
+    "rigid body, midpoint": (Size(0, 0, 3 * 3**2), 3.1),
+    "rigid body, isospectral midpoint": (Size(0, 0, 3 * 3**2), 3.0),
     "rigid body, Munthe-Kaas, midpoint": (Size(0, 0, 3**2), 2.9),
     "heavy top, Euler-Maruyama": (Size(0, 0, 6**2), 2.2),
+    "ring of 4 spins, symmetric splitting": (Size(13, 12), 16.8),
+    "ring of 4 spins, midpoint": (Size(0, 0, 3 * 12**2), 7.5),
+    "ring of 4 spins, Munthe-Kaas, midpoint": (Size(0, 0, 12**2), 4.4),
     "ring of 4 spins, Euler-Maruyama": (Size(0, 0, 12**2), 3.2),
     "sine-Euler, N = 5, Euler-Maruyama": (Size(0, 0, 25**2), 8.6),
 }
@@ -56,8 +59,8 @@ def test_sizes_are_those_of_the_compositions():
     assert size_of(splitting, RIGID_BODY) == MEASURED["rigid body, splitting"][0]
     assert size_of(order2, RIGID_BODY) == MEASURED["rigid body, splitting of order 2 with coins"][0]
     assert size_of(splitting, MaxwellBloch()) == MEASURED["Maxwell-Bloch, splitting"][0]
-    for scheme in ("euler_maruyama", "midpoint"):
-        assert size_of(SCHEMES[scheme].record, RIGID_BODY) == MEASURED["rigid body, midpoint"][0]
+    for scheme, name in (("euler_maruyama", "Euler-Maruyama"), ("midpoint", "midpoint")):
+        assert size_of(SCHEMES[scheme].record, RIGID_BODY) == MEASURED[f"rigid body, {name}"][0]
 
 
 def test_kernels_side_by_side_take_as_long_as_the_longest_or_their_share():
