@@ -22,7 +22,7 @@ _NEWTON = 3  # times as much for schemes that solve equations
 _STAGE = 7.0  # of a composition for an array-state model, whose flows are loops over arrays
 _OTHER = 0.4  # a kernel that takes no steps
 _JUDGED = 3  # stages that a scheme with flows that are judged counts for
-_ROW = 12  # components at most of what is compiled for a sweep with tables
+_ROW = 4  # components that a sweep with tables counts for, however many rows it has
 
 
 class Size(NamedTuple):
