@@ -43,7 +43,7 @@ class Line:
         self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{known}")
 
     def _report_compiling(self, news: Compiling) -> None:
-        self._write(f"{self.name}: compiling {news.number} of {news.told}")
+        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.told}")
 
     def _tell(self, news: str) -> None:
         self._write(news, end="\n")

@@ -181,7 +181,7 @@ def test_a_notebook_shows_a_line(monkeypatch, capsys, wanted, shown):
         line.watch.report_compiling(Compiling(1, (Job("splitting", "", "integrate", (), 7.0),), 1))
     out, err = capsys.readouterr()
     assert err == ""
-    compiling = "\n\rmine: compiling 1 of 1 kernel, about 9 s: splitting (7 s)"
+    compiling = "\n\rmine: compiling splitting, 1 of 1 kernel, about 9 s: splitting (7 s)"
     assert (out.startswith("\rmine: paths 25%\rnews") and compiling in out) == shown
     assert out.endswith("\r" if shown else "") and (shown or out == "")
 
