@@ -5,6 +5,7 @@ import sys
 from types import TracebackType
 from typing import Any
 
+from ..running.compiling import Compiling
 from ..running.run import NOBODY, Progress, Watch
 
 _WIDTH = 100  # of the line, cut there
@@ -42,8 +43,8 @@ class Line:
         known = "" if math.isnan(progress.stderr) else f", standard error {progress.stderr:.1e}"
         self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{known}")
 
-    def _report_compiling(self, number: int, total: int, name: str) -> None:
-        self._write(f"{self.name}: compiling {number} of {total}: {name} (once, some seconds for each scheme)")
+    def _report_compiling(self, news: Compiling) -> None:
+        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.told}")
 
     def _tell(self, news: str) -> None:
         self._write(news, end="\n")

@@ -64,10 +64,10 @@ def check(
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..printing import cost_line, print_safely
     from ..running.remarks import remarks
-    from ..running.run import cost, reports
+    from ..running.run import cost, reports, to_compile
 
     for experiment in experiments:
-        print_safely([cost_line(experiment, cost(experiment))])
+        print_safely([cost_line(experiment, cost(experiment), to_compile(experiment))])
         print_safely(f"{experiment.called}: {line}" for line in remarks(experiment))
         for name, lines in reports(experiment).items():
             print_safely([f"{name}:", *(f"  {line}" for line in lines)])

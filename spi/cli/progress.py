@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
+    from ..running.compiling import Compiling
     from ..running.run import Cost, Progress, Watch
 
 
@@ -23,7 +24,7 @@ class ProgressLine:
         self.name = printable(name)
         self.bar: Bar | None = None
         self.task: TaskID | None = None
-        self.told = False  #: where there is no line: that kernels are compiled
+        self.told: tuple = ()  #: which kernels are compiled
 
     def __enter__(self) -> "ProgressLine":
         if sys.stderr.isatty():
@@ -67,15 +68,17 @@ class ProgressLine:
         long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
         self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
 
-    def report_compiling(self, number: int, total: int, name: str) -> None:
+    def report_compiling(self, news: "Compiling") -> None:
         STOP.check()
-        kept = "" if CACHE_PROBLEM else ", saved for later runs"
+        total, before = len(news.jobs), news.number - 1
+        if self.told is not news.jobs:
+            self.told = news.jobs
+            kept = "" if CACHE_PROBLEM else "; saved for later runs"
+            self.tell(f"{self.name}: compiling {printable(news.told)}{kept}")
+        elif not self.bar:
+            tell(f"spi: {self.name}: compiling {printable(news.title)}, {total - before} of {total} kernels left")
         if self.bar:
-            self._show(self.bar, None, f"{self.name}: compiling {name}{kept}", total, number - 1)
-        elif not self.told:
-            self.told = True
-            kernels = "1 kernel, some seconds" if total == 1 else f"{total} kernels, some seconds each"
-            tell(f"spi: {self.name}: compiling {kernels}{kept}")
+            self._show(self.bar, None, f"{self.name}: compiling {printable(news.title)}", total, before)
 
     def report_work(self, number: int, total: int, work: str) -> None:
         """Say which of how many comes next of some work, such as "drawing NAME"."""

@@ -33,14 +33,15 @@ def print_safely(lines: Iterable[str]) -> None:
     print_lines(new_console(None), map(printable, lines))
 
 
-def cost_line(experiment: Any, cost: Any) -> str:
-    """That an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
+def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
+    """That an experiment is valid and what it would cost: a ``spi.running.run.Cost``, and what is to be compiled."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
     seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
     takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
     return (
         f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
-        f"{'time not known before' if math.isnan(cost.seconds) else takes}, {cost.megabytes:.0f} MB"
+        f"{'time not known before' if math.isnan(cost.seconds) else takes}"
+        f"{f' (to be compiled: {to_compile})' * bool(to_compile)}, {cost.megabytes:.0f} MB"
     )
 
 

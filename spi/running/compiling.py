@@ -19,7 +19,9 @@ from ..checks.compilable import explained
 from ..compiler.inlining import is_compiled, types_of
 from ..compiler.modules import is_foreign
 from ..compiler.records import record_classes
+from ..printing.text import human_time
 from . import orphans
+from .compile_seconds import STARTING, seconds_of
 
 _JOBS = "jobs"  # file of the pickled jobs
 #: What a worker runs, with the folder as argument; it imports from where this process does.
@@ -40,27 +42,50 @@ class Job(NamedTuple):
     module: str
     name: str
     arguments: tuple  #: of a call that has it compiled
+    seconds: float  #: what it takes, see ``compile_seconds.py``
+
+    @property
+    def title(self):
+        """What is compiled: the steps of a scheme are called like it, all else like its function."""
+        return self.label if self.name == "integrate" else self.name
 
 
-def compile_missing(labelled_calls, report=lambda number, total, label: None):
+class Compiling(NamedTuple):
+    """That a kernel is about to be compiled."""
+
+    number: int  #: of the kernel, from 1 on
+    jobs: tuple[Job, ...]  #: all that were missing at the beginning
+    processes: int  #: that compile
+
+    @property
+    def title(self):
+        return self.jobs[self.number - 1].title
+
+    @property
+    def told(self):
+        """All kernels with their number and time."""
+        return described(self.jobs, self.processes)
+
+
+def compile_missing(labelled_calls, report=lambda news: None):
     """Compile what has not been compiled of ``spi.kinds.plans.KernelCall``; `labelled_calls` are (label, call).
 
-    Those that take longest should be first.  `report` is called before this process compiles job `number`, from 1 on,
-    of `total`.  Other processes are started only if kernels with more than one label are missing.  Raises
+    Those that take longest are first.  `report` is given a :class:`Compiling` before this process compiles a kernel.
+    Other processes are started only if kernels with more than one label are missing.  Raises
     CompilationError if a model that is no part of this package cannot be compiled.
     """
-    jobs = _missing(labelled_calls)
+    jobs = missing(labelled_calls)
     if not jobs:
         return
     with scratch_folder() as folder, contextlib.ExitStack() as workers:
-        if (count := min(len({job.label for job in jobs}), processors()) - 1) and _written(folder, jobs):
+        if (count := processes_for(jobs) - 1) and _written(folder, jobs):
             started = [workers.enter_context(_worker(folder)) for _ in range(count)]
         else:
             started = []
-        work(folder, jobs, lambda number: report(number, len(jobs), jobs[number - 1].label))
+        work(folder, jobs, lambda number: report(Compiling(number, jobs, 1 + len(started))))
         for worker in started:
             worker.wait()
-    for job in _missing(labelled_calls):  # what a worker began and could not finish
+    for job in missing(labelled_calls):  # what a worker began and could not finish
         _compile(job)
 
 
@@ -99,14 +124,36 @@ def _compile(job):
         raise
 
 
-def _missing(labelled_calls):
-    """The jobs for what has not been compiled, each once."""
+def processes_for(jobs):
+    """How many processes compile these: one for each label, at most as many as there are processors."""
+    return min(len({job.label for job in jobs}), processors())
+
+
+def described(jobs, processes):
+    """``3 kernels, about 25 s on 2 processors: splitting (25 s), midpoint (9 s), invariants (1 s)``."""
+    taken: dict[str, tuple[int, float]] = {}
+    for job in jobs:
+        count, seconds = taken.get(job.title, (0, 0.0))
+        taken[job.title] = count + 1, seconds + job.seconds
+    several = [f"{title} ({f'{n} kernels, ' * (n > 1)}{_rounded(seconds)})" for title, (n, seconds) in taken.items()]
+    longest, together = max(job.seconds for job in jobs), sum(job.seconds for job in jobs) / processes
+    about = f"about {_rounded(STARTING + max(longest, together))}{f' on {processes} processors' * (processes > 1)}"
+    return f"{len(jobs)} kernel{'s' * (len(jobs) > 1)}, {about}: {', '.join(several)}"
+
+
+def _rounded(seconds):
+    return human_time(max(1, round(seconds)))
+
+
+def missing(labelled_calls):
+    """The jobs for what has not been compiled, each once, those that take longest first."""
     found = {}
     for label, call in labelled_calls:
         types = types_of(call.kernel, call.arguments)
         if types is not None and (call.kernel, types) not in found and not is_compiled(call.kernel, types):
-            found[call.kernel, types] = Job(label, call.kernel.__module__, call.kernel.__name__, call.arguments)
-    return list(found.values())
+            name, seconds = call.kernel.__name__, seconds_of(call.kernel, call.arguments)
+            found[call.kernel, types] = Job(label, call.kernel.__module__, name, call.arguments, seconds)
+    return tuple(sorted(found.values(), key=lambda job: -job.seconds))
 
 
 def _written(folder, jobs):

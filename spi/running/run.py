@@ -84,8 +84,8 @@ class Watch(NamedTuple):
     """Who is told what while a run lasts."""
 
     report: Callable[[Progress], None] = lambda progress: None  #: how far it is
-    #: which of how many kernels is compiled next, and for which scheme
-    report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None
+    #: which kernel is compiled next, of which
+    report_compiling: Callable[[compiling.Compiling], None] = lambda news: None
     tell: Callable[[str], None] = lambda news: None  #: what else a person should know
     #: what is about to be computed: its title, and what it would cost from the start
     report_beginning: Callable[[str, Cost], None] = lambda title, cost: None
@@ -206,6 +206,12 @@ def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
 
     dearest_first = sorted(ready, key=of_a_step, reverse=True)
     return [(plan.part.scheme, call) for plan in dearest_first for call in plan.kernel_calls()]
+
+
+def to_compile(experiment: specs.Experiment) -> str:
+    """Which kernels a run would have to compile and how long that takes, in words; empty if there are none."""
+    jobs = compiling.missing(kernel_calls(plans(experiment)))
+    return compiling.described(jobs, compiling.processes_for(jobs)) if jobs else ""
 
 
 def _progress(state: State, number: int, parts: int) -> Progress:

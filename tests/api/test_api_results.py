@@ -13,6 +13,7 @@ import spi
 from spi import storage
 from spi.api.progress import Line
 from spi.drawing import Figure
+from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
 from spi.storage.records import INTERVAL
 
@@ -192,10 +193,10 @@ def test_a_notebook_shows_a_line(monkeypatch, capsys, wanted, shown):
         for done in (1, 2, 3):
             line.share("paths", done, 4)
         line.watch.tell("news")
-        line.watch.report_compiling(1, 2, "splitting")
+        line.watch.report_compiling(Compiling(1, (Job("splitting", "", "integrate", (), 7.0),), 1))
     out, err = capsys.readouterr()
     assert (out, err) == ("news\n" if shown else "", "")  # and no carriage return
-    compiling = "mine: compiling 1 of 2: splitting (once, some seconds for each scheme)"
+    compiling = "mine: compiling splitting, 1 of 1 kernel, about 9 s: splitting (7 s)"
     one = ["mine: paths 25%", "mine: paths 50%", "mine: paths 75%", compiling, ""]
     assert shows == ([one] if shown else [])
 

@@ -14,6 +14,8 @@ from strong_results import strong, strong_group
 
 from spi import cli, storage
 from spi.cli import progress, running, streams
+from spi.running import compiling
+from spi.running.compiling import Compiling, Job, described
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 TINY = ["--set", "final_time=1/8", "--set", "step=1/8", "--set", "schemes=[splitting]"]
@@ -208,12 +210,44 @@ def test_a_wrong_word_is_told_without_the_words_of_a_library():
     assert refusal("list", "model").startswith("spi: Invalid value for 'models|schemes|experiments': 'model' is not")
 
 
+JOBS = tuple(
+    Job(label, "", name, (), seconds)
+    for label, name, seconds in (
+        ("splitting_symmetric", "integrate", 25.0),
+        ("splitting_metropolis", "integrate", 13.0),
+        ("splitting_symmetric", "invariants", 2.0),
+    )
+)
+
+
 @pytest.mark.parametrize(("problem", "kept"), [("", True), ("/cache: permission denied", False)])
 def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsys, problem, kept):
     monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
-    progress.ProgressLine("mine").report_compiling(1, 2, "splitting")
+    progress.ProgressLine("mine").report_compiling(Compiling(1, JOBS, 1))
     told = capsys.readouterr().err
-    assert "mine: compiling 2 kernels, some seconds each" in told and ("saved for later runs" in told) == kept
+    assert "mine: compiling 3 kernels, about 42 s" in told and ("saved for later runs" in told) == kept
+
+
+def test_it_is_said_which_kernels_compile_how_long_and_how_many_are_left(capsys):
+    line = progress.ProgressLine("mine")
+    for number in (2, 3):  # another process has the first
+        line.report_compiling(Compiling(number, JOBS, 2))
+    assert capsys.readouterr().err.splitlines() == [
+        "spi: mine: compiling 3 kernels, about 27 s on 2 processors: splitting_symmetric (25 s), "
+        "splitting_metropolis (13 s), invariants (2 s); saved for later runs",
+        "spi: mine: compiling invariants, 1 of 3 kernels left",
+    ]
+    twice = described((*JOBS, JOBS[0]), 1)
+    assert twice.startswith("4 kernels, about 67 s: splitting_symmetric (2 kernels, 50 s), ")
+
+
+def test_the_check_says_what_is_to_be_compiled(monkeypatch):
+    monkeypatch.setattr(compiling, "missing", lambda calls: JOBS[:1])
+    code, out, err = call("check", "rigid_body_strong")
+    assert (code, err) == (0, "")
+    assert "s once compiled (to be compiled: 1 kernel, about 27 s: splitting_symmetric (25 s)), " in out
+    monkeypatch.setattr(compiling, "missing", lambda calls: ())
+    assert "to be compiled" not in call("check", "rigid_body_strong")[1]
 
 
 WEAK = """\

@@ -56,7 +56,10 @@ def only_workers():
     compiling.work = lambda *arguments: None
 
 def compile_missing(labels="abc", calls=CALLS):
-    compiling.compile_missing(zip(itertools.cycle(labels), calls), lambda *news: told.append(news))
+    def report(news):
+        told.append((news.number, len(news.jobs), news.jobs[news.number - 1].label))
+
+    compiling.compile_missing(zip(itertools.cycle(labels), calls), report)
 
 compiling.subprocess.Popen = counted
 """
