@@ -5,6 +5,8 @@
 runs each experiment with as many seeds and prints a line for each: the share of the runs whose interval holds the value
 of the quadrature, for a few functions; how much the value is off on average, in standard errors of the runs' means; and
 how long a path is in autocorrelation times.  Of 1000 runs 95 +- 1.4 % are within two standard errors of 95 %.
+
+Short form: --runs 4 uniform
 """
 
 import argparse

@@ -6,6 +6,8 @@ Each line runs one experiment with as many seeds.  The exact value comes from a 
 moments of the scheme itself, or from quadrature; never from sampling.  Printed are the share of the intervals that hold
 it, the 95 % interval of that share (Clopper and Pearson), and how many intervals it is from.  Intervals of one run
 are correlated, so the interval of the share counts runs, not intervals.
+
+Short form: --seeds 1 strong
 """
 
 import argparse

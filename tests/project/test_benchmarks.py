@@ -3,9 +3,12 @@
 Nothing is timed here.
 """
 
+import ast
 import importlib
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -24,7 +27,8 @@ from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.schemes import SCHEMES
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
+ROOT = Path(__file__).parents[2]
+FOLDERS = FOLDER, _ = ROOT / "benchmarks", ROOT / "docs" / "generate"
 sys.path.insert(0, str(FOLDER))  # no package: programs, and what they share
 examples, generic, machine, naive, zeitlin = map(
     importlib.import_module, ("examples", "generic", "machine", "naive", "zeitlin")
@@ -140,41 +144,55 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
         zeitlin.Midpoint(n, 1).step(W0)
 
 
-#: Each program of the folder with arguments for which it takes a minute or less.
-SHORT = {
-    "coverage.py": ["--runs", "4", "uniform"],
-    "digests.py": ["experiments/rigid_body_strong.yaml"],
-    "equilibrium.py": ["--samples", "20000"],
-    "euler.py": [],  # and results, which the test computes
-    "flops.py": ["lotka_volterra"],
-    "fluid_equilibrium.py": [],  # and results
-    "integrator.py": ["640", "10"],
-    "joint.py": [],
-    "kernels.py": ["lotka_volterra"],
-    "normals_offline.py": ["--draws", "100000"],
-    "peers.py": [],
-    "points.py": ["--seeds", "2", "--points", "64", "--sigma", "1"],
-    "questions.py": ["--count", "1", "--accuracies", "1e-2"],
-    "scaling.py": ["1000"],
-    "spin_chain.py": [],
-    "spin_ring.py": ["splitting", "--spins", "4"],
-    "systems.py": [],
-    "total_error.py": ["--errors", "1e-2", "--longest", "0.1", "--points", "262144"],
-    "weak_differences.py": ["experiments/weak_agreement.yaml", "splitting", "--set", "seconds=0.2"],
-    "zeitlin.py": ["5"],
-}
+#: The scripts of both folders; a new one is among them without a line.
+SCRIPTS = {path.relative_to(ROOT).as_posix(): path for folder in FOLDERS for path in sorted(folder.glob("*.py"))}
+#: A line of a program's docstring: the experiment whose results it needs, if any, and the arguments of a cheap call.
+SHORT_FORM = re.compile("^Short form(?:, after `spi run --profile quick (.+)`)?: (.+)$", re.MULTILINE)
+
+
+def short_form(text):
+    """The experiment that a program needs, or None, and its arguments; None of a module that is no program."""
+    tree = ast.parse(text)
+    if not any(isinstance(node, ast.Constant) and node.value == "__main__" for node in ast.walk(tree)):
+        return None
+    line = SHORT_FORM.search(ast.get_docstring(tree) or "")
+    assert line, "its docstring needs a line `Short form: ARGUMENTS` (or `without arguments`) that takes half a minute"
+    return line[1], [] if line[2] == "without arguments" else shlex.split(line[2])
+
+
+def test_a_program_says_its_short_form():
+    """And a module that is none is only imported."""
+    program = '"""Prints.\n\n{}"""\nif __name__ == "__main__":\n    print()\n'
+    assert short_form('"""No program."""\n') is None
+    assert short_form(program.format("Short form: --runs 4 a\n")) == (None, ["--runs", "4", "a"])
+    assert short_form(program.format("Short form: without arguments\n")) == (None, [])
+    after = program.format("Short form, after `spi run --profile quick toda`: results/toda.quick.h5\n")
+    assert short_form(after) == ("toda", ["results/toda.quick.h5"])
+    with pytest.raises(AssertionError, match="needs a line `Short form: ARGUMENTS`"):
+        short_form(program.format(""))
+    for path in SCRIPTS.values():
+        short_form(path.read_text(encoding="utf-8"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", [file.name for file in sorted(FOLDER.glob("*.py")) if "__main__" in file.read_text()])
-def test_every_benchmark_runs(file, tmp_path):
-    assert file in SHORT, "give the arguments with which it takes a minute"
-    if file == "peers.py":
-        pytest.importorskip("diffrax")
-    needed = {"euler.py": ("vortex_merger", "32"), "fluid_equilibrium.py": ("zeitlin_temperature",)}
-    results = [runner.run(runner.load(name, "quick"), tmp_path) for name in needed.get(file, ())[:1]]
-    command = [sys.executable, FOLDER / file, *SHORT[file], *results, *needed.get(file, ())[1:]]
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_every_script_runs(script, tmp_path):
+    """In a folder of its own; peers that are not installed are left out by the script itself."""
+    path = SCRIPTS[script]
+    form = short_form(path.read_text(encoding="utf-8"))
+    (tmp_path / "experiments").symlink_to(ROOT / "experiments")
+    if form and form[0]:
+        runner.run(runner.load(form[0], "quick"), tmp_path / "results")
+    imports = f"import sys; sys.path.insert(0, {str(path.parent)!r}); import {path.stem}"
     answer = subprocess.run(
-        command, cwd=FOLDER.parent, capture_output=True, text=True, check=False, timeout=1800, stdin=subprocess.DEVNULL
+        [sys.executable, path, *form[1]] if form else [sys.executable, "-c", imports],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=1800,
+        stdin=subprocess.DEVNULL,
     )
-    assert answer.returncode == 0 and answer.stdout, answer.stderr
+    made = answer.stdout or any((tmp_path / "pages").glob("*.md"))
+    assert answer.returncode == 0 and bool(made) == bool(form), answer.stderr
