@@ -7,6 +7,8 @@ has the deviations of E H and E y_3^2 from quadrature in standard errors, of as 
 chi squared of the histogram of H with 20 bins of equal width, of its degrees of freedom.  The second has the bias of
 schemes without Metropolis steps, by a fifth of the paths, the order between steps, nanoseconds per step (the least of
 several in turn), and the time for a unit of time where E H has a bias of 1e-3, by the two smallest steps.
+
+Short form: --samples 20000
 """
 
 import argparse

@@ -14,6 +14,8 @@ place of cutting them off, and the classical Runge-Kutta scheme.  At the times t
     growth   of the mode (1, 0), over the last third of the time, where it is small at the start
 
 A figure stands beside the results, FILE_euler.png: the fields, or with two times errors and growth rates against N.
+
+Short form, after `spi run --profile quick vortex_merger`: results/vortex_merger.quick.h5 32
 """
 
 import math

@@ -10,6 +10,8 @@ they may not be left out.  Comparisons, signs, integers and bits are not floatin
 and so neither do the ten rounds of Philox.
 
 Angles are those of a step of 2^-16, hence tiny ones; an implicit scheme makes the iterations that it needs there.
+
+Short form: lotka_volterra
 """
 
 import json

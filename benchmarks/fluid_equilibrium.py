@@ -4,6 +4,8 @@ That is the law exp(-H/T - mu sum |omega_m|^2) of independent modes, with mu for
 doi:10.1063/1.1762301); the law of the model fixes the other Casimir functions as well.
 
     python benchmarks/fluid_equilibrium.py results/zeitlin_temperature.h5
+
+Short form, after `spi run --profile quick zeitlin_temperature`: results/zeitlin_temperature.quick.h5
 """
 
 import sys

@@ -3,6 +3,8 @@
     python benchmarks/integrator.py [PATHS [STEPS]]
 
 All are timed in turn, on one thread, and the least of 15 is taken.
+
+Short form: 640 10
 """
 
 import sys

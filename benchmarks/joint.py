@@ -3,6 +3,8 @@
     python benchmarks/joint.py
 
 Times are ns per step and path on one thread, the best of interleaved repetitions, where all angles are small.
+
+Short form: without arguments
 """
 
 import math

@@ -6,6 +6,8 @@
 Times are ns per step and path, the best of several interleaved repetitions, since machines are noisy; compilation is
 not counted.  Naive twins (naive.py where written by hand, otherwise generic.py) run on one thread.  What counts as a
 floating-point operation says flops.py; the random numbers of a step are included.
+
+Short form: lotka_volterra
 """
 
 import argparse

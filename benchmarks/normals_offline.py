@@ -3,6 +3,8 @@
     python benchmarks/normals_offline.py [--draws 100000000] [--seed 1]
 
 Takes some seconds and little memory.  Exits with 1 if a number lies outside its bound.
+
+Short form: --draws 100000
 """
 
 import argparse

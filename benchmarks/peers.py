@@ -16,6 +16,8 @@ torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, a
 A time at an error is interpolated between step sizes.  Where the smallest step does not reach the error, it follows
 from the order over the four smallest steps, and has a star; it goes as error^-2 for order 1/2, so that the errors'
 standard errors count twice in it.
+
+Short form: without arguments
 """
 
 import math

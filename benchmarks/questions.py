@@ -9,6 +9,8 @@ the distance from the truth in half widths (of both together), the processor tim
 without that of the pilot, over that of the best fixed choice: plain Monte Carlo or multilevel differences with any
 step, largest step and extrapolation, by the variances, biases and times that were measured.  Results are added to the
 JSON file, so that many runs make one table.
+
+Short form: --count 1 --accuracies 1e-2
 """
 
 import argparse

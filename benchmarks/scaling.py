@@ -4,6 +4,8 @@
 
 Times are wall clock of paths alone (kernels are compiled and processes started before), the best of three, and ratios
 to one thread.  A machine with more processors than two takes larger SAMPLES (100000) to tell anything.
+
+Short form: 1000
 """
 
 import os

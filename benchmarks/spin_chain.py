@@ -1,6 +1,8 @@
 """Energies of bonds of Heisenberg's chain of classical spins, open and on rings, see docs/equilibria.md.
 
 python benchmarks/spin_chain.py
+
+Short form: without arguments
 """
 
 import numpy as np

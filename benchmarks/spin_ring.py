@@ -5,6 +5,8 @@
     python benchmarks/spin_ring.py --profile splitting  where the time of compiling goes
 
 The model is written out as a program would write it: straight-line code, one branch per piece or noise.
+
+Short form: splitting --spins 4
 """
 
 import argparse

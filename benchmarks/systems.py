@@ -4,6 +4,8 @@
 
 Each line is the time of a step of `splitting`, random numbers included, of a system from YAML over that of a built-in
 model: of the same system, or per flow of the rigid body.  The least of several interleaved repetitions counts.
+
+Short form: without arguments
 """
 
 import itertools

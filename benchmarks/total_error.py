@@ -10,6 +10,8 @@ one such run came out from the truth.  Lines of `quasi` are those of runs with s
 doubled until bias^2 + standard error^2 <= error^2; those of `both` are multilevel differences on top of a largest step
 that follows points, which get a tenth of the variance.  The biases of Rössler's scheme, whose expectations are not
 known without sampling, are found with --points scrambled points, and are as exact as these.
+
+Short form: --errors 1e-2 --longest 0.1 --points 262144
 """
 
 import argparse

@@ -4,6 +4,8 @@ Prints for each scheme and step size the ratio of the standard errors (levels ov
 time, above 1 where differences are better, and the distance of the two estimates in standard errors.
 
     python benchmarks/weak_differences.py experiments/weak_agreement.yaml splitting euler_maruyama --set seconds=8
+
+Short form: experiments/weak_agreement.yaml splitting --set seconds=0.2
 """
 
 import argparse

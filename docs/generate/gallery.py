@@ -1,6 +1,9 @@
 """Write docs/gallery.md and its figures from stored results: python docs/generate/gallery.py RESULTS PROFILE.
 
-Results of that profile are taken where RESULTS has them, elsewhere those of the profile quick.
+Results of that profile are taken where RESULTS has them, elsewhere those of the profile quick.  A folder that takes the
+place of docs/ and names of experiments may follow: python docs/generate/gallery.py RESULTS PROFILE FOLDER NAME...
+
+Short form, after `spi run --profile quick rigid_body_strong`: results quick pages rigid_body_strong
 """
 
 import io
@@ -68,14 +71,15 @@ def found(folder: Path, name: str, profile: str) -> tuple[str, Path]:
     return (profile, wanted) if wanted.is_file() else ("quick", folder / f"{results_name(name, 'quick')}.h5")
 
 
-def main(folder: Path, profile: str) -> None:
-    files = {name: found(folder, name, profile) for name in shipped.names()}
+def main(folder: Path, profile: str, docs: Path = DOCS, *names: str) -> None:
+    files = {name: found(folder, name, profile) for name in names or shipped.names()}
     read = {name: storage.read(path) for name, (_, path) in files.items()}
     sections = [section(path, read[name], name)._replace(name=name) for name, (_, path) in files.items()]
     text = page(sections, {name: found_profile for name, (found_profile, _) in files.items()})
-    pictures = {DOCS / "gallery" / f"{name}.png": picture(results) for name, results in read.items()}
-    storage.write_all({DOCS / "gallery.md": text.encode(), **pictures})
+    pictures = {docs / "gallery" / f"{name}.png": picture(results) for name, results in read.items()}
+    (docs / "gallery").mkdir(parents=True, exist_ok=True)
+    storage.write_all({docs / "gallery.md": text.encode(), **pictures})
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    main(Path(sys.argv[1]), sys.argv[2], *map(Path, sys.argv[3:4]), *sys.argv[4:])

@@ -1,7 +1,9 @@
-"""Writes the pages of ``docs/reference`` from the code: ``python docs/generate/reference.py``.
+"""Writes the pages of ``docs/reference`` from the code: ``python docs/generate/reference.py [FOLDER]``.
 
 What stands there is asked of the program itself: the command line, the JSON Schema of spec files, the models, the
 schemes, the experiments that come with it, and the glossary of CONTRIBUTING.md.
+
+Short form: pages
 """
 
 import inspect
@@ -302,6 +304,7 @@ def pages() -> dict[Path, str]:
 
 
 if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
+    written = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    written.mkdir(exist_ok=True)
     for path, text in pages().items():
-        path.write_text(text, encoding="utf-8")
+        (written / path.name).write_text(text, encoding="utf-8")
