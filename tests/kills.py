@@ -18,6 +18,7 @@ import numpy as np
 
 from spi import storage
 from spi.running import run as runner
+from spi.running.load import load_as
 from spi.running.run import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -30,6 +31,9 @@ RUNS = {
     "work_precision": ("maxwell_bloch_work_precision", ("samples=2000",)),
     "stability": ("stability_positivity", ("samples=1000",)),
     "equilibrium": ("stability_long_time", ("step_count=2^16",)),
+    "statistics": ("rigid_body_statistics", ("samples=20000",)),
+    "lyapunov": ("rigid_body_pullback", ("samples=512", "every=32", "pullback={times: [4, 16, 64], points: 20000}")),
+    "answer": ("rigid_body_weak", ("accuracy=3e-3", "sampling=true")),
 }
 TIMES = ("seconds", "ns_per_step", "level_cost_rate", "threads", "notes")
 
@@ -40,7 +44,8 @@ CHECKPOINT_SECONDS = 0.05
 def experiment(kind):
     """The experiment of a kind."""
     name, overrides = RUNS[kind]
-    return load(EXPERIMENTS / f"{name}.yaml", "quick", overrides)
+    path = EXPERIMENTS / f"{name}.yaml"
+    return load_as(kind, path, "quick", overrides) if kind == "answer" else load(path, "quick", overrides)
 
 
 def numbers(path):
