@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import integrate, limited_threads
+from spi.ensemble.loop import integrate, limited_threads, thread_count
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.kinds.samples import values_of_blocks
 from spi.kinds.strong import study as strong
@@ -104,8 +104,13 @@ class WorkPlan(Plan):
         return self.errors.h if self.case.functions else np.array(self.case.steps)
 
     def cost(self) -> Cost:
-        """The cost of the errors; the times take some seconds more."""
-        return self.errors.cost()
+        """The cost of the errors and of the times, which one thread measures."""
+        errors, of_all = self.errors.cost(), 0.0
+        for one in self.by_level:
+            finest = np.maximum(self.path_steps, LANES * self.case.final_time / one.h)
+            of_all += float(finest.sum()) * sum(0.5**i for i in range(one.part.extrapolate + 1))
+        times = 1e-9 * typical_ns(self.row, self.model) * of_all * (self.case.repeats + 1)
+        return errors._replace(seconds=errors.seconds + times * thread_count())
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of a path set what decides the errors."""
