@@ -82,4 +82,4 @@ def main(folder: Path, profile: str, docs: Path = DOCS, *names: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], *map(Path, sys.argv[3:4]), *sys.argv[4:])
+    main(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]) if len(sys.argv) > 3 else DOCS, *sys.argv[4:])
