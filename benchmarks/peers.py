@@ -11,15 +11,16 @@ precision in the fastest way found, and once more as its documentation shows ("p
 as its state, all increments drawn before it; plain: vmap over paths, UnsafeBrownianPath, a matrix of noise fields.
 torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, and its default, a BrownianInterval.
 
-    python benchmarks/peers.py [error ...]
+    python benchmarks/peers.py [--reference 16] [--repeats 7] [error ...]
 
 A time at an error is interpolated between step sizes.  Where the smallest step does not reach the error, it follows
 from the order over the four smallest steps, and has a star; it goes as error^-2 for order 1/2, so that the errors'
 standard errors count twice in it.
 
-Short form: without arguments
+Short form: --reference 11 --repeats 1 1e-2
 """
 
+import argparse
 import math
 import os
 import sys
@@ -57,11 +58,11 @@ def draw_block(noise, block, scale, dW):
             draw_increments(noise.seed, noise.stream, np.uint64(k), d, b, scale, words, to, 3 * LANES)
 
 
-def our_increments():
+def our_increments(finest):
     """Increments (steps, 3, PATHS) by exponent of the step size, added up as the ensemble does."""
-    blocks, fine = [], np.empty((2**REFERENCE, 3, LANES))
+    blocks, fine = [], np.empty((2**finest, 3, LANES))
     for block in range(PATHS // LANES):
-        draw_block(NOISE, block, 2.0 ** (-REFERENCE / 2), fine)
+        draw_block(NOISE, block, 2.0 ** (-finest / 2), fine)
         dW = fine
         while len(dW) > 2 ** EXPONENTS[-1]:
             dW = dW[::2] + dW[1::2]
@@ -85,7 +86,7 @@ def our_work(scheme, n):
     our_states(scheme, round(math.log2(n)), BATCH["spi"], areas_drawn=True)
 
 
-def our_rows():
+def our_rows(finest):
     """The rows of spi, and the last states of the reference."""
     rows, reference = [], None
     schemes = (
@@ -99,7 +100,7 @@ def our_rows():
         "munthe_kaas_areas",
     )
     for scheme in schemes:
-        first, *others = our_states(scheme, REFERENCE, PATHS, (0, *(REFERENCE - k for k in reversed(EXPONENTS))))
+        first, *others = our_states(scheme, finest, PATHS, (0, *(finest - k for k in reversed(EXPONENTS))))
         reference = first if scheme == "munthe_kaas_areas" else reference
         states = dict(zip(reversed(EXPONENTS), others, strict=True))  # of the same increments, which need not be fed
         final = lambda dW, states=states: states[round(math.log2(len(dW)))]  # noqa: E731
@@ -107,9 +108,9 @@ def our_rows():
     return rows, reference
 
 
-def all_rows():
+def all_rows(finest):
     """The rows of spi and of each peer that is installed, and the reference's last states."""
-    rows, reference = our_rows()
+    rows, reference = our_rows(finest)
     print(f"spi {spi.__version__}: {BATCH['spi']} paths at once when timed")
     for name, below, make in ("diffrax", "jax", diffrax_rows), ("torchsde", "torch", torchsde_rows):
         try:
@@ -138,13 +139,13 @@ def limit_threads(threads, cpus):
             os.sched_setaffinity(int(task), cpus[:threads])
 
 
-def best_times(rows, threads, cpus):
+def best_times(rows, threads, cpus, least):
     """Microseconds per path (rows, step sizes), the best of interleaved repetitions."""
     limit_threads(threads, cpus)
     clock = time.process_time if threads == 1 and cpus else time.perf_counter
     best = np.full((len(rows), len(EXPONENTS)), np.inf)
-    repeats, until = 0, time.perf_counter() + SECONDS
-    while (repeats := repeats + 1) <= REPEATS or time.perf_counter() < until:
+    repeats, until = 0, time.perf_counter() + (SECONDS if least > 1 else 0.0)
+    while (repeats := repeats + 1) <= least or time.perf_counter() < until:
         for i, row in enumerate(rows):
             for j, k in enumerate(EXPONENTS):
                 began = clock()
@@ -188,20 +189,27 @@ def print_ratios(target, rows, errors, times):
 
 
 def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("errors", type=float, nargs="*", default=ERRORS, help="at which times are compared")
+    parser.add_argument("--reference", type=int, default=REFERENCE, help=f"has steps 2^-this; at least {EXPONENTS[-1]}")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="how often a time is taken, at least")
+    chosen = parser.parse_args()
     cpus = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else []
     print(f"rigid body, three noises, to time 1; errors over {PATHS} paths, the same for all programs, against our")
-    print(f"Munthe-Kaas with areas at h = 2^-{REFERENCE}; times are the best of {REPEATS} or more,", end=" ")
+    print(
+        f"Munthe-Kaas with areas at h = 2^-{chosen.reference}; times are the best of {chosen.repeats} or more", end=", "
+    )
     print("on one thread", end=" ")
     print("time of the processor" if cpus else "wall clock, and jax always has all threads")
-    rows, reference = all_rows()
-    increments = our_increments()
+    rows, reference = all_rows(chosen.reference)
+    increments = our_increments(chosen.reference)
     errors = [strong_errors(row, increments, reference) for row in rows]
     for row in rows:
         for k in EXPONENTS:
             row.work(2**k)  # compile
-    times = {n: best_times(rows, n, cpus) for n in sorted({1, numba.config.NUMBA_NUM_THREADS})}
+    times = {n: best_times(rows, n, cpus, chosen.repeats) for n in sorted({1, numba.config.NUMBA_NUM_THREADS})}
     print_table(rows, errors, times)
-    for target in map(float, sys.argv[1:] or ERRORS):
+    for target in chosen.errors:
         print_ratios(target, rows, errors, times)
 
 

@@ -57,22 +57,30 @@ def test_name_and_version_are_the_same_everywhere():
 
 
 def test_addresses_of_the_project_stand_in_one_place():
-    source = PROJECT["project"]["urls"]["Source"]
-    assert [path for path, text in texts() if source in text] == ["pyproject.toml"]
+    source = PROJECT["project"].get("urls", {}).get("Source")
+    assert source is None or [path for path, text in texts() if source in text] == ["pyproject.toml"]
+    made_up = "example" + ".org"
+    assert [path for path, text in texts() if made_up in text] == []
 
 
 def test_the_readme_shows_pictures_and_links_elsewhere():
-    """Its relative links, which an index of packages cannot follow, are whole addresses in what is installed."""
-    script = "import setuptools; setuptools.setup = lambda **given: print(given['long_description']); import setup"
+    """Its relative links, which an index of packages cannot follow, are whole addresses in the package, or text."""
+    source = "https://host/someone/spi"
+    script = "import setuptools; setuptools.setup = lambda **given: print(given['long_description']); import setup; "
+    script += f"print('<end>', setup.readme({source!r}), '<end>', setup.readme(None))"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, encoding="utf-8", check=True, timeout=60
     )
-    source = PROJECT["project"]["urls"]["Source"]
-    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", done.stdout)
+    installed, whole, bare = (text.strip() for text in done.stdout.split("<end>"))
+    assert installed == bare if "urls" not in PROJECT["project"] else installed != bare
+    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", whole)
     assert len(links) > 20 and all(target.startswith(("https://", "#")) for _, target in links)
     assert f"{source}/raw/v{spi.__version__}/docs/rigid_body_strong.png" in [target for mark, target in links if mark]
     here = {target.partition(f"/v{spi.__version__}/")[2] for _, target in links if target.startswith(source)}
     assert all(ROOT.joinpath(path).is_file() for path in here)
+    kept = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", bare)
+    assert all(target.startswith(("https://", "#")) and source not in target for _, target in kept)
+    assert kept == [link for link in links if not link[1].startswith(source)] and "![" not in bare
 
 
 # --- what it needs ---------------------------------------------------------------------------------------------------
