@@ -197,7 +197,7 @@ def main():
     cpus = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else []
     print(f"rigid body, three noises, to time 1; errors over {PATHS} paths, the same for all programs, against our")
     print(
-        f"Munthe-Kaas with areas, h = 2^-{chosen.reference}; times are the best of {chosen.repeats} or more", end=", "
+        f"Munthe-Kaas with areas at h = 2^-{chosen.reference}; times are the best of {chosen.repeats} or more", end=", "
     )
     print("on one thread", end=" ")
     print("time of the processor" if cpus else "wall clock, and jax always has all threads")

@@ -64,7 +64,7 @@ def test_addresses_of_the_project_stand_in_one_place():
 
 
 def test_the_readme_shows_pictures_and_links_elsewhere():
-    """Its relative links, which an index of packages cannot follow, are whole addresses when installed, or text."""
+    """Its relative links, which an index of packages cannot follow, are whole addresses in the package, or text."""
     source = "https://host/someone/spi"
     script = "import setuptools; setuptools.setup = lambda **given: print(given['long_description']); import setup; "
     script += f"print('<end>', setup.readme({source!r}), '<end>', setup.readme(None))"
