@@ -259,7 +259,8 @@ class StatisticsPlan(MeansPlan):
 
     def _counted(self, sums: Sums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
         """What follows from the counts in bins, as far as it is asked for."""
-        asked, found = self.case.statistics, {}
+        asked = self.case.statistics
+        found: dict[str, Any] = {}
         if bins is not None and "quantiles" in asked:
             found["quantiles"] = quantiles(sums.counts, sums.lost, bins, of_values, self.case.quantiles)
         if bins is not None and "histogram" in asked:

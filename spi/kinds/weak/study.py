@@ -148,7 +148,7 @@ _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray | float) -> np.ndarray:
     """The standard errors of errors by the jackknife, and by what they lack unseen, half the width of an interval."""
-    return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(np.count_nonzero(counts)))
+    return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(int(np.count_nonzero(counts))))
 
 
 def sampled_errors(
