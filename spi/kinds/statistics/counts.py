@@ -35,24 +35,19 @@ def quantiles(
 ) -> Quantiles:
     """Quantiles from counts, of which `lost` (T, F, 2) are of minus infinity, and of infinity or NaN.
 
-    Their intervals are those of ranks, which are binomial, and one bin wider.  NaN where a function has no values but
-    0 and 1, which `of_values` says, and where no value is finite.
+    Their intervals are those of ranks, which are binomial, with all of the bins at their ends.  NaN where a function
+    has no values but 0 and 1, which `of_values` says, and where no value is finite.
     """
     counts, bins = _some(counts, bins, of_values)
     counts[..., [0, -1]] -= lost[:, np.flatnonzero(of_values)]
     n = counts.sum(axis=-1)
     ranks = {size: [order_statistics(size, level) for level in levels] for size in np.unique(n).tolist()}
     each = np.array([ranks[size] for size in n.ravel().tolist()], int).reshape(*n.shape, len(levels), 2)
-    first, last = each[..., 0], each[..., 1]
-    wanted = n[..., np.newaxis] * np.array(levels), first - 0.5, last - 0.5  # a rank is in the bin that holds its value
-    ends = [_quantile(counts, bins, at) for at in wanted]
-    ends[1][first == 0], ends[2][last > n[..., np.newaxis]] = -np.inf, np.inf
+    ends = [_quantile(counts, bins, n[..., np.newaxis] * np.array(levels))]
+    ends += [_end(counts, bins, each[..., side], side) for side in (0, 1)]
     for end in ends:
         end[n == 0] = np.nan
-    ends = [np.moveaxis(end, 0, 1) for end in ends]
-    width = bins.width.T[..., np.newaxis]
-    with np.errstate(invalid="ignore"):
-        found = ends[0], ends[1] - width, ends[2] + width
+    found = (np.moveaxis(end, 0, 1) for end in ends)
     quantile, low, high = (_all(values, of_values) for values in found)
     return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
 
@@ -66,6 +61,20 @@ def _all(values: np.ndarray, of_values: Sequence[bool]) -> np.ndarray:
     """Values of some functions as those of all, NaN of the others."""
     found = np.full((len(of_values), *values.shape[1:]), np.nan)
     found[np.array(of_values)] = values
+    return found
+
+
+def _end(counts: np.ndarray, bins: Bins, rank: np.ndarray, side: int) -> np.ndarray:
+    """(T, F, levels) the lower end (side 0) or upper end (1) of the bin that holds the value of a rank, or +-inf."""
+    found = np.empty(rank.shape)
+    for place in np.ndindex(*counts.shape[:2]):
+        with np.errstate(invalid="ignore", over="ignore"):
+            edges = bins.low[place] + bins.width[place] * np.arange(bins.number + 1)
+        ends = np.concatenate(([-np.inf], edges, [np.inf]))
+        below = np.cumsum(counts[place])
+        cell = np.searchsorted(below, np.minimum(rank[place], below[-1]))  # 0: below all bins
+        beyond = (rank[place] < 1) if side == 0 else (rank[place] > below[-1])
+        found[place] = np.where(beyond, ends[-side], ends[cell + side])
     return found
 
 

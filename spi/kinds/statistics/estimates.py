@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.statistics.estimators import group_counts, jackknife_stderr
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
 from spi.statistics.powers import mean_over_paths
 
@@ -177,7 +177,8 @@ def simultaneous(without: Array) -> Array:
     """(F,) the factor c by which mean -+ c stderr holds all true means (F, T) at once in 95 % of cases.
 
     The largest of correlated Student variables, of which the correlations are those of the leave-one-out values
-    `without` (groups, F, T); with normal weights for these over one spread, drawn from a fixed seed.
+    `without` (groups, F, T); with normal weights for these over one spread, drawn from a fixed seed.  For fewer than
+    GROUPS groups it is that of as many independent times.
     """
     groups = len(without)
     if groups < LEAST_GROUPS:
@@ -186,6 +187,8 @@ def simultaneous(without: Array) -> Array:
         spread = without - without.mean(axis=0)
         units = spread / np.sqrt((spread**2).sum(axis=0))
     units[~np.isfinite(units)] = 0.0
+    if groups < GROUPS:  # which say too little of correlations: Bonferroni's factor
+        return np.full(without.shape[1], student_factor(groups, 1 - 0.05 / without.shape[2]))
     random = np.random.default_rng(1)
     weights = random.standard_normal((_DRAWS, groups))
     weights /= np.sqrt(random.chisquare(groups - 1, (_DRAWS, 1)) / (groups - 1))
