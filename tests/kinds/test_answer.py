@@ -444,5 +444,5 @@ def test_python_functions_are_answered_like_formulas():
     alone = spi.answer(MODEL, lambda y: y[0] ** 2, **ask)
     assert (alone.value, alone.half) == (formula.value, formula.half) and "E phi at t = 1: " in str(alone)
     assert "E mine at" in str(found) and "E theirs = E y2 at" in str(found)
-    with pytest.raises(ValueError, match=r"the function phi returned shape \(3, 512\) for 512 paths; one each"):
+    with pytest.raises(ValueError, match=r"the function phi returned shape \(3, (\d+)\) for \1 paths; one each"):
         spi.answer(MODEL, lambda y: y, **ask)
