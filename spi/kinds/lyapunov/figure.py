@@ -28,8 +28,8 @@ def draw(title: str, cases: Sequence[Sequence[Exponents]]) -> Figure:
 
 def _lines(readings: Sequence[Exponents], looks: style.Looks) -> list[layout.Line]:
     layout.check_panels(readings[0].panels, PANELS)
-    if "lyapunov" not in readings[0].panels:
-        return _pictures(readings)
+    if "lyapunov" not in readings[0].panels and (pictures := _pictures(readings)):  # none yet of a run that goes on
+        return pictures
     count = len(readings[0].number)
     panels = [partial(_panel, readings=readings, looks=looks, k=k) for k in range(count + (count > 1))]
     legend = [[layout.scheme_entry(one.about, looks, markersize=4) for one in readings]]
