@@ -194,7 +194,7 @@ BODY = {
     "functions": {"H": "H", "square": "y3^2"},
 }
 WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}}
-UNIFORM = {"temperature": None, "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}}
+UNIFORM = {"temperature": "inf", "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}}
 
 # --- answers ---------------------------------------------------------------------------------------------------------
 
