@@ -91,14 +91,19 @@ class ProgressLine:
         if not self.bar:
             return
         part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        if progress.work is not None:
+            # not to be counted with the paths before and after
+            work, share = progress.work, f"{progress.work.share:.0%}"
+            self._show(self.bar, work.title, f"{part}: {work.title} {share}", work.total, work.done)
+            return
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
             news = f"{rate}standard error {progress.stderr:.1e}"
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
-    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float) -> None:
-        """Show how far a part is, None for what is no part."""
+    def _show(self, bar: "Bar", part: int | str | None, description: str, total: float, completed: float) -> None:
+        """Show how far a part, or work that has a title, is; None for what is neither."""
         if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:
                 bar.remove_task(self.task)

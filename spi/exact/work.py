@@ -1,9 +1,9 @@
 """How far work without paths is: who does it counts in seconds of typical speed, and who runs it is told.
 
     with told(report):                      # around whatever may work
-        with work("solving", seconds):      # a predicted time; within another one, so much of that
-            ...
-            counted(seconds)                # in its loops
+        with work("solving", seconds):      # which is predicted to take so long
+            with part(seconds):             # of known size
+                counted(seconds)            # in its loops
 
 Where nobody is told, counting costs a look at a variable.
 """
@@ -83,22 +83,38 @@ def told(report: Report) -> Iterator[None]:
 
 @contextlib.contextmanager
 def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
-    """Work that is predicted to take `seconds`, after some that are `done`; all of them count as done at the end."""
-    if (meter := _METER.get()) is not None:
-        end = meter.done + seconds
-        meter.ends = [max(end, outer) for outer in meter.ends] + [end]
-        yield
-        meter.ends.pop()
-        meter.count(max(end - meter.done, 0.0))
-    elif (report := _REPORT.get()) is not None:
-        before = _METER.set(_Meter(title, seconds, done, report))
-        try:
+    """Work that is predicted to take `seconds`, after some that are `done`; within other work it is a part of that."""
+    if _METER.get() is not None or (report := _REPORT.get()) is None:
+        with part(seconds):
             yield
-        finally:
-            _METER.reset(before)
-            report(None)
-    else:
+        return
+    before = _METER.set(_Meter(title, seconds if math.isfinite(seconds) else 0.0, done, report))
+    try:
         yield
+    finally:
+        _METER.reset(before)
+        report(None)
+
+
+@contextlib.contextmanager
+def part(seconds: float) -> Iterator[None]:
+    """A part of the work that goes on, predicted to take `seconds`; at its end all of them count as done."""
+    if (meter := _METER.get()) is None:
+        yield
+        return
+    end, before = meter.done + (seconds if math.isfinite(seconds) else 0.0), meter.ends
+    meter.ends = [*(max(end, outer) for outer in before), end]
+    try:
+        yield
+    finally:
+        meter.ends = meter.ends[: len(before)]
+        meter.count(max(end - meter.done, 0.0))
+
+
+def expected(seconds: float) -> None:
+    """So many seconds are left of the work that goes on, as is known by now; of a part that stays as it was."""
+    if (meter := _METER.get()) is not None and len(meter.ends) == 1 and math.isfinite(seconds):
+        meter.ends[0] = meter.done + seconds
 
 
 def counted(seconds: float) -> None:

@@ -12,8 +12,10 @@ import scipy.fft
 from scipy.special import erfc
 
 from ...ensemble.loop import thread_count
+from ..work import counted
 from .kinks import FINER, extrapolated, is_rough, low_pass, sharpened
 
+SECONDS = 5e-9  #: of a point, for each function and group of flows of a step
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
 REFINEMENT = 1.4  #: ratio of a grid to the coarser one that tells its error
@@ -115,6 +117,7 @@ class Grid:
         k, f = 0, self.start.copy()
         begin, branches, end = plan
         for _ in range(n):
+            counted(self.seconds(plan))
             k, f = self._apply(begin, h, factors, k, f)
             if branches:
                 results = [(p, self._apply(groups, h, factors, k, f.copy())) for p, groups in branches]
@@ -122,6 +125,12 @@ class Grid:
             k, f = self._apply(end, h, factors, k, f)
         f = self._turn(k, 1, f) * low_pass(self.k)
         return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * low_pass(self.m), self.shape[1], axis=1)[:, 0]
+
+    def seconds(self, plan):
+        """About how many seconds a step takes."""
+        begin, branches, end = plan
+        groups = len(begin) + len(end) + sum(len(word) for _, word in branches)
+        return groups * SECONDS * self.start.shape[0] * prod(self.shape)
 
     def _apply(self, groups, h, factors, k, f):
         for group in groups:
