@@ -92,14 +92,14 @@ class ProgressLine:
             return
         part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         if progress.work is not None:
-            # not to be counted with the paths before and after
-            work, share = progress.work, f"{progress.work.share:.0%}"
-            self._show(self.bar, work.title, f"{part}: {work.title} {share}", work.total, work.done)
+            work = progress.work
+            self._show(self.bar, work.title, f"{part}: {work}", work.total, work.done)
             return
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            news = f"{rate}standard error {progress.stderr:.1e}"
+            known = "" if math.isnan(progress.stderr) else f"standard error {progress.stderr:.1e}"
+            news = f"{rate}{known}".removesuffix(", ")
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
     def _show(self, bar: "Bar", part: int | str | None, description: str, total: float, completed: float) -> None:

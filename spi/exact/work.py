@@ -15,8 +15,12 @@ from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from typing import NamedTuple
 
+from ..printing.text import human_time
+
 #: Wall-clock seconds from one report to the next.
 PAUSE = 0.2
+#: So much of the whole must be counted before its speed says how long the rest takes.
+_KNOWN = 0.05
 #: Of what a prediction that proves too small is raised to, what is done.
 _NEARLY = 0.98
 
@@ -26,13 +30,19 @@ class Work(NamedTuple):
 
     title: str
     done: float  #: seconds of typical speed
-    total: float  #: predicted, more than what is done
-    left: float  #: wall-clock seconds, by the speed so far; NaN before anything is counted
+    total: float  #: predicted, more than what is done; 0 where it is not known
+    left: float  #: wall-clock seconds, by the speed so far; NaN before enough is counted
 
     @property
     def share(self) -> float:
         """How much is done, from 0 to 1."""
-        return self.done / self.total if 0.0 < self.total < math.inf else 0.0
+        return self.done / self.total if self.total > 0.0 else 0.0
+
+    def __str__(self) -> str:
+        """``solving 40%, about 12 s left``, as far as that is known."""
+        share = f" {self.share:.0%}" if self.total > 0.0 else ""
+        left = f", about {human_time(self.left)} left" if math.isfinite(self.left) else ""
+        return f"{self.title}{share}{left}"
 
 
 Report = Callable[[Work | None], None]  #: told how far work is, and None at its end
@@ -52,8 +62,9 @@ class _Meter:
 
     def work(self) -> Work:
         """How far it is."""
-        counted = self.done - self.first
-        left = (_clock() - self.began) * (self.ends[0] - self.done) / counted if counted > 0.0 else math.nan
+        counted, left = self.done - self.first, math.nan
+        if counted > _KNOWN * (self.ends[0] - self.first):
+            left = (_clock() - self.began) * (self.ends[0] - self.done) / counted
         return Work(self.title, self.done, self.ends[0], left)
 
     def count(self, seconds: float) -> None:

@@ -129,16 +129,13 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
     No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
     solver = _solver(model, equation=True)
-    with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions)):
+    with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions, **limits)):
         return solver.exact_expectations(model, initial, final_time, functions, accuracy, **limits)
 
 
-def seconds_of_equation(model, initial, final_time, functions):
-    """About how many seconds :func:`exact_expectations` takes, as long as its functions have no kinks.
-
-    Found within milliseconds, as :func:`demands`.
-    """
-    return _solver(model, equation=True).seconds_of_equation(model, initial, final_time, functions)
+def seconds_of_equation(model, initial, final_time, functions, **limits):
+    """About how many seconds :func:`exact_expectations` takes, found within milliseconds, as :func:`demands`."""
+    return _solver(model, equation=True).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 
 def refiner(model, initial, final_time, functions, accuracy):

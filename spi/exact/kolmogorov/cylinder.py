@@ -38,6 +38,7 @@ from ..work import expected
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import (
+    KINKS,
     LAYER,
     POINTS,
     REFINEMENT,
@@ -64,7 +65,6 @@ from .ladders import (
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
 STEPS = 256  #: that a refinement of the limit has at the finest, usually
-KINKS = 1.6e-6  #: seconds of a point, to look for kinks
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
 #: exp(hL_1/2) exp(hL_2) exp(hL_1/2)

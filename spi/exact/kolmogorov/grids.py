@@ -15,7 +15,7 @@ from ...ensemble.loop import thread_count
 from ..work import counted
 from .kinks import FINER, extrapolated, is_rough, low_pass, sharpened
 
-SECONDS = 5e-9  #: of a point, for each function and group of flows of a step
+SECONDS, KINKS = 5e-9, 1.6e-6  #: of a point, for each function and group of flows of a step, and to look for kinks
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
 REFINEMENT = 1.4  #: ratio of a grid to the coarser one that tells its error
@@ -83,6 +83,7 @@ class Grid:
         self.start = scipy.fft.rfft(values, axis=2)
         for f in np.flatnonzero(problem.rough(half_width)):
             self.start[f] = self._projected(problem.functions[f], half_width)
+            counted(KINKS * prod(self.shape))
 
     def _projected(self, phi, half_width):
         """The transform of a function with kinks, from finer grids and through a low-pass filter."""

@@ -136,20 +136,18 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
-def seconds_of_equation(model, initial, final_time, functions):
+def seconds_of_equation(model, initial, final_time, functions, most_seconds=LONGEST_FIRST):
     """About how many seconds :func:`exact_expectations` takes, from the waves of the functions."""
     times = np.atleast_1d(np.asarray(final_time, float))
     if np.count_nonzero(initial) <= 1:
         return 0.0
     with np.errstate(all="ignore"):
         problem = _Problem.of(model, ((1.0, ()),), initial, times[-1], [times[-1]], functions)
-        tried = LEVELS[: problem.level(problem.waves()[1]) + 1]
-        most = [problem.cost_of_limit(L, rough=True, times=times) for L in tried]
-        return sum(
-            cost + problem.making(L)
-            for i, (L, cost) in enumerate(zip(tried, most, strict=True))
-            if i < 3 or problem.cost_of_limit(L, rough=True) <= LONGEST_LIMIT
-        )
+        if not _cost_of_first_limits(problem) <= most_seconds:
+            return 0.0
+        last = problem.level(problem.waves()[1])
+        few = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= last and problem.cost_of_limit(L) <= LONGEST_LIMIT)]
+        return sum(problem.cost_of_limit(L, rough=True, times=times) + problem.making(L) for L in few)
 
 
 class Refining:

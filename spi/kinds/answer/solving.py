@@ -54,6 +54,12 @@ def prospect(p: "AnswerPlan", extra: Decisions, accuracy: float | None = None) -
     return found, outlook(found, number, refining.costs, accuracy or p.case.accuracy)
 
 
+def seconds_until_known(p: "AnswerPlan") -> float:
+    """Seconds of typical speed until the error of the solution is known, which is before the first decision."""
+    _, ahead = prospect(p, p.initial_extra())
+    return float(min(ahead.seconds, p.case.seconds))
+
+
 def turn(p: "AnswerPlan", extra: Decisions) -> Decisions:
     """The end, one refinement more, or the comparison with sampling, before the first of which there is a pilot."""
     found, ahead = prospect(p, extra)
