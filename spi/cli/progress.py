@@ -92,8 +92,9 @@ class ProgressLine:
             return
         part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         if progress.work is not None:
-            work = progress.work
-            self._show(self.bar, work.title, f"{part}: {work}", work.total, work.done)
+            work = progress.work  # in per cent, as what it takes in all becomes known on the way
+            total = 100.0 if work.total else None
+            self._show(self.bar, work.title, f"{part}: {work.so_far}", total, 100.0 * work.share)
             return
         news = "starting"
         if progress.done:
@@ -102,7 +103,9 @@ class ProgressLine:
             news = f"{rate}{known}".removesuffix(", ")
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
-    def _show(self, bar: "Bar", part: int | str | None, description: str, total: float, completed: float) -> None:
+    def _show(
+        self, bar: "Bar", part: int | str | None, description: str, total: float | None, completed: float
+    ) -> None:
         """Show how far a part, or work that has a title, is; None for what is neither."""
         if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:

@@ -38,11 +38,14 @@ class Work(NamedTuple):
         """How much is done, from 0 to 1."""
         return self.done / self.total if self.total > 0.0 else 0.0
 
+    @property
+    def so_far(self) -> str:
+        """``solving 40%``, as far as that is known."""
+        return f"{self.title} {self.share:.0%}" if self.total > 0.0 else self.title
+
     def __str__(self) -> str:
-        """``solving 40%, about 12 s left``, as far as that is known."""
-        share = f" {self.share:.0%}" if self.total > 0.0 else ""
-        left = f", about {human_time(self.left)} left" if math.isfinite(self.left) else ""
-        return f"{self.title}{share}{left}"
+        """``solving 40%, about 12 s left``."""
+        return self.so_far + (f", about {human_time(self.left)} left" if math.isfinite(self.left) else "")
 
 
 Report = Callable[[Work | None], None]  #: told how far work is, and None at its end

@@ -142,4 +142,4 @@ def test_a_terminal_shows_a_bar(monkeypatch):
         with shown.capture() as caught:
             shown.print(line.bar.make_tasks_table(line.bar.tasks))
     plain = re.sub(r"\x1b\[[0-9;]*m", "", caught.get())
-    assert plain.startswith("30/60 ") and "name 1/1 main splitting: solving 50%, about 12 s left" in plain
+    assert plain.startswith(" 50/100 ") and plain.rstrip().endswith("name 1/1 main splitting: solving 50%")
