@@ -15,8 +15,6 @@ from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from ..printing.text import human_time
-
 #: Wall-clock seconds from one report to the next.
 PAUSE = 0.2
 #: So much of the whole must be counted before its speed says how long the rest takes.
@@ -42,10 +40,6 @@ class Work(NamedTuple):
     def so_far(self) -> str:
         """``solving 40%``, as far as that is known."""
         return f"{self.title} {self.share:.0%}" if self.total > 0.0 else self.title
-
-    def __str__(self) -> str:
-        """``solving 40%, about 12 s left``."""
-        return self.so_far + (f", about {human_time(self.left)} left" if math.isfinite(self.left) else "")
 
 
 Report = Callable[[Work | None], None]  #: told how far work is, and None at its end
