@@ -263,4 +263,4 @@ def answer(
 def _share(line: Line, plan: Any, state: State) -> None:
     """Say how much is done of what is predicted, which no clock decides."""
     done, total, _ = plan.progress(state)
-    line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0)
+    line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)

@@ -5,6 +5,8 @@ import sys
 from types import TracebackType
 from typing import Any
 
+from ..exact.work import Work
+from ..printing.text import human_time
 from ..running.compiling import Compiling
 from ..running.run import NOBODY, Progress, Watch
 
@@ -34,12 +36,15 @@ class Line:
         """What a run is given to tell how far it is."""
         return Watch(self._report, self._report_compiling, self._tell) if self.shown else NOBODY
 
-    def share(self, what: str, done: float, total: float) -> None:
-        """Say how much of a whole is done."""
-        self._write(f"{self.name}: {what} {done / total:.0%}")
+    def share(self, what: str, done: float, total: float, work: Work | None = None) -> None:
+        """Say how much of a whole is done, or of work without paths that goes on."""
+        self._write(f"{self.name}: {_so_far(work) if work else f'{what} {done / total:.0%}'}")
 
     def _report(self, progress: Progress) -> None:
         where = f"{progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        if progress.work:
+            self._write(f"{self.name}: {where} {_so_far(progress.work)}")
+            return
         known = "" if math.isnan(progress.stderr) else f", standard error {progress.stderr:.1e}"
         self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{known}")
 
@@ -71,6 +76,11 @@ class Line:
             self.display.update(plain, raw=True)
         elif text:
             self.display = sys.modules["IPython"].display.display(plain, raw=True, display_id=True)
+
+
+def _so_far(work: Work) -> str:
+    """``solving 40%, about 12 s left``, as far as that is known."""
+    return work.so_far + (f", about {human_time(work.left)} left" if math.isfinite(work.left) else "")
 
 
 def in_notebook() -> bool:

@@ -91,14 +91,22 @@ class ProgressLine:
         if not self.bar:
             return
         part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        if progress.work is not None:
+            work = progress.work  # in per cent, as what it takes in all becomes known on the way
+            total = 100.0 if work.total else None
+            self._show(self.bar, work.title, f"{part}: {work.so_far}", total, 100.0 * work.share)
+            return
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            news = f"{rate}standard error {progress.stderr:.1e}"
+            known = "" if math.isnan(progress.stderr) else f"standard error {progress.stderr:.1e}"
+            news = f"{rate}{known}".removesuffix(", ")
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
-    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float) -> None:
-        """Show how far a part is, None for what is no part."""
+    def _show(
+        self, bar: "Bar", part: int | str | None, description: str, total: float | None, completed: float
+    ) -> None:
+        """Show how far a part, or work that has a title, is; None for what is neither."""
         if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:
                 bar.remove_task(self.task)

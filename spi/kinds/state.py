@@ -1,10 +1,12 @@
 """What is known so far of a part."""
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spi.exact.work import Work, told
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
 from spi.storage.fitting import fits
@@ -33,6 +35,22 @@ class State:
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = {}
+        self.work: Work | None = None  #: without paths that goes on
+
+    @contextlib.contextmanager
+    def working(self, tick: Callable[[], None]) -> Iterator[None]:
+        """Within the block :attr:`work` says what is done without paths, and `tick` is called whenever that changes."""
+
+        def report(work: Work | None) -> None:
+            self.work = work
+            if work is not None:
+                tick()
+
+        try:
+            with told(report):
+                yield
+        finally:
+            self.work = None
 
     def of(self, plan: Any) -> "State":
         """The same sums as those of another plan, of fewer of these paths."""

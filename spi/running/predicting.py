@@ -9,7 +9,7 @@ from ..kinds.state import State
 from ..specs import Experiment
 from .compiling import compile_missing
 from .load import plans
-from .run import Watch, kernel_calls
+from .run import Watch, kernel_calls, progress_of_part
 from .workers import advance_some_here, allocate
 
 
@@ -28,9 +28,13 @@ def predictions(experiment: Experiment, watch: Watch) -> Iterator[Prediction]:
         of_kind: Any = plan
         compile_missing(kernel_calls([plan]), watch.report_compiling)
         state = State(plan)
+
+        def tick(number: int, state: State = state) -> None:
+            watch.report(progress_of_part(state, number, 1))
+
         while state.extra.stage == PILOTING and not solving.is_clear(of_kind, state.extra):
-            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, lambda number: None)
-            allocate(state)
+            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
+            allocate(0, state, tick)
         extra, end = state.extra, plan.case.final_time
         both = f" ({told})" if of_kind.solvable and (told := solving.why(extra, plan.case.accuracy)) else ""
         if extra.solving == solving.SOLVING:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,11 +12,12 @@ import numpy as np
 from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
+from ..exact.work import Work
 from ..kinds.plans import KernelCall, Plan
 from ..kinds.state import State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
-from ..storage.records import Results
+from ..storage.records import Group, Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, as_run, sums_path
 from .finding import results_of
@@ -78,6 +80,7 @@ class Progress(NamedTuple):
     stderr: float  #: of the error at the largest step and the final time; NaN before there is one
     number: int  #: of this part among all parts of all cases, from 0
     parts: int
+    work: Work | None = None  #: without paths that goes on
 
 
 class Watch(NamedTuple):
@@ -166,7 +169,7 @@ class Session:
 
     def tick(self, number: int) -> None:
         """After each batch of a part: report, and keep what is done if it is time to."""
-        self.watch.report(_progress(self.checkpoint.states[number], number, len(self.checkpoint.states)))
+        self.watch.report(progress_of_part(self.checkpoint.states[number], number, len(self.checkpoint.states)))
         self.checkpoint.tick()
 
     def finish(self) -> Path:
@@ -174,13 +177,16 @@ class Session:
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
         replaced = storage.spec_and_sources(self.target)
-        groups = tuple(group for state in checkpoint.states for group in state.groups())
+        groups: list[Group] = []
+        for number, state in enumerate(checkpoint.states):
+            with state.working(partial(self.tick, number)):
+                groups += state.groups()
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 self.check_replaceable()
             told = {"parts": json.dumps(checkpoint.sizes), "machines": tuple(sorted(checkpoint.machines))}
             attributes = root_attributes(experiment) | told
-            storage.write(self.target, Results(attributes, groups, checkpoint.chunks()))
+            storage.write(self.target, Results(attributes, tuple(groups), checkpoint.chunks()))
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
             raise
@@ -214,7 +220,8 @@ def to_compile(experiment: specs.Experiment) -> str:
     return compiling.described(jobs, compiling.processes_for(jobs)) if jobs else ""
 
 
-def _progress(state: State, number: int, parts: int) -> Progress:
+def progress_of_part(state: State, number: int, parts: int) -> Progress:
+    """How far part `number` of so many is."""
     plan, done = state.plan, state.plan.progress(state)
     return Progress(
         case=plan.case.name,
@@ -225,6 +232,7 @@ def _progress(state: State, number: int, parts: int) -> Progress:
         stderr=done.stderr,
         number=number,
         parts=parts,
+        work=state.work,
     )
 
 

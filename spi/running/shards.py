@@ -64,8 +64,8 @@ def merge(
     checkpoint.resume()
     with checkpoint.kept():
         _need_all(checkpoint)
-        for state in checkpoint.states:
-            while not state.missing() and allocate(state):
+        for number, state in enumerate(checkpoint.states):
+            while not state.missing() and allocate(number, state, session.tick):
                 pass
         if left := checkpoint.missing():
             checkpoint.save()

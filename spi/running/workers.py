@@ -8,6 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from functools import partial
 from multiprocessing import get_context
 from typing import Any, Protocol
 
@@ -113,7 +114,8 @@ def processes(size: int) -> Iterator[Processes]:
         workers.close()
 
 
-Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work
+#: Told the number of a part after each batch of it, and while work without paths goes on; what it raises ends the work.
+Tick = Callable[[int], None]
 Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
@@ -128,7 +130,7 @@ def advance_here(states: Sequence[State], tick: Tick) -> None:
         tick(number)
         while True:
             _advance_chunks(number, state, state.missing(), tick)
-            if not allocate(state):
+            if not allocate(number, state, tick):
                 break
             tick(number)
 
@@ -143,7 +145,7 @@ def advance_some_here(states: Sequence[State], tasks: Collection[Task], tick: Ti
 def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
     """Have all chunks computed by workers; what one of them loses is handed out again."""
     tick(0)
-    queue, waiting = _Queue(states), dict[Future, Task]()
+    queue, waiting = _Queue(states, tick), dict[Future, Task]()
     losses = Counter[Task]()
     while True:
         while len(waiting) < _AHEAD * workers.size and (task := queue.next()) is not None:
@@ -173,8 +175,8 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
 class _Queue:
     """Hands out the chunks of all parts, of earlier parts first."""
 
-    def __init__(self, states: Sequence[State]) -> None:
-        self.states = states
+    def __init__(self, states: Sequence[State], tick: Tick) -> None:
+        self.states, self.tick = states, tick
         self.left = [state.missing()[::-1] for state in states]
         self.under_way = [0] * len(states)
         self.finished = [False] * len(states)
@@ -183,7 +185,7 @@ class _Queue:
         """A chunk that can be computed now; None if there is none until others are done."""
         for number, state in enumerate(self.states):
             while not (self.left[number] or self.under_way[number] or self.finished[number]):
-                self.finished[number] = not allocate(state)
+                self.finished[number] = not allocate(number, state, self.tick)
                 self.left[number] = state.missing()[::-1]
             if self.left[number]:
                 self.under_way[number] += 1
@@ -198,14 +200,16 @@ class _Queue:
 def finalise(states: Sequence[State], tick: Tick) -> None:
     """Do what remains when all paths are done, in this process alone."""
     for number, state in enumerate(states):
-        for extra in state.plan.finalise(state):
-            state.extra = extra
-            tick(number)
+        with state.working(partial(tick, number)):
+            for extra in state.plan.finalise(state):
+                state.extra = extra
+                tick(number)
 
 
-def allocate(state: State) -> bool:
-    """Ask the plan for further paths; whether it said something new."""
-    extra = state.plan.next_allocation(state)
+def allocate(number: int, state: State, tick: Tick) -> bool:
+    """Ask the plan of part number `number` for further paths; whether it said something new."""
+    with state.working(partial(tick, number)):
+        extra = state.plan.next_allocation(state)
     if extra is not None:
         state.extra = extra
     return extra is not None
@@ -213,11 +217,12 @@ def allocate(state: State) -> bool:
 
 def _advance_chunks(number: int, state: State, missing: Sequence[Chunk], tick: Tick) -> None:
     """Compute chunks of part number `number` that are missing, from what is known of each."""
-    for chunks in _runs(missing, state):
-        for added in state.plan.advance(chunks, state.tally(chunks[0].path_set).known(chunks[0])):
-            for chunk, sums in added:
-                state.put(chunk, sums)
-            tick(number)
+    with state.working(partial(tick, number)):
+        for chunks in _runs(missing, state):
+            for added in state.plan.advance(chunks, state.tally(chunks[0].path_set).known(chunks[0])):
+                for chunk, sums in added:
+                    state.put(chunk, sums)
+                tick(number)
 
 
 def _runs(chunks: Sequence[Chunk], state: State) -> Iterator[list[Chunk]]:

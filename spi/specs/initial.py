@@ -227,9 +227,10 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
     """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
-    if not isinstance(value, list) or "model" not in info.data:
+    if not isinstance(value, list):
         return value
-    if isinstance(info.data["model"], dict):  # of one layer, when it is not known yet which system it is
+    # Sizes are unknown where the model is wrong, of which alone is told then, and of one layer, before it is chosen.
+    if isinstance(info.data.get("model"), dict | None):
         return [entry for entry in value if not has_range(entry)]
     try:
         return expanded(value, info.data["model"])

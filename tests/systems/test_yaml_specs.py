@@ -39,6 +39,17 @@ noises:
 """
 
 
+def test_a_system_that_is_too_large_is_the_only_thing_that_is_told(tmp_path):
+    """Not also the entries of initial, whose sizes are not known then."""
+    ring = "algebra: so(3)^n\nsizes: {n: 32}\nhamiltonian: y1^2\nnoises: [y1]\n"
+    spec = SPEC.replace("\n  parameters: {a: 3}", "").replace("[1, 0.5, 0.2]", '["cos(2*pi*i/n), 0, 1/n for i = 1..n"]')
+    (tmp_path / "top.yaml").write_text(ring)
+    (tmp_path / "s.yaml").write_text(spec)
+    with pytest.raises(SpecError) as caught:
+        runs.load(tmp_path / "s.yaml")
+    assert len(caught.value.messages) == 1 and "it has more than 64 components" in caught.value.messages[0]
+
+
 @pytest.mark.parametrize(
     ("place", "old", "new", "message"),
     [

@@ -18,8 +18,10 @@ from ...compiler.dispatch import answers
 from ...compiler.records import class_of
 from ...ensemble.protocol import axis_inertias, rotation_shear_rates
 from ..places import by_place
+from ..work import work
 
 __all__ = [
+    "SOLVING",
     "Demands",
     "Expectations",
     "can_solve",
@@ -28,7 +30,10 @@ __all__ = [
     "exact_expectations",
     "expectations",
     "refiner",
+    "seconds_of_equation",
 ]
+
+SOLVING = "solving"  #: what the work is called
 
 
 class Expectations(NamedTuple):
@@ -109,8 +114,10 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
     error.  ValueError for a model that no solver is for (:func:`can_solve`).
     """
-    solve = _solver(model).expectations
-    return solve(model, by_place(model, compositions), initial, final_time, steps, functions, accuracy)
+    solver = _solver(model)
+    asked = model, by_place(model, compositions), initial, final_time, steps, functions, accuracy
+    with work(SOLVING, solver.demands(*asked).seconds):
+        return solver.expectations(*asked)
 
 
 def exact_expectations(model, initial, final_time, functions, accuracy, **limits):
@@ -121,7 +128,14 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
 
     No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
-    return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy, **limits)
+    solver = _solver(model, equation=True)
+    with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions, **limits)):
+        return solver.exact_expectations(model, initial, final_time, functions, accuracy, **limits)
+
+
+def seconds_of_equation(model, initial, final_time, functions, **limits):
+    """About how many seconds :func:`exact_expectations` takes, found within milliseconds, as :func:`demands`."""
+    return _solver(model, equation=True).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 
 def refiner(model, initial, final_time, functions, accuracy):

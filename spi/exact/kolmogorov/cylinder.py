@@ -34,9 +34,23 @@ import numpy as np
 
 from ...ensemble.protocol import rotation_shear_rates
 from ..places import strengths_by_place
+from ..work import expected
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
-from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
+from .grids import (
+    KINKS,
+    LAYER,
+    POINTS,
+    REFINEMENT,
+    SECONDS,
+    Grid,
+    Problem,
+    domain,
+    even,
+    first_points,
+    resolution,
+    safe_half_width,
+)
 from .ladders import (
     DEPTH,
     FIRST,
@@ -51,7 +65,6 @@ from .ladders import (
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
 STEPS = 256  #: that a refinement of the limit has at the finest, usually
-SECONDS, KINKS = 1.5e-8, 1.6e-6  #: of a point, for each step and function, and to look for kinks
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
 #: exp(hL_1/2) exp(hL_2) exp(hL_1/2)
@@ -77,7 +90,9 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     grids = _grids(problem, size, half_width, rough.any())
     limit_ladder = ladder_of_limit(grids[0], strang, accuracy)
     ladder = ladder_of_scheme(grids[0], scheme, strang, limit_ladder, order, numbers, accuracy)
-    runs = [_on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder) for grid in grids]
+    asked = scheme, strang, order, numbers, limit_ladder, ladder
+    expected(sum(_seconds_on(grid, scheme, strang, numbers, limit_ladder, ladder) for grid in grids[1:]))
+    runs = [_on_grid(grid, *asked) for grid in grids]
     largest = grids[0].largest
     floor = 2 * killed * largest + ROUNDING * np.sqrt(ladder[-1]) * largest
     limit, weak, direct = runs[0].limit, runs[0].weak, runs[0].direct
@@ -111,7 +126,7 @@ class Refining:
         self.rough = self.problem.rough(self.half_width)
         self.costs = []
         while np.prod(size := self._grid(len(self.costs))[0]) <= POINTS:
-            steps = 2 * STEPS * len(functions) * SECONDS
+            steps = 2 * STEPS * len(functions) * len(self.strang[0]) * SECONDS
             self.costs.append(float(np.prod(size)) * (steps + np.count_nonzero(self.rough) * KINKS))
 
     def _grid(self, number):
@@ -184,6 +199,17 @@ def _grids(problem, size, half_width, rough):
     return found + [Grid(problem, *each, half_width) for each in more]
 
 
+def _steps_of(numbers, ladder):
+    """The numbers of steps that the scheme takes."""
+    return [n for n in {*numbers, *ladder} if n <= ladder[-1]]
+
+
+def _seconds_on(grid, scheme, strang, numbers, limit_ladder, ladder):
+    """About how many seconds :func:`_on_grid` takes."""
+    steps = {strang: sum(limit_ladder), scheme: sum(_steps_of(numbers, ladder))}
+    return sum(n * grid.seconds(plan) for plan, n in steps.items())
+
+
 class _Run(NamedTuple):
     """What one grid gives, for F functions and S step sizes, and what is uncertain in it."""
 
@@ -197,7 +223,7 @@ class _Run(NamedTuple):
 
 def _on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder):
     limit, uncertain = limit_on(grid, strang, limit_ladder)
-    direct = {n: grid.run(scheme, n) for n in {*numbers, *ladder} if n <= ladder[-1]}
+    direct = {n: grid.run(scheme, n) for n in _steps_of(numbers, ladder)}
     parts = [weak_error(grid.problem.T, direct, ladder, limit, uncertain, order, n) for n in numbers]
     return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
 

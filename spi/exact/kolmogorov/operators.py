@@ -9,8 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ive
 
+from ..work import counted
 from .backward import acting_on_functions, joined
 from .harmonics import shifted
+
+#: Matrices of at most so many rows are squared at once, within a second.
+_AT_ONCE = 2500
 
 
 class Factor(NamedTuple):
@@ -94,23 +98,27 @@ class Step:
         E = np.empty((size, size))
         for a in range(0, size, width):
             E[:, a : a + width] = self.increment(np.eye(size, min(width, size - a), -a))
+            counted(_building(self.harmonics.L, self.length) * min(width, size - a) / size)
         return E
 
     def power(self, V, n):
         """P^n V: step by step, or with E as a matrix, squared as often as pays."""
-        doublings = cheapest(self.harmonics.L, n, self.length)[1]
+        L = self.harmonics.L
+        doublings = cheapest(L, n, self.length)[1]
         if doublings is None:
             for _ in range(n):
                 V = V + self.increment(V)
+                counted(_stepping(L, self.length))
             return V
         E = self.matrix()
         for _ in range(doublings):
             if n % 2:
                 V = V + E @ V
-            E = E @ E + 2 * E
+            E = _squared(E) + 2 * E
             n //= 2
         for _ in range(n):
             V = V + E @ V
+            counted(_multiplying(L))
         return V
 
 
@@ -121,13 +129,42 @@ def _common(lists):
 
 def cheapest(L, n, length):
     """(seconds on one core, roughly, doublings or None for no matrix) of the cheapest way to P^n."""
-    size = L**2 / 4
-    ways = [(n * length * (5e-6 * L + L**3 / 4e9), None)]
+    ways = [(n * _stepping(L, length), None)]
     if L <= 160:  # else the matrices get large
-        build = length * L**3 * size / 1e10
+        build = _building(L, length)
         for k in range(int(n).bit_length()):
-            ways.append((build + k * (2 * size**3 / 4e10 + size**2 * 3e-9) + (n / 2**k) * (size**2 * 1e-9 + 5e-5), k))
+            ways.append((build + k * _squaring(L**2 / 4) + (n / 2**k) * _multiplying(L), k))
     return min(ways, key=lambda way: way[0])
+
+
+def _stepping(L, length):
+    """Seconds of one core for a step of `length` factors, roughly."""
+    return length * (5e-6 * L + L**3 / 4e9)
+
+
+def _building(L, length):
+    """The same for its matrix."""
+    return length * L**3 * (L**2 / 4) / 1e10
+
+
+def _multiplying(L):
+    """The same for a step with the matrix."""
+    return (L**2 / 4) ** 2 * 1e-9 + 5e-5
+
+
+def _squaring(size):
+    """The same for the square of a matrix."""
+    return 2 * size**3 / 4e10 + size**2 * 3e-9
+
+
+def _squared(E):
+    """E E, of large matrices some columns after the other, so that work can be told of and stopped on the way."""
+    size, square = len(E), np.empty_like(E)
+    width = size if size <= _AT_ONCE else 512
+    for a in range(0, size, width):
+        np.matmul(E, E[:, a : a + width], out=square[:, a : a + width])
+        counted(_squaring(size) * min(width, size - a) / size)
+    return square
 
 
 def _on_chain(chain, factor):
@@ -163,8 +200,14 @@ def semigroup(harmonics, which, turn, spread, time, V):
         for c in coefficients[2:]:
             a, b = b, 2 * (b + B @ (b + V)) - a
             W += c * b
+            counted(term(harmonics.L) * V.shape[1])
         V = V + W
     return V
+
+
+def term(L):
+    """Seconds of one core for a term of the expansion of :func:`semigroup` for one function, roughly."""
+    return 4e-9 * L**2
 
 
 def chebyshev(beta, rho, time):

@@ -18,11 +18,12 @@ import numpy as np
 
 from ...ensemble.protocol import axis_inertias
 from ..places import strengths_by_place
+from ..work import expected, part
 from . import Demands, Expectations
 from .backward import numbers_of_steps
-from .harmonics import CLASSES, KEPT, harmonics_up_to
+from .harmonics import CLASSES, harmonics_up_to, seconds_to_make
 from .kinks import is_rough, settling
-from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
+from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup, term
 
 #: Degrees tried in turn.
 LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
@@ -102,11 +103,13 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 
 def _settled_weak_errors(problem, rounding, accuracy):
     """({degree: weak errors}, {degree: limits}, the last weak errors, their bound, what was aimed at)."""
-    limits, weak = {}, {}
-    for L in LEVELS:
+    limits, weak, level = {}, {}, problem.level(problem.waves()[1])
+    for number, L in enumerate(LEVELS):
         if len(weak) >= 3 and problem.cost(L) > LONGEST:
             break
-        limits[L], values = problem.solve(L)
+        expected(problem.seconds(max(level, number), number))
+        with part(problem.cost(L) + problem.making(L)):
+            limits[L], values = problem.solve(L)
         weak[L] = values - limits[L][:, None]
         weak_error, weak_error_bound = _settled(weak, rounding[:, None], problem.rough[:, None])
         goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
@@ -133,6 +136,20 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
+def seconds_of_equation(model, initial, final_time, functions, most_seconds=LONGEST_FIRST):
+    """About how many seconds :func:`exact_expectations` takes, from the waves of the functions."""
+    times = np.atleast_1d(np.asarray(final_time, float))
+    if np.count_nonzero(initial) <= 1:
+        return 0.0
+    with np.errstate(all="ignore"):
+        problem = _Problem.of(model, ((1.0, ()),), initial, times[-1], [times[-1]], functions)
+        if not _cost_of_first_limits(problem) <= most_seconds:
+            return 0.0
+        last = problem.level(problem.waves()[1])
+        few = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= last and problem.cost_of_limit(L) <= LONGEST_LIMIT)]
+        return sum(problem.cost_of_limit(L, rough=True, times=times) + problem.making(L) for L in few)
+
+
 class Refining:
     """E phi(y(T)) of the equation at one degree after the other, see :mod:`.refining`."""
 
@@ -141,12 +158,7 @@ class Refining:
         self.known = _at_rest(self.problem, initial).limit if np.count_nonzero(initial) <= 1 else None
         self.rough = self.problem.rough
         self.rounding = ROUNDING * self.problem.size()[0]
-        self.costs = [self._cost(L) for L in LEVELS]
-
-    def _cost(self, L):
-        """Seconds of typical speed: of the semigroup, and of making the harmonics and the coefficients."""
-        making = (2e-5 if L <= KEPT else 1e-4) + 3e-5 * np.count_nonzero(self.rough)
-        return self.problem.cost_of_limit(L, rough=True) + making * L**2
+        self.costs = [self.problem.cost_of_limit(L, rough=True) + self.problem.making(L) for L in LEVELS]
 
     def refine(self, number):
         """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
@@ -169,7 +181,8 @@ def _refined_limit(problem, found, goal, rounding, times=None):
         settled = len(found) >= 3 and np.all(_settled(found, rounding, rough)[1] <= np.maximum(goal, 2 * rounding))
         if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
-        found[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
+        with part(problem.cost_of_limit(L, rough=True, times=times) + problem.making(L)):
+            found[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
     return _settled(found, rounding, rough)
 
 
@@ -290,15 +303,22 @@ class _Problem(NamedTuple):
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
         return 3 * steps + self.cost_of_limit(L, rough)
 
-    def cost_of_limit(self, L, rough=False):
+    def cost_of_limit(self, L, rough=False, times=None):
+        """The same of the limit alone, at one time or at several that increase."""
         beta, rho = bounds(L, self.turn, self.spread)
         if rough:
-            pieces = max(1.0, self.time * beta / 2)
-            terms = 20 + 9.6 * np.sqrt(max(rho * self.time / pieces / 2, 1.0))
+            each = np.array([self.time]) if times is None else np.diff(times, prepend=0.0)
+            with np.errstate(all="ignore"):
+                pieces = np.maximum(1.0, each * beta / 2)
+                terms = np.sum(pieces * (20 + 9.6 * np.sqrt(np.maximum(rho * each / pieces / 2, 1.0))))
         else:
             pieces, _, coefficients = chebyshev(beta, rho, self.time)
-            terms = len(coefficients)
-        return 3 * pieces * terms * 4e-9 * L**2 * len(self.functions)
+            terms = pieces * len(coefficients)
+        return 3 * float(terms) * term(L) * len(self.functions)
+
+    def making(self, L):
+        """About how many seconds the harmonics and the coefficients of the functions take."""
+        return seconds_to_make(L) + 3e-5 * np.count_nonzero(self.rough) * L**2
 
     def waves(self):
         """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
@@ -321,15 +341,27 @@ class _Problem(NamedTuple):
             most = max(most, int((np.cumsum(power, axis=1) < 1 - 1e-8).sum(axis=1).max()))
         return lost, most
 
+    def level(self, waves):
+        """Which of the degrees is enough, about, for functions of so many waves."""
+        turned = sum(map(abs, self.turn))  # shear makes waves, and noise smooths them
+        degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
+        return max(2, int(np.searchsorted(LEVELS, degree)))
+
+    def tried(self, level):
+        """The degrees at which schemes are solved if number `level` is enough, and those for the limit alone."""
+        weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= level and self.cost(L) <= LONGEST)]
+        return weak, [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
+
+    def seconds(self, level, done=0):
+        """About how many seconds these degrees take without the first ones, which are `done`."""
+        weak, finer = self.tried(level)
+        return sum(map(self.cost, weak[done:])) + sum(map(self.cost_of_limit, finer))
+
     def demands(self, waves):
         """Of a question that can be answered, from how many waves the functions have."""
-        # Shear makes waves, and noise smooths them.
-        turned = sum(map(abs, self.turn))
-        degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
-        number = max(2, int(np.searchsorted(LEVELS, degree)))
-        weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= number and self.cost(L) <= LONGEST)]
-        finer = [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
-        seconds = sum(map(self.cost, weak)) + sum(self.cost_of_limit(L) for L in finer)
+        weak, finer = self.tried(self.level(waves))
         cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, self.words(h)).length for h in self.steps) * weak[-1] ** 3
         memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2
-        return Demands(1.5 * seconds + 1.0, memory, least=2 * ROUNDING * float(self.size()[0].max()))
+        return Demands(
+            1.5 * self.seconds(self.level(waves)) + 1.0, memory, least=2 * ROUNDING * float(self.size()[0].max())
+        )

@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.ensemble.protocol import dimension
+from spi.exact.kolmogorov import SOLVING as TITLE
 from spi.exact.kolmogorov import refiner
 from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
+from spi.exact.work import part
+from spi.exact.work import work as working
 from spi.expressions import canonical, functions_of
 from spi.printing.text import short
 
@@ -49,6 +52,12 @@ def prospect(p: "AnswerPlan", extra: Decisions, accuracy: float | None = None) -
     if refining.known is not None:
         found = found._replace(value=refining.known, bound=0.0 * refining.known)
     return found, outlook(found, number, refining.costs, accuracy or p.case.accuracy)
+
+
+def seconds_until_known(p: "AnswerPlan") -> float:
+    """Seconds of typical speed until the error of the solution is known, which is before the first decision."""
+    _, ahead = prospect(p, p.initial_extra())
+    return float(min(ahead.seconds, p.case.seconds))
 
 
 def turn(p: "AnswerPlan", extra: Decisions) -> Decisions:
@@ -114,9 +123,10 @@ def _refined(p: "AnswerPlan", extra: Decisions, ahead: Outlook) -> Decisions:
     """With one refinement more."""
     began, cpu_began = time.perf_counter(), time.process_time()
     refining = refining_of(p)
-    each = refining.refine(len(extra.refined))
     before = sum(refining.costs[: len(extra.refined)])
     to_come = ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds
+    with working(TITLE, to_come, before), part(ahead.next_seconds):
+        each = refining.refine(len(extra.refined))
     value, uncertain = (
         np.concatenate([a, b[np.newaxis]]) for a, b in zip((extra.refined, extra.uncertain), each, strict=True)
     )

@@ -15,9 +15,11 @@ import numpy as np
 
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
+from spi.ensemble.loop import thread_count
 from spi.ensemble.points import points_of
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
+from spi.exact.work import work
 from spi.expressions import canonical, range_of
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
@@ -151,10 +153,12 @@ class AnswerPlan(SamplesPlan):
         return (*own, self.reference) if self.reference and number % SETS >= AGAINST else own
 
     def cost(self) -> Cost:
-        """That of the pilot; seconds are not known before it."""
+        """That of the pilot, whose seconds are not known; or of so many refinements that their error is known."""
+        if self.solvable:
+            return Cost(0, solving.seconds_until_known(self) * thread_count(), int(BATCH_BYTES))
         number = PILOT_SAMPLES
         steps = number * sum(self.sets[level].steps for level in range(1, PILOT_LEVELS + 1))
-        return Cost(steps, 0.0 if self.solvable else float("nan"), int(BATCH_BYTES))
+        return Cost(steps, float("nan"), int(BATCH_BYTES))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of a path set the model, the functions and the scheme; of what is chosen all."""
@@ -191,7 +195,8 @@ class AnswerPlan(SamplesPlan):
         for scheme in self.schemes_of(number):
             for call in scheme.calls_of_a_step(self.sets[number].grid, self.noise(number)):
                 if not is_loaded(call.kernel, call.arguments):
-                    call.kernel(*call.arguments)
+                    with work(f"compiling {scheme.part.scheme}", 0.0):
+                        call.kernel(*call.arguments)
         yield from super().advance(chunks, known)
 
     def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:

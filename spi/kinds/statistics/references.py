@@ -11,7 +11,7 @@ import numpy as np
 
 from spi.ensemble.random_states import RandomState
 from spi.exact import gibbs
-from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
+from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations, seconds_of_equation
 from spi.exact.sphere_law import stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
@@ -98,6 +98,13 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
     asked = case.model, ((1.0, ()),), case.initial, case.final_time, (case.final_time,), (function.values,)
     found = demands(*asked)
     return f"its solver {found.obstacle}: {found.remedy}" if found.obstacle else None
+
+
+def seconds_of_means(case: Any) -> float:
+    """About how many seconds :func:`known_means` takes."""
+    exact = [case.functions[name] for name, known in case.reference.items() if known == EXACT]
+    asked = ([path_function(case.model, case.variables, entry).values] for entry in exact)
+    return sum(seconds_of_equation(case.model, case.initial, case.t, values) for values in asked)
 
 
 def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:

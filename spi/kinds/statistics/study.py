@@ -26,7 +26,7 @@ from spi.storage.records import Part
 from .columns import Columns, Map, in_threads
 from .counts import SPHERE, Bins, Cells, histogram, quantiles
 from .estimates import Moments
-from .references import known_means
+from .references import known_means, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Passages, Statistics
 
 _BATCH_BYTES = 24e6
@@ -101,7 +101,10 @@ class StatisticsPlan(MeansPlan):
     def cost(self) -> Cost:
         """Steps of all paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+        seconds = steps * 1e-9 * typical_ns(self.row, self.model)
+        if self.part == parts(self.case)[0]:  # the other schemes then know them
+            seconds += seconds_of_means(self.case) * thread_count()
+        return Cost(steps, seconds, int(_BATCH_BYTES))
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, and nothing summed up or counted."""

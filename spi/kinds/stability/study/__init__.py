@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import nested_grid
+from spi.ensemble.loop import nested_grid, thread_count
 from spi.ensemble.protocol import casimirs, dimension, populations
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
-from spi.exact.kolmogorov import can_solve_equation, exact_expectations
+from spi.exact.kolmogorov import SOLVING, can_solve_equation, exact_expectations, seconds_of_equation
+from spi.exact.work import work
 from spi.expressions import canonical, functions_of
 from spi.kinds.plans import DOWN, Cost, Done, KernelCall, Plan, State
 from spi.kinds.solver import reported
@@ -31,7 +32,6 @@ from ..results import CasimirErrors, Law, Stability
 from .paths import Paths, ValuePlan
 
 _PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
-_TRUTH_SECONDS = 3.0  # that the true expectations take for one value, on one thread
 _MOST_SECONDS = 60.0  # that they may take: otherwise they are not known
 _ACCURACY = 1e-3  # numerical error that they may have
 
@@ -116,9 +116,16 @@ class StabilityPlan(Plan):
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
         seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
         if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
-            seconds += _TRUTH_SECONDS * len(self.points)
+            each = {(point.model, point.initial): point for point in self.points}.values()
+            seconds += sum(map(self._seconds_of_truth, each)) * thread_count()
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
+
+    def _seconds_of_truth(self, point: ValuePlan) -> float:
+        """About how many seconds the true expectations for a value take."""
+        functions = functions_of(map(canonical, self.case.expressions), dimension(point.model))
+        asked = point.model, point.initial, self.case.final_time, functions
+        return float(seconds_of_equation(*asked, most_seconds=_MOST_SECONDS))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of the paths for a value, what decides these."""
@@ -148,10 +155,13 @@ class StabilityPlan(Plan):
     def finalise(self, state: State) -> Iterator[Truth]:
         """Find the true expectations for each value."""
         extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
-        for i in np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ():
+        left = np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ()
+        seconds = [self._seconds_of_truth(self.points[i]) for i in left]
+        for n, i in enumerate(left):
             began, truth, bound = time.perf_counter(), extra.truth.copy(), extra.truth_bound.copy()
             model, initial = self.points[i].model, self.points[i].initial
-            truth[i], bound[i] = _true_expectations(model, initial, self.case.final_time, functions)
+            with work(SOLVING, sum(seconds[n:]), sum(seconds[:n])):
+                truth[i], bound[i] = _true_expectations(model, initial, self.case.final_time, functions)
             extra = Truth(extra.seconds + time.perf_counter() - began, truth, bound)
             yield extra
 

@@ -1,0 +1,153 @@
+"""Work without paths is told of: from a clock that the test turns, and by all who do such work."""
+
+import math
+
+import numpy as np
+import pytest
+
+from spi.exact import kolmogorov, work
+from spi.exact.work import counted, expected, part, told
+from spi.models import MaxwellBloch, RigidBody
+from spi.schemes import SCHEMES
+from spi.schemes.stages import compositions
+
+
+class Clock:
+    """A clock that stands still, or goes on with what is counted."""
+
+    def __init__(self, monkeypatch):
+        self.now = 0.0
+        monkeypatch.setattr(work, "_clock", lambda: self.now)
+
+    def count(self, seconds, takes):
+        self.now += takes
+        counted(seconds)
+
+
+def shares(reports):
+    """In per cent."""
+    return [round(100 * one.share) for one in reports if one]
+
+
+def test_reports_come_with_the_clock_and_say_what_is_left(monkeypatch):
+    clock, reports = Clock(monkeypatch), []
+    with told(reports.append), work.work("solving", 10.0):
+        assert shares(reports) == [0] and math.isnan(reports[0].left)
+        clock.count(0.1, work.PAUSE)  # too little to tell a speed
+        clock.count(0.9, work.PAUSE / 2)
+        assert shares(reports) == [0, 1] and math.isnan(reports[1].left)
+        clock.count(1.5, work.PAUSE / 2)  # 2.5 of 10 in two pauses
+        assert reports[-1].left == pytest.approx(6 * work.PAUSE) and reports[-1].so_far == "solving 25%"
+    assert reports[-1] is None
+
+
+def test_a_part_takes_what_was_predicted_and_the_whole_what_it_takes(monkeypatch):
+    clock, reports = Clock(monkeypatch), []
+    with told(reports.append), work.work("solving", 10.0):
+        with part(4.0):
+            clock.count(9.0, 1.0)  # more than was predicted
+        with work.work("what is part of it", 1.0):
+            clock.count(0.25, 1.0)
+        clock.count(0.0, 1.0)
+        with part(15.0):  # more than the whole
+            clock.count(5.0, 1.0)
+        clock.count(30.0, 1.0)  # nor was this
+        expected(50.0)
+        clock.count(0.0, 1.0)
+    # 4/10, 4.25/10, 5/10, 10/20, 50/50, 50/100
+    assert shares(reports) == [0, 40, 42, 50, 50, 98, 50] and {one.title for one in reports if one} == {"solving"}
+
+
+def test_what_cannot_be_predicted_has_no_share_and_what_was_done_counts(monkeypatch):
+    clock, reports = Clock(monkeypatch), []
+    with told(reports.append):
+        with work.work("compiling splitting", 0.0):
+            clock.count(0.0, 1.0)
+        with work.work("solving", math.inf), part(math.inf):
+            clock.count(1.0, 1.0)
+        with work.work("solving", 5.0, 5.0):
+            clock.count(2.5, 1.0)
+    assert [one.so_far for one in reports if one] == [
+        *["compiling splitting"] * 2,
+        *["solving"] * 2,  # of no part is more counted than was predicted
+        *["solving 50%", "solving 75%"],
+    ]
+
+
+def test_nobody_is_told_after_the_block_nor_after_an_error():
+    reports = []
+    with pytest.raises(KeyboardInterrupt), told(reports.append), work.work("solving", 1.0), part(1.0):
+        raise KeyboardInterrupt
+    number = len(reports)
+    with work.work("solving", 1.0):
+        counted(1.0)
+    assert len(reports) == number and reports[-1] is None
+    with told(reports.append), work.work("solving", 2.0):
+        pass
+    assert reports[number].done == 0.0
+
+
+CYLINDER = MaxwellBloch(sigma=(0.5, 0.5)), (0.3, 0.5, -0.3)
+SPHERE = RigidBody((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0)), (math.cos(1.1), 0.0, math.sin(1.1))
+
+
+def smooth(y):
+    """A function with parts in all classes."""
+    return (1 + y[0]) * (1 + y[1]) * (1 + y[2])
+
+
+def scheme_errors(model, initial):
+    rows = compositions(SCHEMES["splitting"].composition, model)
+    found = kolmogorov.expectations(model, rows, initial, 0.5, [0.25, 0.125, 0.0625], [smooth], 1e-6)
+    return found.value, found.limit
+
+
+def refinements(model, initial):
+    refiner = kolmogorov.refiner(model, initial, 0.5, [smooth], 1e-6)
+    with work.work("solving", sum(refiner.costs[:3])):
+        return [refiner.refine(number)[0] for number in range(3)]
+
+
+def means(model, initial):
+    return kolmogorov.exact_expectations(model, initial, np.array([0.25, 0.5]), [smooth], 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("asked", "question"),
+    [
+        *((one, question) for one in (scheme_errors, refinements) for question in (CYLINDER, SPHERE)),
+        (means, SPHERE),
+    ],
+)
+def test_solvers_tell_how_far_they_are(monkeypatch, asked, question):
+    alone, reports = asked(*question), []
+    monkeypatch.setattr(work, "PAUSE", 0.0)
+    with told(reports.append):
+        found = asked(*question)
+    np.testing.assert_array_equal(found[0], alone[0])  # and telling changes nothing
+    done = [one.done for one in reports[:-1]]
+    assert reports[-1] is None and len(done) > 20 and (np.diff(done) >= 0).all()
+    assert all(0 <= one.share < 1 for one in reports[:-1])
+    # Neither is most of it counted only when it is over, nor in one piece.
+    assert reports[-2].share > 0.2 and np.diff(done).max() < 0.8 * done[-1]
+
+
+@pytest.mark.parametrize("question", [CYLINDER, SPHERE])
+def test_solvers_stop_at_once(monkeypatch, question):
+    def stop(now):
+        if now and now.done > 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, "PAUSE", 0.0)
+    with pytest.raises(KeyboardInterrupt), told(stop):
+        scheme_errors(*question)
+
+
+def test_a_large_matrix_is_squared_in_strips(monkeypatch):
+    from spi.exact.kolmogorov import operators
+
+    E, steps = np.random.default_rng(1).standard_normal((700, 700)), []
+    monkeypatch.setattr(operators, "_AT_ONCE", 600)
+    monkeypatch.setattr(operators, "counted", steps.append)
+    np.testing.assert_allclose(operators._squared(E), E @ E, rtol=0, atol=1e-11)
+    assert len(steps) == 2 and sum(steps) == pytest.approx(operators._squaring(700))
