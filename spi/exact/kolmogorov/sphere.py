@@ -21,7 +21,7 @@ from ..places import strengths_by_place
 from . import Demands, Expectations
 from .backward import numbers_of_steps
 from .harmonics import CLASSES, KEPT, harmonics_up_to
-from .kinks import is_rough, settling
+from .kinks import roughness, settling
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
 
 #: Degrees tried in turn.
@@ -145,8 +145,8 @@ class Refining:
 
     def _cost(self, L):
         """Seconds of typical speed: of the semigroup, and of making the harmonics and the coefficients."""
-        making = (2e-5 if L <= KEPT else 1e-4) + 3e-5 * np.count_nonzero(self.rough)
-        return self.problem.cost_of_limit(L, rough=True) + making * L**2
+        making = (2e-5 if L <= KEPT else 1e-4) * L**2 + 4e-3 * L * np.count_nonzero(self.rough)
+        return self.problem.cost_of_limit(L, rough=True) + making
 
     def refine(self, number):
         """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
@@ -222,7 +222,7 @@ class _Problem(NamedTuple):
     steps: np.ndarray
     counts: list
     functions: tuple
-    rough: np.ndarray  #: (F,) which of them have kinks
+    rough: np.ndarray  #: (F,) not 0 of those with kinks, see kinks.roughness
 
     @classmethod
     def of(cls, model, compositions, initial, final_time, steps, functions):
@@ -236,7 +236,7 @@ class _Problem(NamedTuple):
         sigma = strengths_by_place(model, 3)
         spread = [(s * r / i) ** 2 / 2 for s, i in zip(sigma, noise_inertia, strict=True)]
         turn = [r / i for i in inertia]
-        rough = np.array([is_rough(f, r * _all_over()) for f in functions], bool)
+        rough = np.array([roughness(f, r * _all_over()) for f in functions])
         return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions), rough)
 
     def size(self):
