@@ -4,10 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.special import gamma, rgamma
+from scipy.integrate import quad
+from scipy.special import eval_legendre, gamma, rgamma
 
 from spi.exact.gibbs import law_of
 from spi.exact.kolmogorov import kinks, refiner
+from spi.exact.kolmogorov.harmonics import harmonics_up_to
 from spi.exact.kolmogorov.refining import outlook, refined
 from spi.expressions import functions_of
 from spi.models import MaxwellBloch, RigidBody
@@ -60,6 +62,28 @@ def test_waves_of_a_power_lack_little_wherever_the_kink_lies(p, turned):
             found = kinks.waves(f, point, *((other, x) if turned else (x, other)), 8, 8)
             found = (found[0] if turned else found[:, 0])[2 * k] * np.exp(-2j * k * 2 * np.pi / n * share)
             assert abs(found - true).max() < 2e-3 * (2 * np.pi / n) ** (1 + p) + (7 / n) ** 4
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
+@pytest.mark.parametrize("text", ["abs(z - 0.3)", "sqrt(abs(z - 0.3))", "((z - 0.3 + abs(z - 0.3))/2)^0.7", "abs(z)^0.3"])
+def test_harmonics_of_powers(text, axis):
+    """After the heat flow over s: sum_l (2 l + 1)/2 int phi P_l dz P_l(n . y) exp(-l (l + 1) s), phi of z = n . y."""
+    s, y, degrees = 0.25, np.array([0.48, 0.6, 0.64]), np.arange(13)
+    f = functions_of([text.replace("z", f"({axis[0]}*y1 + {axis[2]}*y3)")], 3)[0]
+    weights = (2 * degrees + 1) / 2 * eval_legendre(degrees, np.dot(axis, y)) * np.exp(-degrees * (degrees + 1) * s)
+
+    def part(z):
+        return np.ravel(f(z * np.array(axis)[:, None]))[0] * (weights @ eval_legendre(degrees, z))
+
+    true = sum(quad(part, a, b, epsabs=1e-10, limit=400)[0] for a, b in ((-1, 0), (0, 0.3), (0.3, 1)))
+    p = min(each.power for each in f.singular)
+    for L in (32, 48):
+        harmonics = harmonics_up_to(L)
+        found = harmonics.project([f], 1.0, [0.5])
+        degree = {c: np.repeat(np.arange(L + 1), [len(m) for m in harmonics.orders[c]]) for c in found}
+        e = harmonics.evaluation(y)
+        value = sum(e[c] @ (found[c][:, 0] * np.exp(-degree[c] * (degree[c] + 1) * s)) for c in found)
+        assert abs(value - true) < 1e-3 * L ** -(1 + p)
 
 
 def test_the_error_holds_at_a_square_root():
