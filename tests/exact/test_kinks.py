@@ -65,7 +65,9 @@ def test_waves_of_a_power_lack_little_wherever_the_kink_lies(p, turned):
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
-@pytest.mark.parametrize("text", ["abs(z - 0.3)", "sqrt(abs(z - 0.3))", "((z - 0.3 + abs(z - 0.3))/2)^0.7", "abs(z)^0.3"])
+@pytest.mark.parametrize(
+    "text", ["abs(z - 0.3)", "sqrt(abs(z - 0.3))", "((z - 0.3 + abs(z - 0.3))/2)^0.7", "abs(z)^0.3"]
+)
 def test_harmonics_of_powers(text, axis):
     """After the heat flow over s: sum_l (2 l + 1)/2 int phi P_l dz P_l(n . y) exp(-l (l + 1) s), phi of z = n . y."""
     s, y, degrees = 0.25, np.array([0.48, 0.6, 0.64]), np.arange(13)
