@@ -187,29 +187,37 @@ def _written(expression, binds):
 
 
 def singular_parts(expression):
-    """The parts of a tree at whose zeros it may have no derivatives: u in abs(u), u^0.3, log(u), 1/u, cos of tan."""
+    """[(u, p)] of a tree: parts u at whose zeros it may have no derivatives but behaves like |u|^p.
+
+    These are u in abs(u), u^0.3, log(u), 1/u, and cos of tan; 0 stands for jumps and poles.  Within a part of power p
+    other parts have at most p times their own: so sqrt(abs(u)) has 1/2.
+    """
     if isinstance(expression, Constant | Component):
         return []
     if isinstance(expression, WholePower):
         return singular_parts(expression.a)
-    own = []
+    own, power = None, 0.0
     if isinstance(expression, Absolute | SquareRoot | Logarithm):
-        own = [expression.a]
+        own, power = expression.a, {Absolute: 1.0, SquareRoot: 0.5}.get(type(expression), 0.0)
     elif isinstance(expression, Tangent):
-        own = [Cosine(expression.a)]
+        own = Cosine(expression.a)
     elif isinstance(expression, Quotient):
-        own = [expression.b]
+        own = expression.b
     elif isinstance(expression, Power):
-        whole = isinstance(expression.b, Constant) and expression.b.value >= 0 and expression.b.value % 1 == 0
-        own = [] if whole else [expression.a]
-    own = [part for part in own if not is_constant(part)]
-    return own + [part for operand in expression for part in singular_parts(operand)]
+        constant = isinstance(expression.b, Constant)
+        power = max(expression.b.value, 0.0) if constant else 0.0
+        own = None if constant and expression.b.value >= 0 and power % 1 == 0 else expression.a
+    found = [] if own is None or is_constant(own) else [(own, power)]
+    for operand in expression:
+        share = 1.0 if own is None or operand is not own else min(power, 1.0)
+        found += [(u, share * p) for u, p in singular_parts(operand)]
+    return found
 
 
 def as_numpy(expression):
     """The function phi(y) of arrays y of shape (d, ...) with values of shape (...).
 
-    Its attribute ``singular`` has such functions of its :func:`singular_parts`.
+    Its attribute ``singular`` has such functions of its :func:`singular_parts`, each with its ``power``.
     """
 
     def value(e, y):
@@ -225,7 +233,10 @@ def as_numpy(expression):
         with np.errstate(all="ignore"):
             return np.array(value(expression, np.asarray(y, float)))  # never a view of y
 
-    phi.singular = tuple(map(as_numpy, singular_parts(expression)))
+    parts = singular_parts(expression)
+    phi.singular = tuple(as_numpy(part) for part, _ in parts)
+    for part, (_, power) in zip(phi.singular, parts, strict=True):
+        part.power = power
     return phi
 
 

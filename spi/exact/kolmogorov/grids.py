@@ -13,7 +13,7 @@ from scipy.special import erfc
 
 from ...ensemble.loop import thread_count
 from ..work import counted
-from .kinks import FINER, extrapolated, is_rough, low_pass, sharpened
+from .kinks import FINER, low_pass, roughness, waves
 
 SECONDS, KINKS = 5e-9, 1.6e-6  #: of a point, for each function and group of flows of a step, and to look for kinks
 POINTS = 2**19  #: no grid has more points
@@ -46,12 +46,12 @@ class Problem(NamedTuple):
         return abs(self.sigma[1]) * self.r
 
     def rough(self, half_width):
-        """(F,) whether each function has kinks within that width."""
+        """(F,) :func:`.kinks.roughness` of each function within that width."""
         angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
         y1 = self.initial[0] + np.linspace(-1.0, 1.0, 301)[:, None] * (half_width + LAYER)
         state = np.stack([np.broadcast_to(v, (301, 720)) for v in (y1, self.r * np.cos(angle), self.r * np.sin(angle))])
         state = state.reshape(3, -1)
-        return np.array([is_rough(phi, state) for phi in self.functions])
+        return np.array([roughness(phi, state) for phi in self.functions])
 
     def active(self, part, k):
         """Whether a flow moves anything."""
@@ -86,26 +86,24 @@ class Grid:
             counted(KINKS * prod(self.shape))
 
     def _projected(self, phi, half_width):
-        """The transform of a function with kinks, from finer grids and through a low-pass filter."""
-        modes = extrapolated(*(self._modes(phi, half_width, times) for times in FINER))
-        half, few = self.shape[0] // 2, abs(scipy.fft.fftfreq(self.shape[0], 1 / self.shape[0]))[:, None]
-        return scipy.fft.ifft(modes * low_pass(few, half) * low_pass(self.m), axis=0)
-
-    def _modes(self, phi, half_width, times):
-        """The waves of this grid that a function has on one that is so many times finer in both directions."""
-        n1, n_alpha = (times * n for n in self.shape)
+        """The transform of a function with kinks, from a finer grid and through a low-pass filter."""
+        n1, n_alpha = self.shape
         y1, y2, y3 = self.problem.initial
         angle, r = np.arctan2(y3, y2), self.problem.r
-        x, alpha = self.period / n1 * (np.arange(n1) - n1 // 2), angle + 2 * np.pi / n_alpha * np.arange(n_alpha)
+        x = self.period / (FINER * n1) * np.arange(FINER * n1)
+        alpha = angle + 2 * np.pi / (FINER * n_alpha) * np.arange(FINER * n_alpha)
 
         def point(x, alpha):
+            x = (x + self.period / 2) % self.period - self.period / 2
             return np.array([y1 + x, r * np.cos(alpha), r * np.sin(alpha)])
 
-        values, added = sharpened(phi, point, x, alpha)
-        values = (values + added * (n1 / self.period)) * _window(x[:, None], half_width)[1]
-        modes = scipy.fft.rfft(np.fft.ifftshift(values, axes=0), axis=1)[:, : len(self.m)]
-        modes, half = scipy.fft.fft(modes, axis=0, overwrite_x=True) / times**2, self.shape[0] // 2
-        return np.concatenate([modes[:half], modes[-half:]])
+        def windowed(y):
+            return phi(y) * _window(y[0] - y1, half_width)[1]
+
+        windowed.singular = phi.singular
+        modes = waves(windowed, point, x, alpha, n1 // 2, len(self.m)) * (n1 * n_alpha)
+        few = abs(scipy.fft.fftfreq(n1, 1 / n1))[:, None]
+        return scipy.fft.ifft(modes * low_pass(few, n1 // 2) * low_pass(self.m), axis=0)
 
     def run(self, plan, n):
         """E phi(y_n), one number for each phi, for n steps of size T/n."""

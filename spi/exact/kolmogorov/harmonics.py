@@ -24,10 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import coo_array
-from scipy.special import roots_legendre
 
 from ..work import counted
-from .kinks import FINER, extrapolated, low_pass, sharpened
+from .kinks import FINER, low_pass, waves
 
 CLASSES = (0, 1, 2, 3)
 #: Up to this degree :func:`harmonics_up_to` keeps what it has made, 30 MB at most.
@@ -162,24 +161,32 @@ class Harmonics:
         modes = np.fft.rfft(values, axis=-1)[..., : self.L + 1] * (weights * 2 * np.pi / around)[:, None]
         found = self._coefficients(modes, z)
         for f in np.flatnonzero(rough):
-            both = [self._projected(functions[f], radius, times) for times in FINER]
-            for c in CLASSES:
-                found[c][:, f] = extrapolated(*(one[c] for one in both))
+            for c, coefficients in self._projected(functions[f], radius).items():
+                found[c][:, f] = coefficients
         return found
 
-    def _projected(self, f, radius, times):
-        """Coefficients of a function with kinks for each class, from a finer grid and through a low-pass filter."""
-        rings, around = times * (self.L + 1 + self.L // 2), times * (3 * self.L + 4)
-        z, weights = roots_legendre(rings)
-        phi = 2 * np.pi / around * np.arange(around)
+    def _projected(self, f, radius):
+        """Coefficients of a function with kinks for each class, from a finer grid and through a low-pass filter.
 
-        def point(z, phi):
-            s = np.sqrt((1 - z) * (1 + z))
-            return radius * np.array([s * np.cos(phi), s * np.sin(phi), z])
+        With y = (sin t cos phi, sin t sin phi, cos t) the product of f and |sin t| is periodic in t and phi, and the
+        associated Legendre functions are waves in t, up to L.
+        """
+        rings, half = FINER * (self.L + 1 + self.L // 2), self.L + 1
+        t, phi = (2 * np.pi / n * np.arange(n) for n in (2 * rings, FINER * (3 * self.L + 4)))
 
-        values, added = sharpened(f, point, z, phi)
-        modes = np.fft.rfft(values * weights[:, None] + added, axis=-1)[:, : self.L + 1] * (2 * np.pi / around)
-        found = self._coefficients(modes[None], z)
+        def point(t, phi):
+            return radius * np.array([np.sin(t) * np.cos(phi), np.sin(t) * np.sin(phi), np.cos(t)])
+
+        def weighted(y):
+            return f(y) * np.hypot(y[0], y[1]) / radius
+
+        weighted.singular = (*f.singular, lambda y: np.hypot(y[0], y[1]))
+        k = np.fft.fftfreq(2 * half, 1 / (2 * half))[:, None]
+        middles = np.pi / half * (np.arange(half) + 0.5)
+        modes = waves(weighted, point, t, phi, half, half) * np.exp(0.5j * np.pi / half * k)
+        modes[half] = 0.0  # the wave -L - 1
+        modes = 2 * half * np.fft.ifft(modes, axis=0)[:half] * (2 * np.pi**2 / half)
+        found = self._coefficients(modes[None], np.cos(middles))
         degree = {c: np.repeat(np.arange(self.L + 1), [len(m) for m in self.orders[c]]) for c in CLASSES}
         return {c: found[c][:, 0] * low_pass(degree[c], self.L) for c in CLASSES}
 

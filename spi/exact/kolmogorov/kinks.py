@@ -1,77 +1,131 @@
 """Functions with kinks, jumps or poles: which ones have them, and how sure a sequence of refinements of them is.
 
 The coefficients of such a function fall as a power of the wave number only.  So it is projected by far more points
-than there are waves, through a smooth low-pass filter, and the error of its expectation is told from how the
-refinements fell, of which no order is assumed.
+than there are waves, most of them at kinks, through a smooth low-pass filter; and the error of its expectation is told
+from how the refinements fell, which is taken to be no faster than theory has it.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+import scipy.fft
 from scipy.special import erfc
 
 #: A part u of a function, as in abs(u), is away from 0 where |u| stays above this share of its largest value.
 _AWAY = 0.1
+NEXT = 1.4  #: about so many times finer is the grid of the next refinement
 #: By what factor errors fall from one refinement to the next at most and at least, where the factor is measured.
 _FALLS = 0.25, 0.9
 _ASKED = 3  # changes that the error is told from
 _SAFETY = 2.0
-FINER = 2, 4  #: so many times finer are the grids on which functions with kinks are asked for
-WITHIN = 16  #: points across a cell with a kink
+FINER = 2  #: so many times finer is the grid on which a function with kinks is asked for
+NEAR = 3.0  #: cells so near to a kink, in cells, have many points
+CROSSED, WITHIN, SMOOTH = 0.5, 32, 4  #: cells so near have so many points across, the others so many of Gauss
 
 
-def is_rough(phi, points):
-    """Whether a function has kinks, jumps or poles on a surface, given points (3, n) that are close together there.
+def roughness(phi, points):
+    """0 of a function that is smooth on a surface, given points (3, n) that are close together there.
 
-    By its attribute ``singular``, functions at whose zeros it may be so; without one it is taken to be smooth.
+    Otherwise, where it has kinks, jumps or poles, by what factor the error of :func:`waves` falls at best from one
+    refinement to the next: |x|^p has h^(1+p).  By its attribute ``singular`` a function may be rough at the zeros of
+    these, of which each has its p in an attribute ``power``; without one it is taken to be smooth.
     """
+    found = 0.0
     for part in getattr(phi, "singular", ()):
         with np.errstate(all="ignore"):
             u = np.broadcast_to(part(points), points.shape[1:])
         if not np.isfinite(u).all() or u.min() <= 0.0 <= u.max() or abs(u).min() <= _AWAY * abs(u).max():
-            return True
-    return False
+            found = max(found, NEXT ** -(1.0 + part.power))
+    return found
 
 
-def sharpened(phi, point, rows, columns):
-    """(values (n, m) of a function on a grid, what to add to them times the height of a row), each a float array.
+def waves(phi, point, rows, columns, half, few):
+    """Fourier coefficients (2 half, few) of a function of two coordinates, from its values on a periodic grid.
 
-    `rows` (n,) and `columns` (m,), which go on periodically, are coordinates of which `point` makes states (3, ...).
-    In a cell where a part of phi changes sign, which the corners tell, its mean and its moments come from many points,
-    and not from the corners; that is added to these: so sums with smooth functions know where in a cell a kink lies.
+    `rows` (n,) and `columns` (m,) have equal distances, and `point` makes states (3, ...) of them; the waves along rows
+    are 0, ..., half - 1, -half, ..., -1.  With the hat H, 1 at a point and 0 at its neighbours, phi * H has the
+    coefficients of phi times s(k1 h1) s(k2 h2), s(x) = (sin(x/2) / (x/2))^2.  Near zeros of a `singular` part
+    phi * H comes from many points in each cell.  Elsewhere it is (1 + d^2/12 - d^4/240) phi, d^2 the second differences
+    in either direction, but for 31/60480 h^6 times the sixth derivative.  So the coefficients of the values, and those
+    of the difference of the two there over s s, lack h^4 and more of what is smooth, and of |x|^p, which has
+    h^(1+p) from values alone, about a thousandth of that, most of it wherever between the points x = 0 is.
     """
-    grid = np.meshgrid(rows, columns, indexing="ij")
-    states = point(*grid).reshape(3, -1)
-    values = np.array(np.broadcast_to(phi(states), states.shape[1]), float).reshape(grid[0].shape)
-    crossed = np.zeros((len(rows) - 1, len(columns)), bool)
+    states = point(*np.meshgrid(rows, columns, indexing="ij")).reshape(3, -1)
+    shape = len(rows), len(columns)
+    values = np.array(np.broadcast_to(phi(states), states.shape[1]), float).reshape(shape)
+    away = np.full(shape, np.inf)
     for part in getattr(phi, "singular", ()):
-        sign = np.broadcast_to(part(states), states.shape[1]).reshape(values.shape) > 0.0
-        sign = np.concatenate([sign, sign[:, :1]], axis=1)
-        crossed |= (sign[1:, 1:] != sign[:-1, :-1]) | (sign[1:, :-1] != sign[:-1, 1:])
-        crossed |= sign[1:, 1:] != sign[1:, :-1]
-    added, whole = np.zeros_like(values), np.arange(WITHIN)
-    of_row = (whole[:, None] + (whole + 0.5) / WITHIN) / WITHIN  # no two points are on one line along an axis
-    of_column = of_row.T
-    hats = [np.array([1.0 - share, share]) / WITHIN for share in (of_row, of_column)]
-    width, height = columns[1] - columns[0], np.diff(rows)
-    i, j = np.nonzero(crossed)
-    for first in range(0, len(i), 2**18 // WITHIN**2):
-        a, b = (each[first : first + 2**18 // WITHIN**2] for each in (i, j))
-        down = rows[a, None, None] + height[a, None, None] * of_row
-        right = columns[b, None, None] + width * of_column
-        states = point(*(down, right)).reshape(3, -1)
-        fine = np.broadcast_to(phi(states), states.shape[1]).reshape(len(a), WITHIN, WITHIN)
-        of_corners = np.einsum("nab,pab,qab->pqn", fine, *hats)
-        for p in (0, 1):
-            for q in (0, 1):
-                at = a + p, (b + q) % len(columns)
-                np.add.at(added, at, height[a] * (of_corners[p, q] - 0.25 * values[at]))
-    return values, added
+        away = np.fmin(away, _cells_away(np.broadcast_to(part(states), states.shape[1]).reshape(shape)))
+    near, crossed = away < NEAR, away < CROSSED
+    there = near & np.roll(near, 1, 0)
+    there &= np.roll(there, 1, 1)  # all four cells about a point
+    hats = _with_hats(phi, point, rows, columns, crossed, *_on_lattice())
+    hats += _with_hats(phi, point, rows, columns, near & ~crossed, *_of_gauss())
+    added = np.where(there, hats - _smoothed(values), 0.0)
+    found = _coefficients(values, half, few)
+    k1, k2 = np.fft.fftfreq(2 * half, 1 / (2 * half)), np.arange(few)
+    found += _coefficients(added, half, few) / np.outer(np.sinc(k1 / shape[0]) ** 2, np.sinc(k2 / shape[1]) ** 2)
+    return found
 
 
-def extrapolated(coarse, fine):
-    """What sums of values of :func:`sharpened` tend to, from those on the grids that are :data:`FINER`."""
-    return (4.0 * fine - coarse) / 3.0
+def _cells_away(part):
+    """(n, m) how many cells a zero of a part (n, m) of a function is away from each cell, at most one of them being 0.
+
+    A cell has the number of one corner, and lies between that and the next ones.  It is told from how much the part
+    changes across the cell; so the part may touch zero without a change of sign.
+    """
+    corners = np.stack([part, np.roll(part, -1, 0), np.roll(part, -1, 1), np.roll(part, (-1, -1), (0, 1))])
+    with np.errstate(all="ignore"):
+        return abs(corners).min(axis=0) / (corners.max(axis=0) - corners.min(axis=0))
+
+
+def _smoothed(values):
+    """(1 + d^2/12 - d^4/240) of values (n, m), d^2 their second differences, in both directions."""
+    for axis in (0, 1):
+        second = np.roll(values, 1, axis) - 2.0 * values + np.roll(values, -1, axis)
+        fourth = np.roll(second, 1, axis) - 2.0 * second + np.roll(second, -1, axis)
+        values = values + second / 12.0 - fourth / 240.0
+    return values
+
+
+def _on_lattice():
+    """(coordinates along rows and columns within a cell, weights), of a lattice that is turned.
+
+    So no two points are on one line along an axis: a kink along one has all of them across it.
+    """
+    whole = np.arange(WITHIN)
+    along = (whole[:, None] + (whole + 0.5) / WITHIN) / WITHIN
+    return along.ravel(), along.T[::-1].ravel(), np.full(along.size, 1.0 / along.size)
+
+
+def _of_gauss():
+    """(coordinates along rows and columns within a cell, weights), of a product of Gauss-Legendre rules."""
+    x, weights = np.polynomial.legendre.leggauss(SMOOTH)
+    along, across = np.meshgrid((1.0 + x) / 2.0, (1.0 + x) / 2.0, indexing="ij")
+    return along.ravel(), across.ravel(), np.outer(weights, weights).ravel() / 4.0
+
+
+def _with_hats(phi, point, rows, columns, cells, along, across, weights):
+    """(n, m) integrals of a function with hats of integral 1 over those of `cells` (n, m) that are true."""
+    found = np.zeros(cells.shape)
+    hats = {(p, q): weights * abs(1.0 - p - along) * abs(1.0 - q - across) for p in (0, 1) for q in (0, 1)}
+    down, right = rows[1] - rows[0], columns[1] - columns[0]
+    i, j = np.nonzero(cells)
+    many = 2**18 // len(weights)
+    for first in range(0, len(i), many):
+        a, b = (each[first : first + many] for each in (i, j))
+        states = point(rows[a, None] + down * along, columns[b, None] + right * across).reshape(3, -1)
+        fine = np.broadcast_to(phi(states), states.shape[1]).reshape(len(a), -1)
+        for (p, q), hat in hats.items():
+            np.add.at(found, ((a + p) % cells.shape[0], (b + q) % cells.shape[1]), fine @ hat)
+    return found
+
+
+def _coefficients(values, half, few):
+    """The Fourier coefficients (2 half, few) of values on a grid."""
+    modes = scipy.fft.rfft(values, axis=1)[:, :few]
+    modes = scipy.fft.fft(modes, axis=0, overwrite_x=True) / values.size
+    return np.concatenate([modes[:half], modes[-half:]])
 
 
 def low_pass(wave, largest=None):
@@ -87,13 +141,14 @@ class Settling(NamedTuple):
 
 
 def settling(values, rough):
-    """The :class:`Settling` of values (refinements, F) of functions that are `rough` or not (F,).
+    """The :class:`Settling` of values (refinements, F) of functions of which `rough` (F,) is not 0, or is.
 
     Of smooth functions the error is the last change, or a quarter of the change before where that is larger (a change
     may be small by chance).  Of the others changes come and go with where kinks lie between points: the largest of
-    the last three counts, each carried on by the measured factor, and what a geometric series leaves after it, twice.
+    the last three counts, each carried on by the measured factor, which is at least `rough` (:func:`roughness`), and
+    what a geometric series leaves after it, twice.
     """
-    values, rough = np.asarray(values, float), np.asarray(rough, bool)
+    values, rough = np.asarray(values, float), np.asarray(rough, float)
     changes = np.abs(np.diff(values, axis=0))
     nothing = np.full(values.shape[1:], np.nan)
     if len(changes) < 2:
@@ -101,10 +156,10 @@ def settling(values, rough):
     with np.errstate(all="ignore"):
         falls = _measured(changes)
         smooth = np.maximum(changes[-1], changes[-2] / 4)
-        ratio = np.clip(np.nan_to_num(falls, nan=1.0), *_FALLS)
+        ratio = np.clip(np.nan_to_num(falls, nan=1.0), np.clip(rough, *_FALLS), _FALLS[1])
         carried = [changes[-1 - i] * ratio**i for i in range(min(_ASKED, len(changes)))]
         told = _SAFETY * np.max(carried, axis=0) * np.maximum(1.0, ratio / (1.0 - ratio))
-        error = np.where(rough, told if len(changes) >= _ASKED else np.inf, smooth)
+        error = np.where(rough > 0.0, told if len(changes) >= _ASKED else np.inf, smooth)
     return Settling(np.where(np.isnan(error), np.inf, error), falls)
 
 

@@ -22,7 +22,7 @@ from ..work import expected, part
 from . import Demands, Expectations
 from .backward import numbers_of_steps
 from .harmonics import CLASSES, harmonics_up_to, seconds_to_make
-from .kinks import is_rough, settling
+from .kinks import roughness, settling
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup, term
 
 #: Degrees tried in turn.
@@ -235,7 +235,7 @@ class _Problem(NamedTuple):
     steps: np.ndarray
     counts: list
     functions: tuple
-    rough: np.ndarray  #: (F,) which of them have kinks
+    rough: np.ndarray  #: (F,) not 0 of those with kinks, see kinks.roughness
 
     @classmethod
     def of(cls, model, compositions, initial, final_time, steps, functions):
@@ -249,7 +249,7 @@ class _Problem(NamedTuple):
         sigma = strengths_by_place(model, 3)
         spread = [(s * r / i) ** 2 / 2 for s, i in zip(sigma, noise_inertia, strict=True)]
         turn = [r / i for i in inertia]
-        rough = np.array([is_rough(f, r * _all_over()) for f in functions], bool)
+        rough = np.array([roughness(f, r * _all_over()) for f in functions])
         return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions), rough)
 
     def size(self):
@@ -318,7 +318,7 @@ class _Problem(NamedTuple):
 
     def making(self, L):
         """About how many seconds the harmonics and the coefficients of the functions take."""
-        return seconds_to_make(L) + 3e-5 * np.count_nonzero(self.rough) * L**2
+        return seconds_to_make(L) + 4e-3 * L * np.count_nonzero(self.rough)
 
     def waves(self):
         """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
