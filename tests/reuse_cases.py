@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 import yaml
 from own_models import OSCILLATOR
 
@@ -42,8 +43,8 @@ FUNCTIONS = "functions: {b: y1^2, c: y3, a: sin(y2)}"
 #: By kind what is changed.
 SPECS = {
     "strong": f"{ERRORS}\nsamples: 130",
-    "weak": f"{ERRORS}\n{FUNCTIONS}\nsamples: 512\nseconds: 0.002\nprefixes: [64, 128]\npanels: [errors, samples]\n"
-    "estimators: [plain, multilevel]\nextrapolate: [0, 1]",
+    "weak": f"{ERRORS}\n{FUNCTIONS}\nsamples: 512\nprefixes: [64, 128]\npanels: [errors, samples]\n"
+    "estimators: [plain]\nextrapolate: [0, 1]",
     "work_precision": f"{ERRORS}\nfunctions: {{b: y1^2}}\nsamples: 128\nestimators: [plain]\n"
     "targets: [0.1, 0.01]\nrepeats: 3",
     "stability": f"{ERRORS.replace('[1, 1, 1]', '[s, s, s]')}\n{FUNCTIONS}\nsamples: 70\nsweep: {{s: [1, 1/2]}}\n"
@@ -92,6 +93,7 @@ LAYERS = (
     "reference_scheme: splitting\nestimators: [plain]\nextrapolate: 0",
     "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nschemes: [splitting_order2]\npanels: [errors]\n"
     "functions: {b: y1^2}\nsteps: [1/2, 1/4, 1/8]",
+    "seconds: 0.002\nestimators: [multilevel]\npanels: [errors]",
     "standard_error: 0.1\nseconds: 1\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
     "coarse: quasi\nconstruction: principal\nestimators: [quasi, multilevel]\nsamples: 512\nseconds: 0.002\n"
     "panels: [errors]\nfunctions: {b: y1^2}",
@@ -294,6 +296,13 @@ def digests(experiment):
 INVALID, ANEW, REFUSED, EQUAL, DIFFERENT = "invalid", "anew", "refused", "equal", "DIFFERENT"
 
 
+def run(experiment, folder, **options):
+    """The results file of an experiment; where times are measured, which nothing compares, of one block each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+        return runner.run(experiment, folder, **options)
+
+
 def run_onto(before, after, folder):
     """What comes of running one experiment onto the results of another, and how it differs from a fresh run."""
     told = []
@@ -313,8 +322,8 @@ def run_onto(before, after, folder):
             found = everything(runner.results_path(after, copy))  # what the run takes for its results
         else:  # as where a person removes results of another spec
             runner.results_path(before, copy).unlink()
-            found = everything(runner.run(after, copy, watch=watch))
-        right = everything(runner.run(after, new))
+            found = everything(run(after, copy, watch=watch))
+        right = everything(run(after, new))
     wrong = sorted(key for key in found.keys() | right.keys() if found.get(key) != right.get(key))
     odd = [news for news in told if "edited" in news]
     return (DIFFERENT if wrong or odd else EQUAL if shared else ANEW), [*wrong, *odd]
@@ -334,7 +343,7 @@ def outcomes(some):
                     if before is None:
                         break
                     continue
-                begun = begun or runner.run(before, folder)
+                begun = begun or run(before, folder)
                 yield change, *run_onto(before, after, folder)
 
 
