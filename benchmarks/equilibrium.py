@@ -1,6 +1,6 @@
 """The Gibbs law of the rigid body against quadrature, by Metropolis steps at any step size, and the bias of others.
 
-    python benchmarks/equilibrium.py [--samples 10000000]
+    python benchmarks/equilibrium.py [--samples 10000000] [--schemes splitting_order2 heun]
 
 I = (2, 1, 2/3), Ĥ_k = y_k, sigma = 1, T = 1/4, |y| = 1, as in experiments/rigid_body_temperature.yaml.  The first table
 has the deviations of E H and E y_3^2 from quadrature in standard errors, of as many independent paths at t = 16, and
@@ -8,7 +8,7 @@ chi squared of the histogram of H with 20 bins of equal width, of its degrees of
 schemes without Metropolis steps, by a fifth of the paths, the order between steps, nanoseconds per step (the least of
 several in turn), and the time for a unit of time where E H has a bias of 1e-3, by the two smallest steps.
 
-Short form: --samples 20000
+Short form: --samples 10000 --schemes splitting_symmetric
 """
 
 import argparse
@@ -26,9 +26,11 @@ from spi.running.load import load, plans
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_temperature.yaml"
 TIME, BATCH = 16.0, 2**14  #: final time, blocks of paths at once
-FIVE = """[drift 1/2, friction 0.21132486540518713 backwards, noise 1/2, friction 0.5773502691896257 symmetric,
-noise 1/2 backwards, friction 0.21132486540518713, drift 1/2 backwards]"""
-HEUN = "{python: schemes/heun.py, name: NormalisedHeun, strong_order: 1/2, weak_order: 1}"
+COMPOSITIONS = {
+    "five": """[drift 1/2, friction 0.21132486540518713 backwards, noise 1/2, friction 0.5773502691896257 symmetric,
+noise 1/2 backwards, friction 0.21132486540518713, drift 1/2 backwards]""",
+    "heun": "{python: schemes/heun.py, name: NormalisedHeun, strong_order: 1/2, weak_order: 1}",
+}
 RIVALS = {
     "splitting_symmetric": (1.0, 0.5, 0.25),
     "splitting_order2": (1.0, 0.5, 0.25),
@@ -84,9 +86,12 @@ def nanoseconds(chosen: dict[str, Any]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=10_000_000)
-    samples = parser.parse_args().samples
-    schemes = f"schemes=[splitting_metropolis, {', '.join(RIVALS)}]"
-    experiment = load(SPEC, overrides=[schemes, f"compositions={{five: {FIVE}, heun: {HEUN}}}", "expect={}"])
+    parser.add_argument("--schemes", nargs="+", default=[*RIVALS], choices=RIVALS, help="of the second table")
+    given = parser.parse_args()
+    samples = given.samples
+    schemes = f"schemes=[splitting_metropolis, {', '.join(given.schemes)}]"
+    own = ", ".join(f"{name}: {one}" for name, one in COMPOSITIONS.items() if name in given.schemes)
+    experiment = load(SPEC, overrides=[schemes, f"compositions={{{own}}}", "expect={}"])
     chosen = {plan.part.name: plan for plan in plans(experiment)}
     metropolis = chosen.pop("splitting_metropolis")
     law = law_of(metropolis.case.model, metropolis.initial, metropolis.case.temperature)

@@ -1,10 +1,10 @@
 """What a call of ``spi.Integrator`` costs: ns per step and path against the kernel of a run, and µs of a short call.
 
-    python benchmarks/integrator.py [PATHS [STEPS]]
+    python benchmarks/integrator.py [PATHS [STEPS [SCHEME ...]]]
 
 All are timed in turn, on one thread, and the least of 15 is taken.
 
-Short form: 640 10
+Short form: 640 10 splitting
 """
 
 import sys
@@ -19,6 +19,7 @@ from spi.numerics.rng import LANES
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, 2 / 3], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 H, INITIAL, REPEATS = 2**-7, [1, 0, 0.5], 15
+SCHEMES = ("splitting", "splitting_areas", "munthe_kaas_midpoint")
 
 
 def least_seconds(*calls):
@@ -45,10 +46,10 @@ def ratios(scheme, paths, steps):
     return seconds * 1e9 / (paths * steps)
 
 
-def main(paths=10_000, steps=100):
+def main(paths=10_000, steps=100, *schemes):
     """Print the table."""
     print(f"{paths} paths, {steps} steps, one thread: ns per step and path, and multiples of a run")
-    for scheme in ("splitting", "splitting_areas", "munthe_kaas_midpoint"):
+    for scheme in schemes or SCHEMES:
         run, sample, given = ratios(scheme, paths, steps)
         told = f"sample {sample:6.2f} ({sample / run:.2f})   steps {given:6.2f} ({given / run:.2f})"
         print(f"{scheme:24} run {run:6.2f}   {told}")
@@ -59,4 +60,4 @@ def main(paths=10_000, steps=100):
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*map(int, sys.argv[1:3]), *sys.argv[3:])

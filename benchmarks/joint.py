@@ -1,13 +1,14 @@
 """What joint flows cost: sweeps of one kind alone, and whole steps, with increments and areas given.
 
-    python benchmarks/joint.py
+    python benchmarks/joint.py [model ...]
 
 Times are ns per step and path on one thread, the best of interleaved repetitions, where all angles are small.
 
-Short form: without arguments
+Short form: rigid_body
 """
 
 import math
+import sys
 import time
 
 import numpy as np
@@ -25,6 +26,7 @@ from spi.schemes.splitting import Splitting
 from spi.schemes.stages import flows
 
 STEP, STEPS, REPEATS = 2.0**-14, 512, 200
+MODELS = ("rigid_body", "maxwell_bloch", "sine_euler")
 ALONE = {f"flows of the {part} alone": Splitting((flows(part),)) for part in ("drift", "noise", "joint")}
 WHOLE = ("splitting", "splitting_joint_lie", "splitting_joint", "splitting_areas", "splitting_joint_areas")
 
@@ -67,7 +69,7 @@ def best_times(works):
 
 
 def main():
-    for name in ("rigid_body", "maxwell_bloch", "sine_euler"):
+    for name in sys.argv[1:] or MODELS:
         model, initial = example(name)
         schemes = ALONE | {scheme: SCHEMES[scheme].record for scheme in WHOLE}
         found = best_times({scheme: work_of(record, model, initial) for scheme, record in schemes.items()})

@@ -1,13 +1,13 @@
 """The table of kernels: every model and scheme, beside a naive Numba loop, timed in one run.
 
-    python benchmarks/kernels.py [model ...]      all models and schemes, about five minutes
+    python benchmarks/kernels.py [model ...] [--schemes ...]      by default all, about five minutes
     python benchmarks/kernels.py --special        the same kernels in the situations of the studies, about one minute
 
 Times are ns per step and path, the best of several interleaved repetitions, since machines are noisy; compilation is
 not counted.  Naive twins (naive.py where written by hand, otherwise generic.py) run on one thread.  What counts as a
 floating-point operation says flops.py; the random numbers of a step are included.
 
-Short form: lotka_volterra
+Short form: lotka_volterra --schemes splitting euler_maruyama
 """
 
 import argparse
@@ -124,9 +124,9 @@ def verdict(model, all_times, machine):
     return f"{model}: {', '.join(parts)} over naive"
 
 
-def table(models):
+def table(models, schemes):
     """Print everything."""
-    keys = [(m, s) for m in models for s in SCHEMES if not why_not(s, example(m)[0])]
+    keys = [(m, s) for m in models for s in schemes if not why_not(s, example(m)[0])]
     counting = count_flops(models)
     context = get_context("spawn")
     workers = [ProcessPoolExecutor(1, mp_context=context) for _ in range(pairs.THREADS)]
@@ -136,7 +136,7 @@ def table(models):
     times = {}
     for model in models:
         print(model)
-        for scheme in SCHEMES:
+        for scheme in schemes:
             if reason := why_not(scheme, example(model)[0]):
                 print(f"  {scheme:29} not for this model: {reason}")
                 continue
@@ -145,7 +145,7 @@ def table(models):
             flops, _, _ = machine.step(model, scheme)
             print(line(f"  {scheme}", times[model, scheme], twin, width, flops, machine.peak), flush=True)
     print()
-    for model in models:
+    for model in models if {"splitting", "euler_maruyama"} <= {*schemes} else ():
         print(verdict(model, times, machine))
     for worker in workers:
         worker.shutdown()
@@ -154,6 +154,7 @@ def table(models):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("models", nargs="*", metavar="model", help=f"of {', '.join(TIMED)}; default: all")
+    parser.add_argument("--schemes", nargs="+", default=[*SCHEMES], choices=SCHEMES, metavar="scheme")
     parser.add_argument("--special", action="store_true", help="time the situations of the studies instead")
     options = parser.parse_args()
     if unknown := set(options.models) - set(TIMED):
@@ -161,7 +162,7 @@ def main():
     if options.special:
         special.table()
     else:
-        table(options.models or TIMED)
+        table(options.models or TIMED, options.schemes)
 
 
 if __name__ == "__main__":

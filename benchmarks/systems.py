@@ -1,13 +1,14 @@
 """Systems written in YAML beside the models of the package, timed in one run.
 
-    python benchmarks/systems.py        about a minute and a half, most of it compiling
+    python benchmarks/systems.py [system ...]      all of them, about a minute and a half, most of it compiling
 
 Each line is the time of a step of `splitting`, random numbers included, of a system from YAML over that of a built-in
 model: of the same system, or per flow of the rigid body.  The least of several interleaved repetitions counts.
 
-Short form: without arguments
+Short form: rigid_body
 """
 
+import argparse
 import itertools
 import time
 from pathlib import Path
@@ -23,6 +24,7 @@ from spi.ensemble.protocol import dimension, noises, pieces, structure
 from spi.schemes import SCHEMES
 
 GALLERY = Path(__file__).parent.parent / "experiments" / "systems"
+OF_GALLERY = ("heavy_top", "spin_ring")
 REPEATS, STEPS = 25, 2048
 #: What the Hamiltonian and the noises of the built-in models are, in y1, y2, ...
 HAMILTONIANS = {
@@ -72,13 +74,20 @@ def flows(model):
 
 
 def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    everything = [*HAMILTONIANS, *OF_GALLERY]
+    parser.add_argument("systems", nargs="*", metavar="system", help=f"of {', '.join(everything)}; default: all")
+    chosen = parser.parse_args().systems or everything
+    if unknown := set(chosen) - set(everything):
+        parser.error(f"no such system: {', '.join(sorted(unknown))}")
     use_threads(1)
     generator = np.random.default_rng(1)
-    compared = [(name, record(twin(name), name), name, 1.0) for name in HAMILTONIANS]
+    compared = [(name, record(twin(name), name), name, 1.0) for name in HAMILTONIANS if name in chosen]
     body = flows(example("rigid_body")[0])
-    for name in ("heavy_top", "spin_ring"):
-        model = record(yaml.load((GALLERY / f"{name}.yaml").read_text(), yaml.BaseLoader), name)
-        compared.append((name, model, "rigid_body", flows(model) / body))
+    for name in OF_GALLERY:
+        if name in chosen:
+            model = record(yaml.load((GALLERY / f"{name}.yaml").read_text(), yaml.BaseLoader), name)
+            compared.append((name, model, "rigid_body", flows(model) / body))
     scheme, jobs = SCHEMES["splitting"].record, []
     for _, model, built_in, _ in compared:
         own = tuple(generator.uniform(0.2, 0.6, dimension(model)).tolist())

@@ -1,6 +1,6 @@
 """Processor time until the error of E phi is small in total, bias and standard error together, on one thread.
 
-    python benchmarks/total_error.py [--errors 1e-4 1e-5]
+    python benchmarks/total_error.py [--errors 1e-4 1e-5] [--schemes splitting_order2 roessler_rs2] [--finest 9]
 
 The problem is that of experiments/rigid_body_extrapolated.yaml.  Compared are plain sampling and multilevel differences
 with antithetic paths, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
@@ -11,7 +11,7 @@ doubled until bias^2 + standard error^2 <= error^2; those of `both` are multilev
 that follows points, which get a tenth of the variance.  The biases of Rössler's scheme, whose expectations are not
 known without sampling, are found with --points scrambled points, and are as exact as these.
 
-Short form: --errors 1e-2 --longest 0.1 --points 262144
+Short form: --errors 1e-2 --longest 0.1 --schemes splitting_symmetric --finest 4
 """
 
 import argparse
@@ -34,7 +34,6 @@ from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_extrapolated.yaml"
-FINEST = 9  #: the smallest step is 2^-FINEST
 PILOT = 512  #: blocks from which variances and times are measured
 BATCH = 4096  #: blocks of a run
 
@@ -77,6 +76,11 @@ def plan_of(scheme: str, finest: int) -> Any:
     return weak.plan(case, Part(scheme, "multilevel"))
 
 
+def finest(p: Any) -> int:
+    """The smallest step of a plan is 2^-finest."""
+    return len(p.levels) - 1
+
+
 def samples(p: Any, level: Sample, first: int, blocks: int) -> np.ndarray:
     """What is averaged, of some blocks of a level."""
     values, _ = values_of_blocks(p, level.grid, level.stream, first, blocks, (first + blocks) * LANES)
@@ -96,7 +100,7 @@ def term(p: Any, level: Sample, share: float) -> Term:
 def plain(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
     """For each smallest step the mean of phi at h, 2h, ... on common paths, combined path by path."""
     found = []
-    for exponent in range(len(w) - 1, FINEST + 1):
+    for exponent in range(len(w) - 1, finest(p) + 1):
         found.append((exponent, [term(p, level_of(p, w, exponent, p.levels[-1].stream), 1.0)]))
     return found
 
@@ -139,8 +143,8 @@ def multilevel(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
     """For each smallest step the mean at the step 1 and the differences between levels, with what is in the weights."""
     *differences, last = [term(p, level, 1.0) for level in p.levels]
     found = []
-    for exponent in range(len(w) - 1, FINEST + 1):
-        used = differences[FINEST - exponent :]
+    for exponent in range(len(w) - 1, finest(p) + 1):
+        used = differences[finest(p) - exponent :]
         shares = [-w[: i + 1].sum() for i in range(len(used))]  # of E phi at 2^(i+1) h less that at 2^i h
         found.append((exponent, [last, *(one._replace(share=s) for one, s in zip(used, shares, strict=True))]))
     return found
@@ -151,7 +155,7 @@ def both(p: Any, differences: list[Term], w: np.ndarray, at: Any, error: float, 
     exponent, bias = at
     best, variance = Doubled(exponent, bias, np.nan, np.inf), error**2 - bias**2
     for coarse in range(max(0, exponent - 6), exponent - len(w) + 1):
-        used = differences[FINEST - exponent : FINEST - coarse]
+        used = differences[finest(p) - exponent : finest(p) - coarse]
         terms = [one._replace(share=-w[: i + 1].sum()) for i, one in enumerate(used)]
         levels, target = Estimate(exponent, 0.0, terms), np.sqrt((1 - COARSE_SHARE) * variance)
         if levels.seconds(target) < min(longest, best.seconds):
@@ -176,7 +180,7 @@ def biases_by_points(p: Any, limit: float, points: int) -> np.ndarray:
 def biases(p: Any, levels: int) -> tuple[Any, np.ndarray]:
     """The powers of h that so many levels of extrapolation remove, and the bias at each smallest step."""
     exponents = weak_exponents(p.row, p.model, levels)
-    steps = [2.0**-k for k in range(FINEST + 1)]
+    steps = [2.0**-k for k in range(finest(p) + 1)]
     errors = solution(p.case, p.row.composition, steps).weak_error
     return exponents, Extrapolation.of(steps, exponents).combined(errors)[0]
 
@@ -206,16 +210,19 @@ def run(p: Any, chosen: Estimate, error: float) -> tuple[float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--errors", type=float, nargs="+", default=[1e-3, 1e-4, 1e-5])
+    names = [*dict(SCHEMES)]
+    parser.add_argument("--schemes", nargs="+", default=names, choices=names)
     parser.add_argument("--points", type=int, default=2**20, help="by which biases of Rössler's scheme are found")
+    parser.add_argument("--finest", type=int, default=9, help="exponent of the smallest step")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of a run")
     chosen = parser.parse_args()
     columns = "{:20} {:>12} {:>10} {:>6} {:>5} {:>8} {:>8}  {}"
     print(columns.format("scheme", "extrapolated", "estimator", "error", "h", "bias", "seconds", "one run"))
     with limited_threads(1):
-        for scheme, levels in SCHEMES:
-            p = plan_of(scheme, FINEST)
+        for scheme, levels in (one for one in SCHEMES if one[0] in chosen.schemes):
+            p = plan_of(scheme, chosen.finest)
             known = bool(p.row.composition)
-            of_limit = p if known else plan_of(SCHEMES[0][0], FINEST)
+            of_limit = p if known else plan_of(SCHEMES[0][0], chosen.finest)
             limit = float(solution(of_limit.case, of_limit.row.composition, [1.0]).limit[0])
             exponents, bias = biases(p, levels) if known else ((), biases_by_points(p, limit, chosen.points))
             w = weights(exponents)

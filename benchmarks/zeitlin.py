@@ -1,6 +1,6 @@
 """A step of the model `zeitlin` beside the implicit midpoint rule with N x N matrices, the usual way, in one run.
 
-    python benchmarks/zeitlin.py [N ...]
+    python benchmarks/zeitlin.py [N ...] [--schemes splitting]
 
 No noise, c = N / (2 pi) (the time is that of Euler's equations), a smooth random vorticity of mean square 1, and the
 same two steps h for both.  The rival is the isospectral midpoint rule (doi:10.1007/s10543-019-00792-1) by fixed-point
@@ -16,16 +16,16 @@ Operations, with 5 n log2 n for a complex Fourier transform of length n:
 `error` is that of the vorticity at time 0.2, relative, in the root mean square; the last columns are the
 largest errors of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N, relative to tr |W|^k / N.
 
-Short form: 5
+Short form: 5 --schemes splitting
 """
 
 import os
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy is imported
 
+import argparse
 import functools
 import math
-import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -268,11 +268,11 @@ def measure_ours(n, h, scheme):
     return {f"{scheme}, 1 path": alone, f"{scheme}, {PATHS} paths": many}
 
 
-def rows(n, h, peak):
-    """The lines of the table for one N and h."""
+def rows(n, h, peak, schemes):
+    """The lines of the table for one N and h, the rival's and those of some of OURS."""
     rival = measure_rival(n, h)
     sides = {"midpoint": rival}
-    for scheme in OURS:
+    for scheme in schemes:
         sides |= measure_ours(n, h, scheme)
     for name, side in sides.items():
         rate = 1e-9 * side.flops / side.seconds
@@ -284,14 +284,17 @@ def rows(n, h, peak):
 
 
 def main():
-    sizes, peak = tuple(map(int, sys.argv[1:])) or SIZES, arithmetic_peak()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("sizes", nargs="*", type=int, metavar="N", help=f"default: {', '.join(map(str, SIZES))}")
+    parser.add_argument("--schemes", nargs="+", default=[*OURS], choices=OURS)
+    chosen, peak = parser.parse_args(), arithmetic_peak()
     print(f"one core: {peak:.1f} GFlop/s in multiply-adds; {CHECKED_STEPS} steps for the Casimirs")
     heading = f"{'ns per step':>12}{'ratio':>8}{'iterations':>11}{'flops':>10}{'GFlop/s':>9}{'of peak':>8}{'bytes':>8}"
     heading += f"{'error':>9}" + "".join(f"{f'C_{k}':>9}" for k in DEGREES)
     for h in STEPS:
         print(f"\nh = {h}\n{'N':>4} {'':30}{heading}")
-        for n in sizes:
-            print(*rows(n, h, peak), sep="\n", flush=True)
+        for n in chosen.sizes or SIZES:
+            print(*rows(n, h, peak, chosen.schemes), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

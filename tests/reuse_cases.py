@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 import yaml
 from own_models import OSCILLATOR
 
@@ -42,8 +43,8 @@ FUNCTIONS = "functions: {b: y1^2, c: y3, a: sin(y2)}"
 #: By kind what is changed.
 SPECS = {
     "strong": f"{ERRORS}\nsamples: 130",
-    "weak": f"{ERRORS}\n{FUNCTIONS}\nsamples: 512\nseconds: 0.002\nprefixes: [64, 128]\npanels: [errors, samples]\n"
-    "estimators: [plain, multilevel]\nextrapolate: [0, 1]",
+    "weak": f"{ERRORS}\n{FUNCTIONS}\nsamples: 512\nprefixes: [64, 128]\npanels: [errors, samples]\n"
+    "estimators: [plain]\nextrapolate: [0, 1]",
     "work_precision": f"{ERRORS}\nfunctions: {{b: y1^2}}\nsamples: 128\nestimators: [plain]\n"
     "targets: [0.1, 0.01]\nrepeats: 3",
     "stability": f"{ERRORS.replace('[1, 1, 1]', '[s, s, s]')}\n{FUNCTIONS}\nsamples: 70\nsweep: {{s: [1, 1/2]}}\n"
@@ -63,40 +64,42 @@ SPECS = {
     "answer": f"{BODY}\n{START}\nfinal_time: 1\n{FUNCTIONS}\naccuracy: 3e-2\nschemes: [splitting_order2, splitting]\n"
     "samples: 4096\nsampling: true",
 }
-#: What is laid over those of every kind that can have it.
+#: What is laid over those of every kind that can have it: keys that are changed and, after `---`, others beside them.
+#: Where kernels of its own are compiled, one scheme is enough, and a composition is one of the flows of the others.
 LAYERS = (
     "cases: [{name: one}, {name: two, seed: 4, title: Two}]",
     "cases: [{name: one, schemes: [splitting]}, {name: two, schemes: [splitting], final_time: 2}]",
     "profiles: {quick: {seed: 5}}",
     "sweep: {s: [1, 1/2]}\nmodel: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [s, s, s]}",
-    "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\nestimators: [plain]\nextrapolate: 0",
-    "noise: {file: dW.npz}\nestimators: [plain]\nextrapolate: 0",
+    "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",
+    "noise: {file: dW.npz}\n---\nextrapolate: 0",
     "initial: {law: points, file: points.csv}",
     "initial: {law: points, file: points.npz}",
     "initial: {law: gaussian, mean: [0, 0, 1], sd: 0.1, project: true}",
     "initial: {file: y.npy}",
-    "damping: 0.25",
-    "temperature: 2",
+    "damping: 0.25\n---\nschemes: [splitting]",
+    "temperature: 2\n---\nschemes: [splitting]",
     "truncate_noise: true",
-    "areas: gaussian\nschemes: [splitting_areas]",
+    "areas: gaussian\n---\nschemes: [splitting_areas]",
     "times: [0, 1/2, 1]\nevery: 1\nautocorrelation: {c: 1/2}",
-    "eps: [1, 1/2]\nschemes: [ap_splitting, splitting]\nextrapolate: 0\nestimators: [plain]",
-    f"eps: s\nschemes: [ap_splitting]\nsweep: {{s: [1, 1/2]}}\n{BODY}",
-    "compositions: {mine: [noise 1/2, drift 1, noise 1/2 backwards], other: [drift 1, noise 1]}\n"
-    "schemes: [mine, other]",
-    "compositions: {heun: {python: heun.py, name: Heun, strong_order: 1/2, weak_order: 1}}\nschemes: [heun, splitting]",
-    "model: {python: oscillator.py, name: Oscillator}\nschemes: [splitting]\ninitial: [1, 0]\nfunctions: {b: y1}\n"
-    "reference:\ndensity:",
-    "model: {system: top.yaml, parameters: {c: 2}}\nschemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
+    "eps: [1, 1/2]\n---\nschemes: [ap_splitting, splitting]\nextrapolate: 0",
+    f"eps: s\nsweep: {{s: [1, 1/2]}}\n---\nschemes: [ap_splitting]\n{BODY}",
+    "compositions: {mine: [noise 1, drift 1], other: [drift 1, noise 1]}\n---\nschemes: [mine, other]",
+    "compositions: {heun: {python: heun.py, name: Heun, strong_order: 1/2, weak_order: 1}}\n---\n"
+    "schemes: [heun, splitting]",
+    "model: {python: oscillator.py, name: Oscillator}\ninitial: [1, 0]\n---\nschemes: [splitting]\n"
+    "functions: {b: y1}\nreference:\ndensity:",
+    "model: {system: top.yaml, parameters: {c: 2}}\n---\nschemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
     "initial: {results: r.h5, time: 1}",
-    "reference_scheme: splitting\nestimators: [plain]\nextrapolate: 0",
-    "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nschemes: [splitting_order2]\npanels: [errors]\n"
-    "functions: {b: y1^2}\nsteps: [1/2, 1/4, 1/8]",
-    "standard_error: 0.1\nseconds: 1\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
-    "coarse: quasi\nconstruction: principal\nestimators: [quasi, multilevel]\nsamples: 512\nseconds: 0.002\n"
-    "panels: [errors]\nfunctions: {b: y1^2}",
+    "reference_scheme: splitting\n---\nschemes: [splitting]\nextrapolate: 0",
+    "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nsteps: [1/2, 1/4, 1/8]\n---\n"
+    "schemes: [splitting_order2]\npanels: [errors]\nfunctions: {b: y1^2}",
+    "seconds: 0.002\n---\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
+    "standard_error: 0.1\nseconds: 1\n---\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
+    "coarse: quasi\nconstruction: principal\nestimators: [quasi, multilevel]\n---\nschemes: [splitting]\n"
+    "samples: 512\nseconds: 0.002\npanels: [errors]\nfunctions: {b: y1^2}",
     "functions:\nestimators:\nextrapolate:",
-    "step_count: 256\nfinal_time:\nfunctions:\nburn_in:\nspacing:\nreference:\npanels: [growth, law]",
+    "step_count: 256\npanels: [growth, law]\n---\nfinal_time:\nfunctions:\nburn_in:\nspacing:\nreference:",
     "density: sphere",
     "step: 1/4\nautocorrelation: {c: 1/2}",
     "reference: {b: stationary, a: exact}",
@@ -191,7 +194,7 @@ class Change(NamedTuple):
 
 def read(text):
     """A mapping in YAML, its numbers as texts."""
-    return yaml.load(text, yaml.BaseLoader)
+    return yaml.load(text, yaml.BaseLoader) or {}
 
 
 @functools.cache
@@ -248,8 +251,8 @@ def from_nothing(schema):
 
 def laid(kind, layer=""):
     """The spec of a kind with other keys, those that the kind has; one without a value is left out."""
-    known = keys_of(kind)
-    data = {"kind": kind, **read(SPECS[kind]), **{key: one for key, one in read(layer or "{}").items() if key in known}}
+    more = {key: one for text in layer.split("\n---\n") for key, one in read(text).items()}
+    data = {"kind": kind, **read(SPECS[kind]), **{key: one for key, one in more.items() if key in keys_of(kind)}}
     return {key: value for key, value in data.items() if value != ""}
 
 
@@ -258,7 +261,7 @@ def changes(kind):
     keys, seen = keys_of(kind), set()
     for layer in ("", *LAYERS):
         data = laid(kind, layer)
-        own = [key for key in read(layer or "{}") if key in keys]
+        own = [key for key in read(layer.partition("\n---\n")[0]) if key in keys]
         before, found = Spec.of(data), []
         for key in own or ([] if layer else keys):
             values = others(data[key], words_of(keys[key])) if key in data else from_nothing(keys[key])
@@ -294,6 +297,13 @@ def digests(experiment):
 INVALID, ANEW, REFUSED, EQUAL, DIFFERENT = "invalid", "anew", "refused", "equal", "DIFFERENT"
 
 
+def run(experiment, folder, **options):
+    """The results file of an experiment; where times are measured, which nothing compares, of one block each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+        return runner.run(experiment, folder, **options)
+
+
 def run_onto(before, after, folder):
     """What comes of running one experiment onto the results of another, and how it differs from a fresh run."""
     told = []
@@ -313,8 +323,8 @@ def run_onto(before, after, folder):
             found = everything(runner.results_path(after, copy))  # what the run takes for its results
         else:  # as where a person removes results of another spec
             runner.results_path(before, copy).unlink()
-            found = everything(runner.run(after, copy, watch=watch))
-        right = everything(runner.run(after, new))
+            found = everything(run(after, copy, watch=watch))
+        right = everything(run(after, new))
     wrong = sorted(key for key in found.keys() | right.keys() if found.get(key) != right.get(key))
     odd = [news for news in told if "edited" in news]
     return (DIFFERENT if wrong or odd else EQUAL if shared else ANEW), [*wrong, *odd]
@@ -334,7 +344,7 @@ def outcomes(some):
                     if before is None:
                         break
                     continue
-                begun = begun or runner.run(before, folder)
+                begun = begun or run(before, folder)
                 yield change, *run_onto(before, after, folder)
 
 

@@ -156,9 +156,9 @@ class Plan:
             **own,
         }
 
-    def size(self, number: int) -> int:
-        """How much of what is decided is wanted: the paths of a path set at first, or the steps of the only path."""
-        return self.path_sets(self.initial_extra())[number].samples
+    def sizes(self) -> list[int]:
+        """How much of what is decided is wanted: the paths of each path set at first, or the steps of the only path."""
+        return [one.samples for one in self.path_sets(self.initial_extra())]
 
     def adopted(self, number: int, sums: Sums) -> Sums | None:
         """Sums of the same paths as those of a path set, as this part goes on with them; None if it cannot."""

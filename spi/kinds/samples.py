@@ -61,8 +61,9 @@ class SamplesPlan(Blockwise):
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """The samples that are wanted for now."""
+        d = dimension(self.model)
         return tuple(
-            PathSet(int(samples), max(ROUND, chunk_blocks(one.steps, dimension(self.model))))
+            PathSet(int(samples), max(ROUND, chunk_blocks(one.steps, d)))
             for samples, one in zip(self.wanted(extra), self.sets, strict=True)
         )
 

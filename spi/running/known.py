@@ -33,7 +33,7 @@ def _digest(deciding: dict[str, Any]) -> str:
 
 def sizes(plan: Plan, keys: Keys) -> dict[str, int]:
     """How much of the sums with each key a plan wants, as results tell it."""
-    return {key: plan.size(number) for number, key in enumerate(keys.path_sets)}
+    return dict(zip(keys.path_sets, plan.sizes(), strict=True))
 
 
 class Kept:

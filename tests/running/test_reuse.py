@@ -6,12 +6,14 @@ from reuse_cases import (
     DIFFERENT,
     EQUAL,
     INVALID,
+    LAYERS,
     REFUSED,
     Change,
     Spec,
     changes,
     digests,
     everything,
+    from_nothing,
     keys_of,
     laid,
     outcomes,
@@ -24,10 +26,23 @@ from spi.running import shards
 from spi.running.checkpoint import Checkpoint, Limits, Shard, sums_path
 from spi.running.known import Kept, Keys
 from spi.running.load import plans
+from spi.specs import SpecError
 
 #: The keys that a kind has to say what is wrong with them: no value is right.
 NEVER = {"trajectory": {"sweep"}, "work_precision": {"noise"}, "lyapunov": {"noise", "eps"}, "answer": {"noise", "eps"}}
 NEVER |= {"equilibrium": {"eps"}, "statistics": {"accuracy"}}
+
+
+@pytest.mark.parametrize("kind, key", [(kind, key) for kind, keys in NEVER.items() for key in sorted(keys)])
+def test_a_key_for_which_no_value_is_right(kind, key):
+    """It is refused, by name, in every layer that has it, and with whatever may be tried in the plain spec."""
+    layers = [data for data in (laid(kind, layer) for layer in LAYERS) if key in data]
+    tried = [*layers, *(laid(kind) | {key: value} for value in from_nothing(keys_of(kind)[key]))]
+    assert key not in laid(kind) and layers
+    for data in tried:
+        with pytest.raises(SpecError) as error:
+            Spec.of(data).loaded()
+        assert any(key in message for message in error.value.messages), (data, error.value.messages)
 
 
 def changed(kind, layer="", **after):

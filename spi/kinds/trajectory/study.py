@@ -64,14 +64,14 @@ class TrajectoryPlan(PathsPlan):
         found, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
         return {key: value for key, value in found.items() if key != "final_time" or ends}
 
-    def size(self, number: int) -> int:
+    def sizes(self) -> list[int]:
         """The number of steps."""
-        return self.grid.reference_steps
+        return [self.grid.reference_steps]
 
     def adopted(self, number: int, sums: Any) -> Path | None:
         """The path, to go on with if it is shorter and ends where coins are tossed anew."""
-        if sums.steps >= self.size(number):
-            return sums if sums.steps == self.size(number) else None
+        if sums.steps >= self.grid.reference_steps:
+            return sums if sums.steps == self.grid.reference_steps else None
         return None if sums.steps % self._unit else sums._replace(paths=0)
 
     @property
