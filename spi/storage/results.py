@@ -8,7 +8,7 @@ an attribute that is None is left out, and a None inside a tuple of numbers (a n
 """
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,12 @@ _ROOT: dict[str, Any] = {
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
 
-def write(path: str | Path, results: Results) -> None:
-    """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole."""
-    with aside(path) as temporary, create(temporary) as file:
+def write(path: str | Path, results: Results, check: Callable[[], None] = lambda: None) -> None:
+    """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole.
+
+    `check` raises what keeps it from being replaced; see :func:`~spi.storage.files.aside`.
+    """
+    with aside(path, check=check) as temporary, create(temporary) as file:
         file.attrs[MARK] = VERSION
         _write_attributes(file, results.attributes)
         for group in results.groups:
