@@ -112,7 +112,7 @@ def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
 def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> Group:
     coordinates, variables, notes = {}, {}, {}
     for name, dataset in source.items():
-        notes[name] = {key: dataset.attrs[key] for key in _NOTES if key in dataset.attrs}
+        notes[name] = {key: _decode(dataset.attrs[key]) for key in _NOTES if key in dataset.attrs}
         if dataset.is_scale:
             coordinates[name] = read_array(dataset)
         else:
@@ -193,9 +193,12 @@ def _encode(name: str, value: Any) -> Any:
 
 
 def _decode(value: Any) -> Any:
+    """The inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which we never write."""
+    values = np.asarray(value)
+    for text in values.flat if values.dtype.kind in "OU" else ():
+        str(text).encode()  # h5py gives bytes that mean nothing as surrogates
     if isinstance(value, str):
         return value
-    values = np.asarray(value)
     return _tuples((_bools(values) if values.dtype == np.uint8 else values).tolist())
 
 
