@@ -117,6 +117,8 @@ def run(
     if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
         whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
+        for path in (target, sums_path(experiment, out)):  # of a run that was killed when its results were there
+            storage.remove_leftovers(path)
         return target
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
     checkpoint = session.checkpoint
@@ -182,11 +184,11 @@ class Session:
             with state.working(partial(self.tick, number)):
                 groups += state.groups()
         try:
-            if not self.fresh:  # another run may have written there in the meantime
-                self.check_replaceable()
             told = {"parts": json.dumps(checkpoint.sizes), "machines": tuple(sorted(checkpoint.machines))}
             attributes = root_attributes(experiment) | told
-            storage.write(self.target, Results(attributes, tuple(groups), checkpoint.chunks()))
+            # another run may have written there in the meantime
+            check = (lambda: None) if self.fresh else self.check_replaceable
+            storage.write(self.target, Results(attributes, tuple(groups), checkpoint.chunks()), check)
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
             raise

@@ -146,7 +146,7 @@ def _not_of_the_spec(experiment: specs.Experiment, results: Results) -> Iterator
     """What the file states of the spec and is not so."""
     told = identity(experiment) | as_run(experiment)
     stated = told | {"seed": experiment.cases[0].seed, "asks": experiment.asks, "figure": experiment.figure}
-    for name in ("kind", "seed", "samples", "expect", "title", "asks", "figure"):
+    for name in ("kind", "seed", "samples", "expect", "title", "asks", "figure", "paths_hash"):
         if stated[name] != results.attributes.get(name):
             yield f"{name} is {results.attributes.get(name)!r}, and by the spec {stated[name]!r}"
 

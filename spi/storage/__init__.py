@@ -1,6 +1,6 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .files import StorageError, check_writable, contents, write_all
+from .files import StorageError, check_writable, contents, remove_leftovers, write_all
 from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
 from .results import read, write
 from .sums import about_sums, previous, read_sums, remove_sums, write_sums
@@ -18,6 +18,7 @@ __all__ = [
     "provenance",
     "read",
     "read_sums",
+    "remove_leftovers",
     "remove_sums",
     "spec_and_sources",
     "write",

@@ -11,7 +11,7 @@ import platform
 import re
 import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import h5py
@@ -64,18 +64,25 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def aside(path: str | Path, remedy: str = "choose a folder you can write to, with room, with --out") -> Iterator[Path]:
+def aside(
+    path: str | Path,
+    remedy: str = "choose a folder you can write to, with room, with --out",
+    check: Callable[[], None] = lambda: None,
+) -> Iterator[Path]:
     """A temporary path beside ``path``, moved into its place if the block ends well and removed if not.
 
-    Raises StorageError, with what would be right, if it cannot be written.
+    Raises StorageError, with what would be right, if it cannot be written, and whatever `check` raises.  That is called
+    just before the move, while no other program moves a file in this folder: what it saw there still holds.
     """
     path = Path(path)
     temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(path)
+        remove_leftovers(path)
         yield temporary
-        os.replace(temporary, path)
+        with _alone_in(path.parent):
+            check()
+            os.replace(temporary, path)
     except OSError as error:
         raise StorageError(f"cannot write {path}: {reason(error)}; {remedy}") from error
     finally:
@@ -93,12 +100,28 @@ def _host() -> str:
     return re.sub(r"[^A-Za-z0-9-]", "-", platform.node())[:40] or "host"
 
 
-def _remove_leftovers(path: Path) -> None:
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Within it no other program of this machine is; where a folder cannot be locked it does nothing."""
+    if os.name != "posix":
+        yield
+        return
+    import fcntl  # here, since it is not there elsewhere
+
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            stack.callback(os.close, handle)  # which ends the lock
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+def remove_leftovers(path: Path) -> None:
     """Remove what processes of this machine left when they were killed while they wrote ``path``."""
     if os.name != "posix":  # elsewhere there is no harmless way to ask whether a process lives
         return
     name = re.compile(re.escape(f".{path.name}.{_host()}.") + r"(\d+)\.tmp")
-    for entry in os.listdir(path.parent):
+    for entry in os.listdir(path.parent) if path.parent.is_dir() else ():
         if (found := name.fullmatch(entry)) and not _lives(int(found[1])):
             with contextlib.suppress(OSError):
                 path.with_name(entry).unlink()

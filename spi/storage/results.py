@@ -8,7 +8,7 @@ an attribute that is None is left out, and a None inside a tuple of numbers (a n
 """
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,12 @@ _ROOT: dict[str, Any] = {
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
 
-def write(path: str | Path, results: Results) -> None:
-    """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole."""
-    with aside(path) as temporary, create(temporary) as file:
+def write(path: str | Path, results: Results, check: Callable[[], None] = lambda: None) -> None:
+    """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole.
+
+    `check` raises what keeps it from being replaced; see :func:`~spi.storage.files.aside`.
+    """
+    with aside(path, check=check) as temporary, create(temporary) as file:
         file.attrs[MARK] = VERSION
         _write_attributes(file, results.attributes)
         for group in results.groups:
@@ -109,7 +112,7 @@ def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
 def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> Group:
     coordinates, variables, notes = {}, {}, {}
     for name, dataset in source.items():
-        notes[name] = {key: dataset.attrs[key] for key in _NOTES if key in dataset.attrs}
+        notes[name] = {key: _decode(dataset.attrs[key]) for key in _NOTES if key in dataset.attrs}
         if dataset.is_scale:
             coordinates[name] = read_array(dataset)
         else:
@@ -190,9 +193,12 @@ def _encode(name: str, value: Any) -> Any:
 
 
 def _decode(value: Any) -> Any:
+    """The inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which we never write."""
+    values = np.asarray(value)
+    for text in values.flat if values.dtype.kind in "OU" else ():
+        str(text).encode()  # h5py gives bytes that mean nothing as surrogates
     if isinstance(value, str):
         return value
-    values = np.asarray(value)
     return _tuples((_bools(values) if values.dtype == np.uint8 else values).tolist())
 
 

@@ -159,6 +159,23 @@ def edited(tmp_path, seed):
     return found
 
 
+def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatch):
+    """Even after the file that would replace them was written aside: only its move into place is left."""
+    other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.files.write_bytes
+    path = runner.results_path(experiment("samples=5"), tmp_path)
+
+    def meanwhile(temporary, data):
+        write(temporary, data)
+        if temporary.parent == path.parent:
+            path.write_bytes(other.read_bytes())
+
+    monkeypatch.setattr(storage.files, "write_bytes", meanwhile)
+    with pytest.raises(StorageError, match="another spec"):
+        runner.run(experiment("samples=5"), tmp_path)
+    assert path.read_bytes() == other.read_bytes()
+    assert runner.sums_path(experiment("samples=5"), tmp_path) in files(tmp_path)  # nothing is lost
+
+
 def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
     path = runner.run(experiment("samples=5"), tmp_path)
     before, reports, other = path.read_bytes(), Reports(), edited(tmp_path, 2)
@@ -222,9 +239,12 @@ def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sour
 def test_a_finished_spec_computes_nothing(tmp_path):
     wanted, news, reports = experiment("samples=5"), [], Reports()
     path = runner.run(wanted, tmp_path)
-    before = path.read_bytes()
+    before, there = path.read_bytes(), files(tmp_path)
+    half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
+    half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
     assert path.read_bytes() == before
+    assert files(tmp_path) == there or os.name != "posix"
     assert not reports and len(news) == 1 and "use --fresh to recompute" in news[0]
     runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[:2] == [0, 5]
@@ -381,7 +401,7 @@ def test_the_checkpoint_before_a_damaged_one_is_used(tmp_path, small_batches, un
 def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):
     wanted, write = experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1]), storage.write
 
-    def interrupted(path, results):
+    def interrupted(path, results, check):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(storage, "write", interrupted)
@@ -406,7 +426,7 @@ def test_results_are_written_where_there_is_no_room_for_sums(tmp_path, monkeypat
 
 
 def test_sums_are_saved_where_there_is_no_room_for_results(tmp_path, monkeypatch):
-    def full(path, results):
+    def full(path, results, check):
         raise StorageError(f"cannot write {path}: no space left on device")
 
     wanted, write = experiment(schemes=SCHEMES[:1]), storage.write

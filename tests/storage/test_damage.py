@@ -123,3 +123,16 @@ def test_a_file_of_ours_that_lacks_what_its_kind_needs_is_refused_in_one_line(wh
         assert (code, out, err.count("\n")) == (2, "", 1)
         assert err.startswith(f"spi: {tmp_path / 'r.h5'}: the group three/splitting cannot be read")
         assert "'error_final'" in err and "--fresh" in err
+
+
+@pytest.mark.parametrize("place", ["", "three/splitting", "three/splitting/error"])
+def test_a_text_that_is_no_text_is_refused(whole, tmp_path, place):
+    """Of the file, of a group or beside an array; HDF5 has the byte, which Python can neither draw nor print."""
+    memory = io.BytesIO(whole["strong"])
+    with h5py.File(memory, "r+") as file:
+        notes = (file[place] if place else file).attrs
+        for name in [name for name in notes if isinstance(notes[name], str)]:
+            notes.create(name, b"\xff", dtype=h5py.string_dtype())
+    (tmp_path / "r.h5").write_bytes(damage.with_checksum(memory.getvalue()))
+    code, out, err = damage.call("plot", tmp_path / "r.h5")
+    assert (code, out) == (2, "") and "is damaged" in err and err.count("\n") == 1

@@ -4,6 +4,9 @@ import importlib.metadata
 import os
 import subprocess
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from unittest.mock import Mock
 
 import h5py
@@ -90,6 +93,33 @@ def test_what_killed_programs_left_is_removed_at_the_next_write(tmp_path):
     with aside(path) as temporary:
         temporary.write_bytes(b"whole")
     assert {p.name for p in tmp_path.iterdir()} == {path.name, alive.name, another.name, elsewhere.name}
+
+
+@posix_only
+def test_what_a_check_saw_holds_until_the_file_is_moved(tmp_path, monkeypatch):
+    """Of several that write at once, each only if there is no file, one does."""
+    path = tmp_path / "r.h5"
+    monkeypatch.setattr(storage.files, "temporary_beside", lambda path: path.with_name(f"{threading.get_ident()}.tmp"))
+
+    def only_new():
+        there = path.exists()
+        time.sleep(0.02)
+        if there:
+            raise storage.StorageError("there already")
+
+    def write(number):
+        try:
+            with aside(path, check=only_new) as temporary:
+                temporary.write_bytes(bytes([number]))
+                together.wait(60)
+        except storage.StorageError:
+            return None
+        return number
+
+    together = threading.Barrier(5)
+    with ThreadPoolExecutor(5) as pool:
+        (written,) = set(pool.map(write, range(5))) - {None}
+    assert path.read_bytes() == bytes([written])
 
 
 @pytest.mark.parametrize("holder", [xarray.open_dataset, h5py.File])
