@@ -159,7 +159,7 @@ def compared(paths, points):
 
 
 def _mode(one):
-    """The place of the mode (1, 0): the last of its row, see ``spi/models/zeitlin/lattice.py``."""
+    """The place of the mode (1, 0): the last of its row, see ``spi/models/zeitlin/tables.py``."""
     return one.lattice // 2 - 1
 
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import spi
 from spi.models.zeitlin.fields import size_of
-from spi.models.zeitlin.lattice import modes
+from spi.models.zeitlin.tables import modes
 
 BATCHES = 8  # of the later half, each several correlation times long
 TEMPERATURES = {"positive": 1 / 500, "none": np.inf, "negative": -1 / 500}

@@ -13,8 +13,8 @@ import time
 import numpy as np
 
 import spi
+from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads
-from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, 2 / 3], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}

@@ -14,11 +14,11 @@ import numpy as np
 from examples import STEP, example, row
 from machine import vector_width
 
+from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import empty_report, grid, integrate, states_at, use_threads
 from spi.ensemble.observer import last_states_only
 from spi.ensemble.protocol import noises
 from spi.ensemble.scheme_protocol import tosses
-from spi.ensemble.streams import RandomStream
 from spi.numerics.rng import BROWNIAN, LANES
 
 REPEATS = 9

@@ -37,8 +37,8 @@ from peer_programs import diffrax_rows, torchsde_rows
 import spi
 from spi.compiler.dispatch import kernel
 from spi.ensemble.areas import fourier_terms
+from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import grid, integrated, paths_of, use_threads
-from spi.ensemble.streams import RandomStream
 from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
 

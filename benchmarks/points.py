@@ -12,8 +12,8 @@ import argparse
 
 import numpy as np
 
+from spi.ensemble.given import CONSTRUCTIONS, points_of
 from spi.ensemble.loop import grid, integrated, paths_of
-from spi.ensemble.points import CONSTRUCTIONS, points_of
 from spi.models import RigidBody
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import SCRAMBLES

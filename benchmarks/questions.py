@@ -23,15 +23,13 @@ from typing import Any
 import numpy as np
 
 from spi.kinds.answer import study
-from spi.kinds.answer.deciding import ALONG_PILOT as PILOT_ALONG
-from spi.kinds.answer.decisions import pilot_of
-from spi.kinds.answer.levels import ALONG, LEVELS, SETS
-from spi.kinds.answer.planner import choose
-from spi.kinds.state import State
+from spi.kinds.answer.planner import ALONG, LEVELS, SETS, choose, pilot_of
+from spi.kinds.answer.study import ALONG_PILOT as PILOT_ALONG
+from spi.kinds.plans import State
 from spi.running import workers
 from spi.running.compiling import compile_missing
 from spi.running.run import kernel_calls, load
-from spi.statistics.richardson import weights
+from spi.statistics.estimators import weights
 from spi.storage.records import INTERVAL
 
 SYSTEMS = Path(__file__).parents[1] / "experiments" / "systems"

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from spi.ensemble.loop import use_threads
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.running import shards, workers
 from spi.running.checkpoint import Limits, Shard
 from spi.running.compiling import processors

@@ -7,15 +7,14 @@ import numpy as np
 from examples import STEP, example
 from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 
+from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import arguments_of, grid, integrate, use_threads
 from spi.ensemble.observer import path_observer
-from spi.ensemble.streams import RandomStream
 from spi.expressions import parse_expression
-from spi.kinds.samples import values_of_blocks
+from spi.kinds.blocks import values_of_blocks
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
-from spi.statistics.estimators import GROUPS
-from spi.statistics.powers import with_powers
+from spi.statistics.estimators import GROUPS, with_powers
 
 STEPS = 2048
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))

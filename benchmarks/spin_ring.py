@@ -131,10 +131,10 @@ def strong_run(model, scheme, steps):
     """Have the kernel of strong errors make `steps` reference steps of one block, and as many of twice the size."""
     import numpy as np
 
+    from spi.ensemble.increments import brownian
     from spi.ensemble.loop import integrated, nested_grid
     from spi.ensemble.observer import path_observer
     from spi.ensemble.protocol import dimension
-    from spi.ensemble.streams import brownian
     from spi.schemes import SCHEMES
 
     times = nested_grid(steps * 2.0**-10, 2.0**-10, [2.0**-9], True, None)

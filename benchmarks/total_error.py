@@ -21,16 +21,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.ensemble.given import points_of
 from spi.ensemble.loop import grid, limited_threads
-from spi.ensemble.points import points_of
-from spi.kinds.samples import Sample, values_of_blocks
+from spi.kinds.blocks import Sample, values_of_blocks
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.estimators.kolmogorov.study import solution
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, SCRAMBLES
 from spi.running.run import load
 from spi.schemes import weak_exponents
-from spi.statistics.richardson import Extrapolation, weights
+from spi.statistics.estimators import Extrapolation, weights
 from spi.storage.records import Part
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_extrapolated.yaml"

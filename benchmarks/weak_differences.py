@@ -12,9 +12,8 @@ import argparse
 
 import numpy as np
 
-from spi.kinds.state import State
-from spi.kinds.weak.estimators.multilevel.plans import MultilevelPlan
-from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan
+from spi.kinds.plans import State
+from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan, MultilevelPlan
 from spi.printing.text import power_of_two
 from spi.running import workers
 from spi.running.run import load

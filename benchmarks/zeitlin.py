@@ -31,13 +31,12 @@ from typing import NamedTuple
 import numpy as np
 from machine import arithmetic_peak, best_time
 
+from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import in_kernels
-from spi.ensemble.streams import brownian
 from spi.models.zeitlin import Zeitlin
-from spi.models.zeitlin.lattice import lines, modes
-from spi.models.zeitlin.tables import row_order
+from spi.models.zeitlin.tables import lines, modes, row_order
 from spi.schemes import SCHEMES
 
 SIZES = (3, 5, 7, 15, 31, 63, 127)

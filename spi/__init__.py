@@ -55,7 +55,7 @@ _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py"} | {f"schemes/{name}.py" for name in ("__init__", "entries", "table", "costs", "driven")}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "comparisons", "curves", "figure", "keys", "results", "table"}
+_SHOWING = {"claims", "curves", "figure", "keys", "results", "table"}
 
 
 def sources(*rooms):

@@ -1,6 +1,6 @@
 """The model `zeitlin` a second time, by plain sums and matrices in NumPy, to check the package's kernels against.
 
-Of the package only the order of modes and lines is used (``spi/models/zeitlin/lattice.py``) and the record with the
+Of the package only the order of modes and lines is used (``spi/models/zeitlin/tables.py``) and the record with the
 parameters (``Zeitlin``).  States are arrays y [..., d] in that order.  A table is an N x N array of the modes omega_m,
 at [m1 mod N, m2 mod N].
 
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from spi.models.zeitlin.lattice import lines, modes, nearest, places
+from spi.models.zeitlin.tables import lines, modes, nearest, places
 
 
 def speed(model):

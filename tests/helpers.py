@@ -20,15 +20,14 @@ import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
 from spi.compiler.inlining import uncompiled
+from spi.ensemble.areas import area_count
 from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
-from spi.ensemble.increments import first_lane
+from spi.ensemble.increments import RandomStream, first_lane
 from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.loop import grid, integrate, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
-from spi.ensemble.pairs import area_count
 from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
 from spi.ensemble.scheme_protocol import REPORT, advance, judges, memory_size, needs_areas, substeps, work_size
-from spi.ensemble.streams import RandomStream
 from spi.models import RigidBody
 from spi.models.damped import Damped
 from spi.numerics.angles import ANY_ANGLES

@@ -27,7 +27,7 @@ from own_models import OSCILLATOR
 from spi import storage
 from spi.kinds import KINDS
 from spi.running import run as runner
-from spi.running.known import Keys
+from spi.running.checkpoint import Keys
 from spi.running.load import plans
 from spi.running.verify import TIMES
 from spi.specs import SpecError

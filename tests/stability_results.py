@@ -3,7 +3,7 @@
 import numpy as np
 from made_up import group_of
 
-from spi.kinds.solver import Solver
+from spi.kinds.blocks import Solver
 from spi.kinds.stability.results import CasimirErrors, Law, Stability
 from spi.storage.records import Results
 

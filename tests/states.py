@@ -6,9 +6,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from spi.kinds import blocks, samples
+from spi.kinds import blocks
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.running import workers
 
 #: Fields that a clock decides: those with such ends, and those with such names.
@@ -38,7 +38,7 @@ def batches_of(most):
 def chunks_of(count):
     """Within it whole chunks have so many blocks each, whatever the speed; those of multilevel at least ROUND."""
     with ExitStack() as stack:
-        for module in (blocks, samples):
+        for module in (blocks, blocks):
             stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
         stack.enter_context(patch.object(equilibrium, "_CHUNK_BLOCKS", count))
         yield

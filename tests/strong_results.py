@@ -3,7 +3,7 @@
 import numpy as np
 from made_up import group_of
 
-from spi.kinds.solver import Solver
+from spi.kinds.blocks import Solver
 from spi.kinds.strong.results import StrongErrors
 from spi.storage.records import Order, Results
 

@@ -7,9 +7,9 @@ import numpy as np
 from helpers import BY_HAND, LANES, final_states
 from states import batches_of, finished, ignore
 
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.multilevel import plans as multilevel
+from spi.kinds.weak.estimators.multilevel import study as multilevel
 from spi.running import workers
 from spi.running.run import load
 from spi.schemes import SCHEMES

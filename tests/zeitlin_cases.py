@@ -7,15 +7,16 @@ import fluids
 import numpy as np
 
 from spi.compiler.dispatch import device, kernel
-from spi.ensemble.array_states import (
+from spi.ensemble.protocol import (
     add_block_drift,
     add_block_ito_correction,
     add_block_noises,
     block_drift_flow,
     block_noise_flow,
     block_work,
+    casimirs,
+    hamiltonian,
 )
-from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables

@@ -15,7 +15,7 @@ from ..expressions.arithmetic import NumberError
 from ..kinds.answer import study
 from ..kinds.answer.results import Answer
 from ..kinds.blocks import BlocksPlan
-from ..kinds.state import State
+from ..kinds.plans import State
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
 from ..printing.text import human_time
@@ -23,8 +23,7 @@ from ..running import workers
 from ..running.compiling import compile_missing
 from ..running.run import kernel_calls
 from ..specs import SpecError
-from ..statistics.estimators import GROUPS, group_counts
-from ..statistics.powers import mean_over_paths, standard_deviation, with_powers
+from ..statistics.estimators import GROUPS, group_counts, mean_over_paths, standard_deviation, with_powers
 from ..statistics.tallies import sum_of_fields
 from .paths import plan_of
 from .progress import Line

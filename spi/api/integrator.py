@@ -9,13 +9,12 @@ import numpy.typing as npt
 
 from ..ensemble.drivers import Driver
 from ..ensemble.given import Given, draw_noise, draw_paths, empty_noise
-from ..ensemble.loop import add_reports, empty_report, integrate, limited_threads
-from ..ensemble.moving import move
+from ..ensemble.increments import brownian
+from ..ensemble.loop import add_reports, empty_report, integrate, limited_threads, move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
 from ..ensemble.random_states import first_states
 from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, report_columns, substeps, tosses
-from ..ensemble.streams import brownian
 from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
 from ..specs.drivers import law_of, stream_of

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.invariants import invariants_of
 from ..ensemble.loop import integrated
-from ..ensemble.observer import state_recorder
+from ..ensemble.observer import invariants_of, state_recorder
 from ..ensemble.random_states import block_states
-from ..kinds.state import State
+from ..kinds.plans import State
 from ..kinds.trajectory.study import TrajectoryPlan, plan
 from ..numerics.rng import LANES
 from ..running import workers

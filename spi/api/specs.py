@@ -16,7 +16,7 @@ from ..compiler import modules
 from ..models import MODELS
 from ..running.load import load, load_any
 from ..specs import Experiment, SpecError
-from ..specs.writing import as_override, as_yaml, separated
+from ..specs.naming import as_override, as_yaml, separated
 from ..storage import StorageError
 
 _AS_ARGUMENT = {

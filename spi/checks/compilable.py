@@ -8,8 +8,7 @@ from pathlib import Path
 from ..compiler import modules
 from ..compiler.inlining import is_known_to_the_compiler, type_of_result
 from ..compiler.records import is_float, is_tuple_of_floats, record_class
-from ..ensemble.joint import most_joined
-from ..ensemble.protocol import conserved, dimension
+from ..ensemble.protocol import conserved, dimension, most_joined
 from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary
 

@@ -4,23 +4,31 @@ Derivatives are central differences of eighth order, compared with the sizes of 
 rotations, exponentials and shears, with rates large or small, are all judged alike.
 """
 
+import contextlib
+import functools
+import hashlib
 import inspect
 import itertools
 import math
 
 import numpy as np
 
+from .. import digest_of, sources
+from ..compiler import modules
 from ..compiler.dispatch import answers
-from ..compiler.inlining import uncompiled
+from ..compiler.inlining import is_compiling, uncompiled
 from ..ensemble.fields import cross_product, lie_poisson, noise_field
-from ..ensemble.inexact import inexact_pieces, piece_gradient, piece_hessian
-from ..ensemble.joint import bracket_factors, bracket_flows
 from ..ensemble.protocol import (
+    bracket_factors,
+    bracket_flows,
     casimirs,
     conserved,
+    dimension,
     drift_gradient,
     drift_hessian,
+    frozen,
     hamiltonian,
+    inexact_pieces,
     lie_bracket,
     noise_bracket_gradient,
     noise_gradient,
@@ -28,21 +36,112 @@ from ..ensemble.protocol import (
     noise_structure,
     noise_structure_derivative,
     noises,
+    piece_gradient,
+    piece_hessian,
+    populations,
     structure,
     structure_derivative,
 )
+from ..numerics.arrays import runge_kutta
 from .compilable import obstacle
-from .differences import (
+from .flow_checks import (
     DIFFERENCES,
     EXACT,
+    commuting,
     derivatives_along,
     differ,
     differ_from_derivative,
+    flows,
+    flows_of_brackets,
+    joint_flows,
     matrix_of,
     shown,
     unit_vectors,
 )
-from .flow_checks import commuting, flows, flows_of_brackets, joint_flows
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The states at which a model is checked.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_MOVED = 0.4  # by such a part of its size a state is moved on its surface, or by a half, a quarter, ... of that
+_HALVINGS = 6
+_LEAST = 0.25  # of its component such a part remains
+_DIRECTIONS, _STEPS = 3, 6
+
+
+def states_around(y, model, count=2):
+    """States near y, none of whose components is 0; positive ones if they are populations."""
+    generator, y = np.random.default_rng(1), np.array(y, float)
+    size = np.sqrt(np.mean(y * y)) or 1.0
+    for _ in range(count):
+        z = generator.choice([-1.0, 1.0], y.size) * generator.uniform(0.2, 0.6, y.size)
+        yield tuple((y * np.exp(z) if populations(model) else y + size * z).tolist())
+
+
+def states_on_surface(y, model, count=2):
+    """States near y on the surface on which solutions from y stay, where H and the noises are finite.
+
+    They are moved along the fields of linear functions drawn at random.  Where y cannot be moved, as 0 in many
+    systems, they are those of :func:`states_around`.  Components that never change their sign stay away from 0, near
+    which the derivatives of a logarithm could not be told by differences.
+    """
+    generator = np.random.default_rng(1)
+    with uncompiled(), np.errstate(all="ignore"):
+        least = np.where(_keep_their_sign(y, model), _LEAST * np.abs(y), -np.inf)
+        for _ in range(count):
+            gradients = generator.standard_normal((_DIRECTIONS, len(y)))
+            yield next(_moved(y, model, gradients, least), None) or next(iter(states_around(y, model, 1)))
+
+
+def _keep_their_sign(y, model):
+    """For each component whether it is other than 0 for ever: where it is 0, nothing moves it."""
+    found = []
+    for e in np.eye(len(y)):
+        without = tuple(np.where(e, 0.0, y).tolist())
+        found.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, tuple(e.tolist()))))
+    return found
+
+
+def _moved(y, model, gradients, least):
+    """A state on the surface, the first of several that are nearer and nearer to y where all is finite.
+
+    Components are at least so large, with the sign of those of y.
+    """
+    start = np.array(y, float)
+    if not any(np.any(structure(model, y, tuple(g.tolist()))) for g in gradients):
+        return
+    for halvings in range(_HALVINGS):
+        z = start
+        for gradient in gradients:
+            z = _along(z, model, gradient, _MOVED / 2**halvings)
+        moved = tuple(z.tolist())
+        if np.all(np.isfinite(z)) and np.all(z * np.sign(y) >= least) and _is_finite(model, moved):
+            yield moved
+    yield tuple(y)
+
+
+def _along(y, model, gradient, part):
+    """The state moved by such a part of its size along the field of a linear function, by steps of Runge and Kutta."""
+
+    def field(z):
+        return np.array(structure(model, tuple(z.tolist()), tuple(gradient.tolist())))
+
+    slopes = [
+        structure_derivative(model, tuple(y.tolist()), tuple(e), tuple(gradient.tolist())) for e in np.eye(len(y))
+    ]
+    size = np.linalg.norm(y)
+    speed = max(
+        np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS
+    )  # near a rest point the steps stay stable
+    h = part * size / speed / _STEPS if speed else 0.0
+    return runge_kutta(field, y, h, _STEPS)
+
+
+def _is_finite(model, y):
+    values = [hamiltonian(model, y), *drift_gradient(model, y)]
+    for k in range(noises(model)):
+        values += noise_gradient(model, k, y)
+    return bool(np.all(np.isfinite(values)))
 
 
 def check_model(record, states, written=True, finite_at=()):
@@ -189,3 +288,62 @@ def _bracket(model, j, k, y):
 def _sizes(model, j, k, y):
     """What its derivative is made of, at least in size."""
     return noise_gradient(model, j, y), noise_field(model, k, y)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The generic checks of a model that is no part of this package are made once; what has passed is kept on disk.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_PASSED: set[tuple[type, str]] = set()  # in this process: a class, and what of it
+
+
+@functools.cache
+def _digest_of_checks():
+    """What a model has passed if it has passed the checks."""
+    return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
+
+
+def check_once(record, initial):
+    """What is wrong with a foreign model near an initial state, as :func:`check_model`.
+
+    Nothing if these numbers have passed before with this class and this state, which is kept beside the stored modules.
+    """
+    cls = type(record)
+    key = hashlib.sha256(repr((tuple(record), tuple(initial))).encode()).hexdigest()[:32]
+    if not modules.is_foreign(cls) or (cls, key) in _PASSED:
+        return []
+    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
+    path = modules.folder() / name
+    known = _known(path) if modules.digest(cls) else set()
+    if key in known:
+        return []
+    count = 2 if dimension(record) <= 12 else 1
+    own = modules.system_of(cls) is not None
+    states = (states_on_surface if own else states_around)(initial, record, count)
+    found = check_model(
+        _moving(record) if own else record, states, written=not own and not known, finite_at=[tuple(initial)] * own
+    )
+    if not found:
+        _PASSED.add((cls, key))
+        if modules.digest(cls) and is_compiling():
+            with contextlib.suppress(OSError):  # then it is checked again in the next process
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with open(path, "a", encoding="ascii") as file:
+                    file.write(key + "\n")
+    return found
+
+
+def _moving(record):
+    """A generated model at a time at which none of its functions of time vanishes, as one may at the beginning."""
+    if not answers(frozen, record):
+        return record
+    with uncompiled(), np.errstate(all="ignore"):
+        at = [frozen(record, begin, 0.0) for begin in (0.618, 1.7, 2.9, 0.1)]
+    return max(at, key=lambda model: min(map(abs, model.driving), default=0.0))
+
+
+def _known(path):
+    """What has passed in this process or another."""
+    with contextlib.suppress(OSError, ValueError):
+        return set(path.read_text(encoding="ascii").split())
+    return set()

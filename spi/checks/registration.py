@@ -4,14 +4,14 @@ import difflib
 import inspect
 
 from ..compiler.dispatch import MOST
-from ..ensemble import inexact, joint, long_flows, protocol, scheme_protocol, special, table_flows
+from ..ensemble import protocol, scheme_protocol
 
 _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
     """{name: method or trait} of all that a "model" or a "scheme" is asked."""
-    modules = (protocol, inexact, joint, long_flows, special, table_flows, scheme_protocol)
+    modules = (protocol, protocol, protocol, protocol, protocol, protocol, scheme_protocol)
     declared = {name: one for module in modules for name, one in vars(module).items()}
     return {name: one for name, one in declared.items() if hasattr(one, "declared") and one.declared.asked == asked}
 

@@ -7,10 +7,9 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import answering, cache, running, showing, starting
+from . import running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
-from .signals import STOP
-from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
+from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 app = typer.Typer(
     help="A laboratory for stochastic Poisson integrators.",
@@ -39,7 +38,7 @@ def _common(
 
 
 app.command()(running.run)
-app.command()(answering.answer)
+app.command()(running.answer)
 app.command("list")(starting.list_)
 app.command()(starting.new)
 app.command()(running.merge)
@@ -95,7 +94,7 @@ def schema() -> None:
 
 app.command(cls=showing.Report)(showing.report)
 app.command()(starting.doctor)
-app.command()(cache.cache)
+app.command()(starting.cache)
 
 
 def main() -> NoReturn:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from .signals import STOP
-from .streams import tell
+from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: where results go unless --out says otherwise
 SPECS = (".yaml", ".yml")

@@ -26,12 +26,12 @@ from .options import (
     Stored,
     Threads,
     TrustCode,
+    complete_spec,
     end,
     load,
     stored,
 )
-from .signals import STOP
-from .streams import for_whoever_reads, tell
+from .terminal import STOP, for_whoever_reads, takes_all_characters, tell
 
 if TYPE_CHECKING:
     from ..running.checkpoint import Shard
@@ -76,7 +76,7 @@ def run(
     from ..running import run as runner
     from ..running import shards
     from ..running.remarks import warnings
-    from .progress import ProgressLine
+    from .terminal import ProgressLine
 
     if part is not None:
         end(INVALID, f"--part is now called --shard; write --shard {part}")
@@ -144,7 +144,7 @@ def verify(
     from .. import storage
     from ..printing import print_safely, verified
     from ..running.verify import verify
-    from .progress import ProgressLine
+    from .terminal import ProgressLine
 
     (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     prepare(threads)
@@ -234,7 +234,7 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
     """Compute each experiment, print the tables of its results, and judge its claims."""
     from .. import storage
     from ..report import views
-    from .progress import ProgressLine
+    from .terminal import ProgressLine
 
     failed = False
     for number, experiment in enumerate(experiments, start=1):
@@ -249,3 +249,93 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
     if failed:
         raise typer.Exit(CLAIM_FAILED)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The command that answers: an expectation to a wanted accuracy.
+# ---------------------------------------------------------------------------------------------------------------------
+
+if TYPE_CHECKING:
+    from ..specs import Experiment
+
+Asked = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SPEC|NAME",
+        help="An experiment file (YAML), or a name listed by `spi list`, whose system and initial value count.",
+        autocompletion=complete_spec,
+    ),
+]
+
+
+def answer(
+    spec: Asked,
+    function: Annotated[
+        list[str] | None, typer.Option(help="Test function, e.g. 'y1^2' (default: those of the experiment).")
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Final time (default: that of the experiment).")] = None,
+    accuracy: Annotated[str | None, typer.Option(help="Half the width of the 95 % interval, e.g. 1e-5.")] = None,
+    seconds: Annotated[str | None, typer.Option(help="At most so many seconds of one thread (default: 3600).")] = None,
+    dry: Annotated[bool, typer.Option("--dry", help="Run the pilot only, and predict.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
+    profile: Profile = None,
+    overrides: Overrides = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("results"),
+    fresh: Fresh = False,
+    max_time: MaxTime = None,
+    checkpoint: Checkpoint = "5s",
+    trust_code: TrustCode = False,
+) -> None:
+    """Find expectations E phi(y(T)) to a wanted accuracy.
+
+    The program chooses scheme, steps, extrapolation and samples, or solves without sampling where it can; it checks
+    the bias, and writes <out>/<name>.answer.h5.
+    """
+    asked = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
+    named = [f"{key}={value}" for key, value in asked.items() if value is not None]
+    (experiment,) = load([spec], profile, [*named, *(overrides or ())], None, seed, "answer", trust_code)
+    limits = limits_of(max_time, checkpoint)
+    prepare(threads)
+    if dry:
+        _predict(experiment)
+        return
+    from .. import storage
+    from ..printing import as_json
+    from ..report import views
+    from ..running import run as runner
+    from .terminal import ProgressLine
+
+    with ProgressLine(experiment.name) as line:
+        path = runner.run(experiment, out, fresh, line.watch, limits)
+    results = storage.read(path)
+    if json:
+        typer.echo(as_json(views.rows(results), takes_all_characters()))
+    else:
+        views.print_tables(results)
+    tell(f"results: {path}")
+
+
+def _functions(texts: list[str] | None) -> str | None:
+    """The value of the key ``functions``: one function by its text, several as a mapping."""
+    if not texts:
+        return None
+    quoted = ["'" + text.replace("'", "''") + "'" for text in texts]
+    if len(quoted) == 1:
+        return quoted[0]
+    return "{" + ", ".join(f"phi{i}: {text}" for i, text in enumerate(quoted, 1)) + "}"
+
+
+def _predict(experiment: "Experiment") -> None:
+    """Run the pilots, and say what the answers would take."""
+    from ..printing.text import human_time
+    from ..running.predicting import predictions
+    from .terminal import ProgressLine
+
+    with ProgressLine(experiment.name) as line:
+        found = list(predictions(experiment, line.watch))
+    for one in found:
+        takes = f": about {human_time(one.seconds)} of processor time"
+        takes += f"; the next digit {human_time(one.next_digit)}" * math.isfinite(one.next_digit)
+        typer.echo(f"{one.case}: {one.how}{'' if math.isnan(one.seconds) else takes}")

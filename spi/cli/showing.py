@@ -26,8 +26,7 @@ from .options import (
     end,
     stored,
 )
-from .signals import STOP
-from .streams import takes_all_characters, tell
+from .terminal import STOP, takes_all_characters, tell
 
 if TYPE_CHECKING:
     from ..storage.records import Results
@@ -186,7 +185,7 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
 
 def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
     from ..report import views
-    from .progress import ProgressLine
+    from .terminal import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
         moving = views.film(found)
@@ -238,7 +237,7 @@ def report(
     """
     from ..report.page import files
     from ..storage import write_all
-    from .progress import ProgressLine
+    from .terminal import ProgressLine
 
     paths = stored(sources, results, profile, overrides, samples, seed, kind)
     problems: list[str] = []

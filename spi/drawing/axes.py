@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.markers import CARETUP
@@ -14,10 +16,84 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
-from spi.storage.records import Description
 from spi.storage.stored import Stored
 
+from ..statistics.cells import heights, mollweide
+from ..storage.records import Description
 from . import page, style
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Axes for the values of a parameter: where these, cells around them, and ticks stand.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_WIDE = 20.0  # ratio of values above which their axis is logarithmic
+_UNEVEN = 3.0  # largest gap over smallest, in logarithms
+
+
+def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
+    """Scale, ticks and label of a horizontal axis for the values of a parameter; returns where its points are."""
+    rules(ax)
+    ax.set_xlabel(style.word(word))
+    positive = values[values > 0]
+    if len(values) > 2 and len(positive) == len(values) and (np.frexp(values)[0] == 0.5).all():
+        ax.set_xscale("log", base=2)
+        ax.set_xlim(values.min() / 1.25, values.max() * 1.25)
+        power_ticks(ax, values)
+        return values
+    sizes = np.abs(values[values != 0])
+    if sizes.size and sizes.max() <= _WIDE * sizes.min():
+        return values
+    places, is_log = value_places(values)
+    if is_log:
+        ax.set_xscale("log")
+    else:
+        ax.set_xticks(places, [f"${style.number(float(value))}$" for value in values])
+    return places
+
+
+def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
+    if (values > 0).all():
+        return values, True
+    return np.argsort(np.argsort(values)).astype(float), False
+
+
+def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Where cells of values stand on an axis, and whether it is logarithmic.
+
+    By their logarithms, or by their rank if they are not all positive, or if gaps differ so much that some cells could
+    not be seen.
+    """
+    places, is_log = value_places(values)
+    gaps = np.diff(np.sort(np.log(values))) if is_log else np.ones(1)
+    if len(gaps) > 1 and gaps.max() > _UNEVEN * gaps.min():
+        return np.argsort(np.argsort(values)).astype(float), False
+    return places, is_log
+
+
+def edges(places: np.ndarray, is_log: bool) -> np.ndarray:
+    """(low, high) of the cell around each place, half way to its neighbours; shape (places, 2)."""
+    x = np.log2(places) if is_log else np.asarray(places, float)
+    order = np.argsort(x)
+    x = x[order]
+    middle = (x[1:] + x[:-1]) / 2
+    outer = (x[1:] - x[:-1]) / 2 if len(x) > 1 else np.array([0.5])
+    bounds = np.concatenate([[x[0] - outer[0]], middle, [x[-1] + outer[-1]]])
+    found = np.empty((len(x), 2))
+    found[order] = np.column_stack([bounds[:-1], bounds[1:]])
+    return 2.0**found if is_log else found
+
+
+def ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room: int) -> None:
+    """Ticks at the places, named by the values, at most so many of them."""
+    order = np.argsort(places)[:: -1 if steps else 1][:: int(np.ceil(len(places) / room))]
+    shown = [float(value) for value in values[order]]
+    powers = all(value > 0 and math.isclose(math.log10(value) % 1, 0) for value in shown)
+    names = [f"${style.power(value) if powers and not steps else style.number(value, steps)}$" for value in shown]
+    axis.set_major_locator(FixedLocator(places[order].tolist()))
+    axis.set_minor_locator(NullLocator())
+    axis.set_ticklabels(names)
+
 
 SLOPE = "#777777"
 KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
@@ -187,3 +263,61 @@ def with_order(label: str, order: float, low: float, high: float) -> str:
     if not math.isfinite(order):
         return f"{label}: order not resolved"
     return f"{label}: order " + f"{order:.2f} [{low:.2f}, {high:.2f}]".replace("-", "\N{MINUS SIGN}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Maps of densities in cells, of two quantities or of the sphere in Mollweide's projection.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_LINES = "#777777"
+
+
+def cell_edges(found: Any, i: int, finer: int = 1) -> list[np.ndarray]:
+    """Between which values the cells of map `i` are along both of its sides, with so many places in each."""
+    ends = zip(found.low[i], found.width[i], found.density.shape[1:], strict=True)
+    return [low + width * np.linspace(0, number, finer * number + 1) for low, width, number in ends]
+
+
+def dress_map(ax: Axes, about: Description, found: Any, i: int, mesh: QuadMesh) -> None:
+    """Give map `i` of `found`, at one of its times `t`, its title, the names of its sides, and a colour bar."""
+    name = f"{style.label(about)}, $t={style.number(float(found.t[i]))}$"
+    if found.is_sphere:
+        net(ax, style.component_names(about, 3))
+        ax.set_title(name, pad=14)
+        bar = ax.figure.colorbar(mesh, ax=ax, label="density per steradian", shrink=0.8, pad=0.02)
+    else:
+        ax.set(xlabel=style.plain(found.sides[0]), ylabel=style.plain(found.sides[1]))
+        ax.set_title(name)
+        bar = ax.figure.colorbar(mesh, ax=ax, label="density", pad=0.02)
+    bar.outline.set_linewidth(0.4)
+
+
+def net(ax: Axes, names: Sequence[str]) -> None:
+    """Draw meridians, parallels, the outline and where the axes with these `names` leave the sphere."""
+    thin: dict[str, Any] = {"color": _LINES, "linewidth": 0.4, "alpha": 0.6}
+    whole = np.linspace(-1, 1, 201)
+    up = heights(-1, 1, 201)
+    for meridian in np.pi * np.array([-0.5, 0, 0.5]):
+        ax.plot(*mollweide(up, np.full_like(up, meridian)), **thin)
+    for height in (-0.5, 0, 0.5):
+        ax.plot(*mollweide(np.full_like(whole, height), np.pi * whole), **thin)
+    for side in (-np.pi, np.pi):
+        ax.plot(*mollweide(up, np.full_like(up, side)), color="black", linewidth=0.7)
+    ends = {
+        (0, 0): names[0],
+        (0, 0.5): names[1],
+        (0, -0.5): _minus(names[1]),
+        (1, 0): names[2],
+        (-1, 0): _minus(names[2]),
+    }
+    for (height, turn), name in ends.items():
+        x, y = mollweide(np.array(height, float), np.pi * np.array(turn))
+        ax.plot(x, y, marker="+", color="black", markersize=4, markeredgewidth=0.7)
+        above, shift = height >= 0, (0, 3 if height >= 0 else -3)
+        ax.annotate(name, (x, y), shift, textcoords="offset points", ha="center", va="bottom" if above else "top")
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+
+
+def _minus(name: str) -> str:
+    return f"$-${name}"

@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 from ..statistics.claims import AT_MOST, Sort
 from ..statistics.curves import Curve
 from . import layout, style
-from .axes import limits
-from .cells import cell_places, edges, swept_axis, ticks
+from .axes import cell_places, edges, limits, swept_axis, ticks
 
 SIZE = (3.6, 2.9)  # inches of a panel
 ALONE = (4.6, 3.5)  # the same where there is only one

@@ -9,15 +9,225 @@ the same.  Increments over larger steps are sums of two, in this order, as every
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
+import annotated_types
 import numpy as np
 
-from ..numerics.rng import LANES, STEPS_PER_TOSS
-from .given import Given, draw_all_coins
-from .laws import Asked, at_once
-from .protocol import noises
+from ..compiler.dispatch import device, kernel
+from ..numerics.elementary import exp, log_normal, sin_cos
+from ..numerics.rng import DRIVERS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_words
+from .given import Given, draw_all_coins, draw_paths
+from .lanes import aligned
+from .protocol import Positive, noises
 from .scheme_protocol import substeps, tosses
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Laws of processes with stationary increments that can take the place of Brownian motion: see ``drivers.py``.
+#
+# A law answers ``draw(asked, memory)``, the increments (count, paths, noises) that :class:`Asked` asks for; `memory`, a
+# dictionary of the driver's own, may keep what makes the next ones quicker, but decides no bit.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_AHEAD = 4096  # steps that are made at a time where they are only passed over
+_KEPT = 64  # how many blocks of paths a driver remembers the end of
+
+
+class Asked(NamedTuple):
+    """Which increments are asked for: `count` of size h from number `first` on, of consecutive paths and all noises."""
+
+    stream: Any  #: a ``streams.RandomStream``
+    h: float
+    first: int
+    count: int
+    total: int  #: how many there are at all
+    first_path: int
+    paths: int
+    noises: int
+
+    def normals(self, use, first, count):
+        """(count, paths, noises) standard normal numbers: use 0 are those of Brownian motion, 1 and 2 further ones."""
+        found = np.empty((count, self.paths, self.noises))
+        stream = self.stream._replace(stream=self.stream.stream + np.uint64(use and DRIVERS + use))
+        draw_paths(stream, 1.0, first, self.first_path, found)
+        return found
+
+
+class OrnsteinUhlenbeck(NamedTuple):
+    """X(t), the integral of a stationary process xi with E xi(s) xi(t) = exp(-|t - s| / tau) / (2 tau).
+
+    d xi = -xi / tau dt + dW / tau, driven by the Brownian motion of the seed, so that X = W - tau (xi - xi(0)), which
+    tends to W as tau tends to 0.  Var X(t) = t - tau (1 - exp(-t / tau)).
+    """
+
+    tau: Annotated[Positive, "correlation time"]
+
+    def draw(self, asked, memory):
+        place = asked.first_path, asked.paths, asked.h
+        n, xi = memory.pop(place, (0, None))
+        if xi is None or n > asked.first:
+            n, xi = 0, asked.normals(2, 0, 1)[0] / math.sqrt(2.0 * self.tau)
+        while n < asked.first:
+            count = min(asked.first - n, _AHEAD)
+            self._moved(asked, n, count, xi)
+            n += count
+        dX = self._moved(asked, n, asked.count, xi)
+        while len(memory) >= _KEPT:
+            memory.pop(next(iter(memory)))
+        memory[place] = n + asked.count, xi
+        return dX
+
+    def _moved(self, asked, first, count, xi):
+        """Increments from number `first` on, where the process is `xi`, which is moved on."""
+        dX, z = asked.normals(0, first, count), asked.normals(1, first, count)
+        x, root = asked.h / self.tau, math.sqrt(asked.h)
+        loss, rest, variance = _coefficients(x)
+        gain, spread = loss / x * root / self.tau, math.sqrt(variance / self.tau)
+        each = -1, xi.size
+        move_coloured(xi.ravel(), z.reshape(each), loss, gain, spread, rest * root, self.tau, dX.reshape(each))
+        return dX
+
+
+def _coefficients(x):
+    """b = 1 - exp(-x), 1 - b / x, and tau times the variance of xi(h), given xi(0) and W(h), for h = x tau.
+
+    The last is (1 - exp(-2 x)) / 2 - b^2 / x.
+    """
+    b = -math.expm1(-x)
+    if x > 0.01:
+        return b, 1.0 - b / x, -0.5 * math.expm1(-2.0 * x) - b * b / x
+    rest = x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))  # where both cancel
+    return b, rest, x**3 / 12.0 * (1.0 - x * (1.0 - x * (17.0 / 30.0 - x * 7.0 / 30.0)))
+
+
+@kernel
+def move_coloured(xi, z, loss, gain, spread, rest, tau, dX):
+    """Turn `dX` (steps, processes), normal numbers behind Brownian increments, into increments of the integral.
+
+    xi becomes (1 - loss) xi + gain dX + spread z, and the increment is tau loss xi + rest dX - tau spread z, which is
+    dW - tau (xi(h) - xi(0)) without its cancellations.
+    """
+    of_xi, of_z = tau * loss, tau * spread
+    for n in range(dX.shape[0]):
+        for i in range(dX.shape[1]):
+            normal, before = dX[n, i], xi[i]
+            xi[i] = before - loss * before + (gain * normal + spread * z[n, i])
+            dX[n, i] = of_xi * before + (rest * normal - of_z * z[n, i])
+
+
+class Levy(NamedTuple):
+    """A symmetric alpha-stable Lévy process: E exp(i u X(t)) = exp(-t |u|^alpha / 2), for alpha = 2 Brownian motion."""
+
+    alpha: Annotated[float, annotated_types.Ge(0.5), annotated_types.Le(2), "index of stability"]
+
+    def draw(self, asked, memory):
+        dX = np.empty((asked.count, asked.paths, asked.noises))
+        scale = (0.5 * asked.h) ** (1.0 / self.alpha)
+        draw_stable(asked.stream, self.alpha, scale, asked.first, asked.first_path, dX)
+        return dX
+
+
+@kernel
+def draw_stable(noise, alpha, scale, first, first_path, dX):
+    """Fill `dX` (steps, paths, noises) with `scale` times numbers S, E exp(i u S) = exp(-|u|^alpha).
+
+    By the method of Chambers, Mallows and Stuck (J. Amer. Statist. Assoc. 71, 1976): with V uniform on (-pi/2, pi/2)
+    and E exponential S = sin(alpha V) / cos(V)^(1/alpha) (cos((1 - alpha) V) / E)^((1 - alpha)/alpha).
+    """
+    steps, paths, noises = dX.shape
+    size = STEPS_PER_DRAW * LANES
+    angles, waits = aligned(size).view(np.uint64), aligned(size).view(np.uint64)
+    numbers, others = aligned(size), noise.stream + np.uint64(DRIVERS)
+    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
+        lanes = block * LANES - first_path
+        for draw in range(first // STEPS_PER_DRAW, (first + steps - 1) // STEPS_PER_DRAW + 1):
+            begin, where = draw * STEPS_PER_DRAW - first, (np.uint64(draw), np.uint64(block))
+            for k in range(noises):
+                draw_words(noise.seed, noise.stream, np.uint64(k), *where, angles)
+                draw_words(noise.seed, others, np.uint64(k), *where, waits)
+                for i in range(size):
+                    v = np.pi * (_uniform(angles[i]) - 0.5)
+                    turned = log_normal(sin_cos((1.0 - alpha) * v)[1] / -log_normal(_uniform(waits[i])))
+                    power = ((1.0 - alpha) * turned - log_normal(sin_cos(v)[1])) / alpha
+                    numbers[i] = scale * (sin_cos(alpha * v)[0] * exp(power))
+                for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
+                    for path in range(max(lanes, 0), min(lanes + LANES, paths)):
+                        dX[n, path, k] = numbers[(n - begin) * LANES + path - lanes]
+
+
+@device
+def _uniform(word):
+    """A number in (0, 1) from 32 bits, never 0 or 1."""
+    return np.float64(np.int64(word)) * 2.0**-32 + 2.0**-33
+
+
+class Fractional(NamedTuple):
+    """Fractional Brownian motion: E X(s) X(t) = (s^2H + t^2H - |t - s|^2H) / 2; for H = 1/2 Brownian motion.
+
+    By circulant embedding (Davies and Harte, Biometrika 74, 1987), so exactly; all increments of a path at once.
+    """
+
+    hurst: Annotated[float, annotated_types.Gt(0), annotated_types.Lt(1), "Hurst index H"]
+
+    def draw(self, asked, memory):
+        place = asked.first_path, asked.paths, asked.h
+        if place not in memory:
+            memory.clear()
+            memory[place] = self._all(asked)
+        return memory[place][asked.first : asked.first + asked.count]
+
+    def _all(self, asked):
+        n, found = asked.total, np.empty((asked.total, asked.paths, asked.noises))
+        weights = np.sqrt(n * circulant(self.hurst, asked.h, n))
+        weights[[0, n]] *= math.sqrt(2.0)
+        re, im = asked.normals(0, 0, n + 1), asked.normals(1, 0, n + 1)
+        im[[0, n]] = 0.0
+        for path in range(asked.paths):
+            half = weights * (re[:, path].T + 1j * im[:, path].T)
+            found[:, path] = np.fft.irfft(half, 2 * n)[:, :n].T
+        return found
+
+
+def at_once(law):
+    """Whether all increments of a path are made together."""
+    return isinstance(law, Fractional)
+
+
+def circulant(hurst, h, n):
+    """(n + 1,) the eigenvalues of the circulant matrix that has the covariances of n increments of size h."""
+    k = np.arange(1.0, n + 1)
+    with np.errstate(divide="ignore"):
+        terms = np.expm1(2.0 * hurst * np.log1p(1.0 / k)) + np.expm1(2.0 * hurst * np.log1p(-1.0 / k))
+    covariances = np.concatenate(([1.0], 0.5 * k ** (2.0 * hurst) * terms))
+    around = np.concatenate((covariances, covariances[-2:0:-1]))
+    return np.maximum(np.fft.rfft(around).real * h ** (2.0 * hurst), 0.0)
+
+
+class Recorded(NamedTuple):
+    """Increments of a file: `dW` (paths, steps, noises) over steps of size `step`, of path 0, 1, ... of a run.
+
+    Larger steps have their sums, smaller ones, which divide `step`, Brownian bridges between them.
+    """
+
+    dW: np.ndarray
+    step: float
+    digest: str  #: of what is in the file
+    bridged: bool = False  #: whether there may be smaller steps
+
+    def draw(self, asked, memory):
+        paths = np.arange(asked.first_path, asked.first_path + asked.paths) % len(self.dW)  # idle lanes have any
+        if asked.h > 0.75 * self.step:
+            size = round(asked.h / self.step)
+            dW = self.dW[paths, asked.first * size : (asked.first + asked.count) * size]
+            return np.moveaxis(dW.reshape(asked.paths, asked.count, size, asked.noises).sum(axis=2), 0, 1)
+        size = round(self.step / asked.h)
+        first, last = asked.first // size, -(-(asked.first + asked.count) // size)
+        z = math.sqrt(asked.h) * asked.normals(1, first * size, (last - first) * size)
+        z = z.reshape(last - first, size, asked.paths, asked.noises)
+        whole = np.moveaxis(self.dW[paths, first:last], 0, 1)[:, np.newaxis]
+        fine = z + (whole - z.sum(axis=1, keepdims=True)) / size
+        return fine.reshape(-1, asked.paths, asked.noises)[asked.first - first * size :][: asked.count]
+
 
 #: Of the increments that are made at a time.
 _BYTES = 2**26

@@ -9,18 +9,148 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, number
+from ..compiler.dispatch import device, method, number
 from ..compiler.records import field
 from ..numerics.rng import (
     BRIDGES,
+    BROWNIAN,
+    COINS,
     LANES,
     STEPS_PER_DRAW,
+    STEPS_PER_TOSS,
+    UNIFORMS,
     draw_increments,
+    draw_uniforms,
+    read_coins,
+    toss,
 )
-from .areas import areas_length, copy_areas, draw_areas, join_areas
+from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
 from .lanes import aligned
-from .pairs import channels
 from .protocol import noises
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Streams of keyed random numbers, and what every noise answers that the loop over time makes, or finds, by itself.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def in_one_call(noise, scheme, model, times, first, blocks, end):
+    """(grid, noise, first block, end of paths) of the calls of the loop that together make all steps of a grid."""
+    return ((times, noise, first, end),)
+
+
+def as_many_blocks(noise, model, times):
+    """How many blocks fit into memory, as far as their noise is concerned: any number."""
+    return 2**62
+
+
+def itself(noise):
+    """A noise of the same type whose numbers are quickly made, for calls that only have kernels compiled."""
+    return noise
+
+
+class RandomStream(NamedTuple):
+    """Which random numbers: the 64-bit seed and one of the streams of ``spi.numerics.rng``, as uint64."""
+
+    seed: np.uint64
+    stream: np.uint64
+
+    @property
+    def keys(self):
+        """Of what the random numbers of these paths are functions: itself."""
+        return self
+
+    for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
+
+
+def brownian(seed):
+    """The increments of the paths of a seed."""
+    return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What kernels do with rows of coins, where a scheme tosses them, and of uniform numbers, where it judges flows.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@method
+def coins_length(kept, model):
+    """How many floats a row of coins is."""
+
+
+@method
+def draw_coins(kept, noise, n, block, bits, coins, row):
+    """The coins of step n in a row; `bits`, those of STEPS_PER_TOSS steps, are kept from step to step."""
+
+
+@method
+def copy_coins(kept, coins, source, target):
+    """The coins of one row in another."""
+
+
+@method
+def turn_coins(kept, coins, source, target):
+    """Those on the other side."""
+
+
+@device
+def toss_and_read(noise, n, block, bits, row):
+    """The coins of step n in `row`; `bits` are tossed at the first of STEPS_PER_TOSS steps."""
+    if n % STEPS_PER_TOSS == 0:
+        toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
+    read_coins(bits, n, row)
+
+
+class NoCoins(NamedTuple):
+    """No scheme tosses: kernels contain nothing about coins."""
+
+    def coins_length(kept, model):
+        return LANES
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        pass
+
+    def copy_coins(kept, coins, source, target):
+        pass
+
+    def turn_coins(kept, coins, source, target):
+        pass
+
+
+class Coins(NamedTuple):
+    """A scheme tosses."""
+
+    def coins_length(kept, model):
+        return LANES
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        toss_and_read(noise, n, block, bits, coins[row])
+
+    def copy_coins(kept, coins, source, target):
+        for lane in range(LANES):
+            coins[target, lane] = coins[source, lane]
+
+    def turn_coins(kept, coins, source, target):
+        for lane in range(LANES):
+            coins[target, lane] = -coins[source, lane]
+
+
+class Uniforms(NamedTuple):
+    """A scheme judges flows: behind the coins stand uniform numbers, one for each noise and one for the drift."""
+
+    def coins_length(kept, model):
+        return (1 + 4 * (noises(model) // 4 + 1)) * LANES
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        toss_and_read(noise, n, block, bits, coins[row])
+        draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
+
+    def copy_coins(kept, coins, source, target):
+        for i in range(coins.shape[1]):
+            coins[target, i] = coins[source, i]
+
+    def turn_coins(kept, coins, source, target):
+        for i in range(coins.shape[1]):
+            coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]
 
 
 @device

@@ -16,14 +16,13 @@ from numba import get_num_threads, prange, set_num_threads
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import LANES, STEPS_PER_DRAW
-from .coins import coins_length, copy_coins, turn_coins
-from .given import coins_of_step, noise_of_steps, words_length
-from .increments import join, keep, reversed_row, row_length, truncate
+from .given import Given, coins_of_step, noise_of_steps, words_length
+from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
+from .protocol import frozen
 from .random_states import RandomState, block_states
-from .scheme_protocol import REPORT, SUMMED
-from .special import frozen
+from .scheme_protocol import REPORT, SUMMED, substeps
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
 #: How often a study that runs in batches can report, and be interrupted.
@@ -269,3 +268,31 @@ def add_reports(total, reports):
     added = total + reports.sum(axis=0)
     added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
     return added
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Steps of many paths from compiled code: what a program of somebody else's own, compiled by Numba, can call.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def move(records, y, dW, areas, coins):
+    """Move states `y` (paths, d) on in place, along the noise of a :class:`~spi.ensemble.given.Given`, on one thread.
+
+    `records` = (scheme, model, grid, observer), the grid being that of one step.
+    """
+    scheme, model, grid, observer = records
+    paths, d = y.shape
+    steps = len(dW) // substeps(scheme)
+    times = Grid(grid.reference_step, steps, *grid[2:])
+    states, report = aligned(d * LANES).reshape(1, -1), np.zeros((1, len(REPORT)))
+    noise = Given(dW, areas, coins, 0)
+    for block in range(-(-paths // LANES)):
+        first = block * LANES
+        for lane in range(LANES):
+            for i in range(d):
+                states[0, i * LANES + lane] = y[min(first + lane, paths - 1), i]
+        integrate_block(scheme, model, states, times, noise, observer, report, block, 0, min(LANES, paths - first))
+        for lane in range(min(LANES, paths - first)):
+            for i in range(d):
+                y[first + lane, i] = states[0, i * LANES + lane]

@@ -5,15 +5,78 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import answers, device, number, unrolled
+from ..compiler.dispatch import answers, device, kernel, number, unrolled
 from ..compiler.records import class_of
 from ..numerics.rng import LANES, PARTS
 from .fields import scaled_square, smallest_component, squared_distance
-from .invariants import casimirs_of_states
 from .lanes import load_lane
-from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, large, populations
+from .protocol import (
+    casimir_indices,
+    casimirs,
+    conserved,
+    decay_rates,
+    dimension,
+    frozen,
+    hamiltonian,
+    is_inlined,
+    large,
+    populations,
+)
 from .random_states import RandomState
-from .table_flows import is_inlined
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Casimir functions along paths: how far they moved from what the exact solution makes of them.
+#
+# The exact solution preserves C(y).  With damping at the rate gamma it preserves exp(k gamma t) C(y) where C is
+# homogeneous of degree k, so that this takes the place of C(y) wherever Casimir functions are judged.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def growth(model, t):
+    """exp(k gamma t) for each Casimir function, shape (..., C) for t of shape (...); 1 without damping."""
+    rates = decay_rates(model)
+    with np.errstate(over="ignore"):
+        return np.exp(np.multiply.outer(t, rates)) if rates else 1.0
+
+
+def casimirs_of_states(model, states):
+    """(C, paths) the Casimir functions of states (d, paths)."""
+    if large(model):
+        return np.array([casimirs(model, state) for state in np.ascontiguousarray(states.T)]).T
+    return np.array(casimirs(model, tuple(states)))
+
+
+def empty_invariants(model, states):
+    """Room for so many states (n, d) and times (n,), and for H (n,) and the Casimir functions (n, C) of them."""
+    room = np.zeros((states, dimension(model))), np.zeros(states)
+    return *room, np.empty(states), np.empty((states, conserved(model)))
+
+
+def invariants_of(model, states, times):
+    """H (n,) and the Casimir functions (n, C) of states (n, d) at times (n,), as kernels round them."""
+    _, _, energy, values = empty_invariants(model, len(states))
+    invariants(model, states, times, energy, values)
+    return energy, values
+
+
+@unrolled(casimir_indices)
+def _keep_casimir(index, model, values, row, found):
+    c = number(index)
+    values[row, c] = found[c]
+    return values
+
+
+@kernel
+def invariants(model, states, times, energy, values):
+    """H and the Casimirs of each row of `states` (n, d) at its time, in `energy` (n,) and `values` (n, C)."""
+    block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
+    for row in range(len(states)):
+        for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
+            block[i * LANES] = states[row, i]
+        y = load_lane(model, block, 0)
+        energy[row] = hamiltonian(frozen(model, times[row], 0.0), y)
+        _keep_casimir(model, values, row, casimirs(model, y))
+
 
 #: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
 SQUARES, STATES = range(2)
@@ -189,3 +252,74 @@ def _watch_casimirs(model, worst, start, rates, n, paths, y):
     if large(model):
         return _watch_all
     return lambda model, worst, start, rates, n, paths, y: _watch_casimir(model, worst, start, rates, n, y)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Values along many paths: Hamiltonians, sums over jackknife groups, counts in bins.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def energies(model, states, energy):
+    """H of the states (blocks, times, d * LANES) of blocks, in `energy` (blocks, times, LANES)."""
+    for row in range(states.shape[0]):
+        for t in range(states.shape[1]):
+            for lane in range(LANES):
+                energy[row, t, lane] = hamiltonian(model, load_lane(model, states[row, t], lane))
+
+
+@kernel
+def add_moments(values, first_block, end, sums, one, other, products, times):
+    """Add values (blocks, T, F, LANES) and their squares to `sums` (2, T, F, groups), at times[0] <= t < times[1].
+
+    And to `products` (1, T, P, groups) the products of the functions one[p] and other[p].  Lane l of block b is in
+    group (b mod G/8) * 8 + l mod 8; paths from number `end` on do not count.
+    """
+    blocks, _, functions, _ = values.shape
+    rounds = sums.shape[3] // PARTS
+    for row in range(blocks):
+        block = first_block + row
+        group = block % rounds * PARTS
+        paths = min(LANES, end - block * LANES)
+        for t in range(times[0], times[1]):
+            for f in range(functions):
+                for part in range(PARTS):
+                    total, square = sums[0, t, f, group + part], sums[1, t, f, group + part]
+                    if paths == LANES:  # a loop of known length, which is unrolled
+                        for first in range(0, LANES, PARTS):
+                            value = values[row, t, f, first + part]
+                            total += value
+                            square += value * value
+                    else:
+                        for lane in range(part, paths, PARTS):
+                            value = values[row, t, f, lane]
+                            total += value
+                            square += value * value
+                    sums[0, t, f, group + part], sums[1, t, f, group + part] = total, square
+            for p in range(len(one)):
+                for lane in range(paths):
+                    product = values[row, t, one[p], lane] * values[row, t, other[p], lane]
+                    products[0, t, p, group + lane % PARTS] += product
+
+
+@kernel
+def count_values(values, first_block, end, low, inverse_width, counts, times):
+    """Count values (blocks, T, F, LANES) in `counts` (T, F, 2 + bins): below all bins, in each, and above all or NaN.
+
+    The first bin of function f at time t begins at low[t, f]; their width is 1 / inverse_width[t, f].  Values of
+    further functions are not counted, and those at times[0] <= t < times[1] only.
+    """
+    functions, bins = counts.shape[1], counts.shape[2] - 2
+    for row in range(len(values)):
+        paths = min(LANES, end - (first_block + row) * LANES)
+        for t in range(times[0], times[1]):
+            for f in range(functions):
+                begin, scale = low[t, f], inverse_width[t, f]
+                for lane in range(paths):
+                    place = (values[row, t, f, lane] - begin) * scale
+                    if place < 0.0:
+                        counts[t, f, 0] += 1
+                    elif place < bins:  # false for NaN
+                        counts[t, f, 1 + np.int64(place)] += 1
+                    else:
+                        counts[t, f, bins + 1] += 1

@@ -28,7 +28,7 @@ from typing import Annotated
 import annotated_types
 
 from ..compiler import instructions
-from ..compiler.dispatch import intrinsic, method, trait
+from ..compiler.dispatch import device, intrinsic, method, trait
 from ..compiler.records import field, is_array, is_none
 
 #: What the fields of a record may hold, checked when a spec file is read.
@@ -89,7 +89,7 @@ def populations(model):
 def flow_ns(model):
     """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
 
-    0: not stated; then 0.15 for each component, see ``schemes/costs.py``.
+    0: not stated; then 0.15 for each component, see ``schemes/entries.py``.
     """
 
 
@@ -292,3 +292,349 @@ def rotation_shear_rates(model):
 
     The flows of H_1 turn (y2, y3) by the angle -a t y1, those of H_2 move y1 by c t y2: motions of cylinders.
     """
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What an array-state model is asked besides: the record that ``in_kernels`` gives; see ``protocol.py``.
+#
+# Its traits may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
+# is an array of strengths.  It has ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
+# an array.  Its flows move `width` states at once, 1 or ``vectors.WIDTH``, component i of state j at y[i * width + j].
+# Noises whose flows are made as one, because they commute, are a group.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@method
+def block_drift_flow(array_state_model, k, t, width, y, work):
+    """The flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
+
+
+@method
+def block_noise_flow(array_state_model, group, times, width, y, work):
+    """The flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
+
+
+@method
+def noise_groups(array_state_model):
+    """How many groups of noises there are, at most as many as noises."""
+
+
+@method
+def block_work(array_state_model):
+    """How many floats of scratch the methods of a block need."""
+
+
+@method
+def add_block_drift(array_state_model, t, width, y, out, work):
+    """out + t B(y) grad H(y), in place."""
+
+
+@method
+def add_block_noises(array_state_model, times, width, y, out, work):
+    """out + sum_k t_k B(y) grad Ĥ_k(y), in place, noise k of state j with t_k = times[k * width + j]."""
+
+
+@method
+def add_block_ito_correction(array_state_model, h, width, y, out, work):
+    """out + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), f_k = B grad Ĥ_k, in place."""
+
+
+@method(optional=True)
+def block_noise_slopes(array_state_model, width, y, slopes, work):
+    """(X_k H)(y) with X_k = B grad Ĥ_k, of noise k and state j in slopes[k * width + j]; what a temperature needs."""
+
+
+@method(optional=True)
+def block_friction_times(array_state_model, t, width, y, times, work):
+    """For how long the noise flows act in the place of friction for the time t, as ``block_noise_flow`` takes it.
+
+    What all friction does at once, to order 2 where these flows act in one order in one half of a step and in the other
+    order in the other half.
+    """
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model is asked whose flows are not all known in closed form; see ``protocol.py`` for all else.
+#
+# Schemes that are no compositions of flows need nothing of this.  A composition moves by such a piece or noise with
+# another method, the inner one, if the model names one, and cannot be used if it names none.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: What may stand in the place of an exact flow, see ``schemes/inner_steps.py``.
+INNER_METHODS = ("midpoint", "munthe_kaas")
+
+
+@trait(tuple, default=())
+def inexact_pieces(model):
+    """The numbers k of the pieces H_k whose flows are not known in closed form; ``drift_flow`` is not asked for them.
+
+    Such a model answers ``piece_gradient`` and ``piece_hessian`` for them.
+    """
+
+
+@trait(tuple, default=())
+def inexact_noises(model):
+    """The numbers k of the noises whose flows are not known in closed form; ``noise_flow`` is not asked for them."""
+
+
+@trait(str, default="")
+def inner(model):
+    """By which of :data:`INNER_METHODS` compositions move by these pieces and noises, "" if by none."""
+
+
+@trait(bool, default=False)
+def structure_is_kept(model):
+    """Whether B is the same along every flow, its entries being numbers or Casimir functions.
+
+    Then the implicit midpoint rule is a Poisson map, since B has the same value before a step and behind it.
+    """
+
+
+@method(optional=True)
+def piece_gradient(model, k, y):
+    """grad H_k(y) of a piece without an exact flow."""
+
+
+@method(optional=True)
+def piece_hessian(model, k, y, v):
+    """Hess H_k(y) v of such a piece."""
+
+
+def flows_lacking(model):
+    """(("pieces" or "noises", k), ...): those without an exact flow, noises that are off left out."""
+    noises = (k for k in inexact_noises(model) if k in noise_indices(model))
+    return (*(("pieces", k) for k in inexact_pieces(model)), *(("noises", k) for k in noises))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model is asked whose pieces and noises have flows in common, and whose noises have brackets that do.
+#
+# See ``protocol.py`` for all else.  Compositions make use of it in stages of joint flows and of areas.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@trait(tuple, default=())
+def joint_noises(model):
+    """For each piece of H, in order, a tuple of the noises that :func:`joint_flow` moves together with it.
+
+    Those whose flows commute with that of the piece and are of one family with it, as two rotations about one axis are;
+    no noise twice.
+    """
+
+
+def joined_noises(model, k):
+    """Those of :func:`joint_noises` that go with piece k, the ones that are off included."""
+    found = joint_noises(model)
+    return found[k] if k < len(found) else ()
+
+
+@trait
+def most_joined(model):
+    """The largest number of noises that go with one piece."""
+    return max(map(len, joint_noises(model)), default=0)
+
+
+def joint_parts(model):
+    """(("joint", k), ("drift", k), ("noise", l), ...): the pieces in order, then the noises that go with none.
+
+    A piece is "joint" where a noise goes with it that is on, otherwise "drift".
+    """
+    on = noise_indices(model)
+    joined = {k: [j for j in joined_noises(model, k) if j in on] for k in piece_indices(model)}
+    of_pieces = [("joint" if joined[k] else "drift", k) for k in joined]
+    together = {j for noises_of in joined.values() for j in noises_of}
+    return (*of_pieces, *(("noise", j) for j in on if j not in together))
+
+
+@method(optional=True)
+def joint_flow(model, k, t, s, y, angles):
+    """exp(t Y_{H_k} + sum_i s[i] Y_{Ĥ_l(i)})(y), l(i) being noise number i of ``joint_noises(model)[k]``.
+
+    Of a model with :func:`joint_noises`, for a piece that has some.  The tuple s is as long as the longest of those,
+    the rest being 0.
+    """
+
+
+@method(optional=True)
+def joint_angle(model, k, t, s, y):
+    """The largest |angle| whose sine ``joint_flow(model, k, t, s, y, ...)`` takes; 0 for a flow without angles."""
+
+
+@trait(tuple, default=())
+def bracket_flows(model):
+    """Pairs (k, l), k < l, of noises for which :func:`bracket_flow` is known."""
+
+
+@method(optional=True)
+def bracket_flow(model, k, t, y, angles):
+    """exp(t Y_G)(y), the exact flow of G = {Ĥ_j, Ĥ_i} for the pair (i, j) number k of :func:`bracket_flows`.
+
+    As operators Y_G = [Y_i, Y_j], and {f, g} = grad f . B grad g.
+    """
+
+
+@method(optional=True)
+def bracket_angle(model, k, t, y):
+    """The largest |angle| whose sine ``bracket_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
+
+
+@method(optional=True)
+def bracket_factors(model):
+    """(c, ...): {Ĥ_j, Ĥ_i} is c times a function that is the same for all pairs (i, j), i < j, of noises.
+
+    In the order of ``itertools.combinations``; 0 only where the noises commute.
+    """
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model at a temperature is asked: the friction that goes with its noises, see docs/temperature.md.
+#
+# With X_k = B grad Ĥ_k the equation has the fields -c_k (X_k H) X_k besides, c_k = sigma_k^2 / (2 T).  Along such a
+# field
+# the state moves as exp(s(t) X_k) y with s' = -c_k g'(s), g(s) = H(exp(s X_k) y), so that the flow of the noise serves.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@trait(bool, default=False)
+def has_friction(model):
+    """Whether noises have friction with them."""
+
+
+@method(optional=True)
+def friction_time(model, k, t, y):
+    """s(t): exp(s(t) X_k) y is what friction along noise k makes of y in the time t."""
+
+
+@device
+def friction_rate(model, k):
+    """c_k = sigma_k^2 / (2 T) of a model at a temperature."""
+    return strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+
+
+@device
+def friction_after(c, t, slope, bend):
+    """s(t) to order 2, given g' = slope and g'' = bend at s = 0; where g is quadratic s = s' t (1 - exp(-q)) / q.
+
+    With s' = -c g' and q = c g'' t.  That quotient is taken as 1 / (1 + q/2 + q^2/12), which is right to third order,
+    and never large: friction over long times, or near a maximum of g, is too weak, but cannot carry the state away.
+    """
+    q = c * t * bend
+    return -c * t * slope / (1.0 + q * (0.5 + q * (1.0 / 12.0)))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model is asked that depends on time, or that the solvers without sampling know; see ``protocol.py``.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@method(default=True)
+def frozen(model, begin, h):
+    """The model as a step from the time `begin` on takes it, where time stands still: itself if nothing depends on it.
+
+    What is linear in a coefficient c(t) of H or of a noise has its mean over the step, which is its value for h = 0; a
+    strength sigma_k(t) its root mean square; where t stands otherwise it is the middle of the step.  A step of a scheme
+    for the model that does not change is then one of the same order, up to 2, for the one that does, see
+    docs/driving.md.  (In flows t is how long they act.)
+    """
+    return model
+
+
+@trait(tuple, default=())
+def flow_places(model):
+    """((place of each piece), (place of each noise)) where these are not their numbers.
+
+    The place is the number of the axis for ``axis_inertias``, 0 of the rotation and 1 of the shear for
+    ``rotation_shear_rates``.
+    """
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model of long flows may be asked besides; see ``protocol.py`` for all else.
+#
+# A flow is compiled once for each range of angles, which of long ones takes minutes.  Divided into the angles of the
+# sines that it takes and what is done with these sines, all but the sines is compiled once.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@trait(int, default=0)
+def phases(model):
+    """How many sines a flow takes at most; 0 if the model does not answer the methods below."""
+
+
+@method(optional=True)
+def drift_phases(model, k, t, y):
+    """The angles whose sines ``drift_flow(model, k, t, y, ...)`` takes, a tuple as long as :func:`phases` says.
+
+    Where a flow takes fewer, the rest is 0.
+    """
+
+
+@method(optional=True)
+def drift_turned(model, k, s, y):
+    """``drift_flow(model, k, t, y, ...)``, given the sines of these angles and then their versines in one tuple s."""
+
+
+@method(optional=True)
+def noise_phases(model, k, t, y):
+    """The angles whose sines ``noise_flow`` takes, likewise."""
+
+
+@method(optional=True)
+def noise_turned(model, k, s, y):
+    """``noise_flow``, likewise."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a model of many components may be asked besides; see ``protocol.py`` for all else.
+#
+# A flow of many components mostly moves few of them at a time, and each few in the same way: by one *shape*, a flow of
+# its own in a few components.  Such a flow is a loop over a table of components, of which the code is compiled once,
+# where straight-line code in all components takes minutes.  A table is a tuple of groups (shape, count, rows): the
+# shape
+# with this number is given the components of each row and moves the first `count` of them.  No row moves what another
+# one reads.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: What a model of more components does in all lanes is called, not inlined: one function of all that a step does would
+#: become long, and the compiler takes longer than in proportion to the length of a function.
+INLINED = 12
+
+
+def is_inlined(model):
+    """Whether what a model does in all lanes is inlined."""
+    return large(model) or dimension(model) <= INLINED
+
+
+@trait(tuple, default=())
+def drift_tables(model):
+    """The table of each piece; () for one of which ``drift_flow`` is asked as a whole."""
+
+
+@trait(tuple, default=())
+def noise_tables(model):
+    """The table of each noise, likewise."""
+
+
+@trait(tuple, default=())
+def friction_tables(model):
+    """(shape, row) of each noise: the components on which the function :func:`shape_slopes` of that number depends."""
+
+
+@trait(int, default=0)
+def row_length(model):
+    """How long the tuples y and the results of :func:`shape_flow` are: as the longest row of all, the rest being 0."""
+
+
+@method(optional=True)
+def shape_flow(model, k, t, y, angles):
+    """What shape number k makes of the components that it moves, given those of a row as a tuple y."""
+
+
+@method(optional=True)
+def shape_angle(model, k, t, y):
+    """The largest |angle| whose sine that takes; 0 for a flow without angles."""
+
+
+@method(optional=True)
+def shape_slopes(model, k, y):
+    """(X H, X (X H)) for the field X of a noise, given the components of a row as a tuple y."""

@@ -3,8 +3,7 @@
 from ..compiler.dispatch import INDICES, device
 from ..compiler.records import is_none
 from .areas import Areas, NoAreas
-from .coins import Coins, NoCoins, Uniforms
-from .increments import Kept
+from .increments import Coins, Kept, NoCoins, Uniforms
 from .protocol import area_pairs, large
 from .scheme_protocol import advance, advance_large, judges, memory_size, needs_areas, substeps, tosses, work_size
 

@@ -13,7 +13,7 @@ import itertools
 
 import numpy as np
 
-from .rules import on_sphere
+from .sphere_law import on_sphere
 from .surfaces import polynomial, value_of
 
 LEVELS = (6, 8, 12, 16, 24)  #: rings of a rule

@@ -15,17 +15,16 @@ from ..ensemble.protocol import (
     decay_rates,
     dimension,
     drift_gradient,
+    frozen,
     hamiltonian,
     noise_gradient,
     noise_indices,
     strengths,
     structure,
 )
-from ..ensemble.special import frozen
 from .chains import Chain
-from .leaves import leaf
-from .rules import along, hermite, on_sphere
-from .surfaces import at_states, spheres
+from .sphere_law import along, hermite, on_sphere
+from .surfaces import at_states, leaf, spheres
 
 LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a sphere
 MOST = 5_000_000  #: points of a level

@@ -1,8 +1,8 @@
 """The kinds of experiment, one folder each: the only place that lists them.
 
 A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
-needed.  The protocols below say what each of them has to offer; ``claims`` may be left out by a kind whose keys name no
-quantities.  What stands there as Any is the kind's own: the class of its keys and the record of its results.
+needed.  The protocols below say what each of them has to offer.  What stands
+there as Any is the kind's own: the class of its keys and the record of its results.
 
 A new kind is such a folder and a line in KINDS.
 """
@@ -49,12 +49,8 @@ class ResultsModule(Protocol):
     def Record(self) -> "type[Stored]":
         """The record, each field with its axes, what it is and its unit; what follows from them are properties."""
 
-
-class ClaimsModule(Protocol):
-    """``claims``: what a spec may expect, and judge, of results."""
-
     def quantities(self, readings: Sequence[Any]) -> "Iterator[Quantity]":
-        """What came out in one case, by the names that the ``quantities`` of its keys have."""
+        """What a spec may expect of one case, by the names that the ``quantities`` of its keys have."""
 
 
 class TableModule(Protocol):
@@ -96,11 +92,10 @@ class Kind(Folder):
     keys: KeysModule
     study: StudyModule
     results: ResultsModule
-    claims: ClaimsModule
     table: TableModule
     figure: FigureModule
 
-    MODULES = ("keys", "study", "results", "claims", "table", "figure")
+    MODULES = ("keys", "study", "results", "table", "figure")
 
 
 #: name in a spec file -> kind

@@ -4,19 +4,20 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
 from spi.ensemble import loop
-from spi.ensemble.loop import thread_count
-from spi.ensemble.moments import add_moments
+from spi.ensemble.loop import Grid, integrated, thread_count
+from spi.ensemble.observer import add_moments
 from spi.ensemble.protocol import dimension
+from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import mean_over_paths
+from spi.statistics.estimators import GROUPS, ROUND, group_counts, jackknife_stderr, mean_over_paths, with_powers
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.storage.stored import Array, Described, array
 
 from .plans import Done, KernelCall, PathsPlan, Plan, State
 
@@ -154,3 +155,142 @@ class MeansPlan(BlocksPlan):
         counts = group_counts(known.paths)
         mean, without = mean_over_paths(known.values[0], counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Values of test functions at the end of paths, and path sets whose samples have several paths each.
+# ---------------------------------------------------------------------------------------------------------------------
+
+BATCH_BYTES = 64e6  #: of the values of a batch
+POWERS = 4  #: of quantities, of which there are sums
+
+
+def values_of_blocks(
+    p: Plan, grid: Grid, stream: Any, first_block: int, blocks: int, samples: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
+    states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
+    d, functions = len(p.initial), p.phis
+    y = np.moveaxis(states[..., : d * LANES].reshape(*states.shape[:2], d, LANES), 2, 0)
+    values = np.empty((*states.shape[:2], len(functions), LANES))
+    with np.errstate(all="ignore"):
+        for f, phi in enumerate(functions):
+            values[:, :, f] = phi(y)
+    return values, report
+
+
+class Sample(NamedTuple):
+    """The paths of one sample of a path set."""
+
+    grid: Grid
+    stream: Any  #: a ``RandomStream``, or the points that the paths follow
+    weights: np.ndarray  #: (quantities, paths), by which the values of phi on the paths make quantities
+    steps: int  #: of all paths
+
+    @classmethod
+    def of(cls, grid: Grid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
+        """That whose paths are those of a grid."""
+        return cls(grid, stream, np.array(weights), int((grid.reference_steps >> grid.doublings).sum()))
+
+
+class SamplesPlan(Blockwise):
+    """The head of every plan whose sums are those of powers of quantities, over samples of several paths."""
+
+    @property
+    def sets(self) -> Sequence[Sample]:
+        """The paths of a sample of each path set."""
+        raise NotImplementedError
+
+    def wanted(self, extra: Any) -> np.ndarray:
+        """(path sets,) the samples that are wanted for now."""
+        raise NotImplementedError
+
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """The samples that are wanted for now."""
+        d = dimension(self.model)
+        return tuple(
+            PathSet(int(samples), max(ROUND, chunk_blocks(one.steps, d)))
+            for samples, one in zip(self.wanted(extra), self.sets, strict=True)
+        )
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks of a path set a batch may have, because of memory."""
+        floats = self.sets[number].weights.shape[1] * (len(self.initial) + 4 * len(self.case.functions))
+        return max(1, int(BATCH_BYTES / (8 * LANES * floats)))
+
+    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+        """(blocks, paths, F, LANES) the values of the test functions on the paths of some blocks of samples."""
+        one = self.sets[number]
+        return values_of_blocks(self, one.grid, one.stream, first, blocks, end)[0]
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+        """(blocks, quantities, F, LANES) the quantities of some blocks of samples."""
+        values, weights = self.values(number, first, blocks, end), self.sets[number].weights
+        with np.errstate(invalid="ignore", over="ignore"):
+            each = (w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
+            return np.asarray(sum(each))
+
+    def added(self, sums: Any, rows: np.ndarray, at: slice, first: int, end: int) -> Any:
+        """The sums with the powers of the quantities `at`, of which the first is that of block `first`."""
+        return sums._replace(sums=with_powers(sums.sums, rows[at], first, end))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a scheme reports of its steps, in the results of every kind that integrates.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Solver(Described):
+    """What an implicit scheme reports of its equations; arrays of one shape."""
+
+    solves: Annotated[Array, array("", "equations solved")]
+    iterations: Annotated[Array, array("", "iterations of all solves")]
+    failures: Annotated[Array, array("", "solves that did not converge")]
+    largest_residual: Annotated[Array, array("", "largest relative residual")]
+
+    @property
+    def failing_fraction(self) -> np.ndarray:
+        """Failures over solves, in the shape of the fields; 0 where nothing was solved."""
+        return _ratio(self.failures, self.solves, 0.0)
+
+    @property
+    def iterations_per_solve(self) -> np.ndarray:
+        """Iterations over solves, in the shape of the fields; NaN where nothing was solved."""
+        return _ratio(self.iterations, self.solves, np.nan)
+
+
+class Acceptance(Described):
+    """How often a scheme that judges flows accepted them; arrays of one shape."""
+
+    noise_accepted: Annotated[Array, array("", "share of the noise flows that were accepted")]
+    drift_accepted: Annotated[Array, array("", "share of the steps of the drift that were accepted")]
+
+
+def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
+    """`part` over `whole`, and `otherwise` where the whole is 0."""
+    whole = np.asarray(whole, float)
+    return np.divide(part, whole, out=np.full(whole.shape, otherwise), where=whole != 0)
+
+
+def reported(report: np.ndarray) -> dict[str, Any]:
+    """The fields `solver`, `acceptance` and `largest_angle` of a record, from reports (..., columns).
+
+    None where there is nothing.
+    """
+    columns = report_columns(report)
+    solver = {name: columns[name] for name in Solver.__annotations__ if name in columns}
+    judged = [columns[name] for name in REPORT[3:SUMMED] if name in columns]
+    shares = [_ratio(accepted, of, np.nan) for of, accepted in zip(judged[::2], judged[1::2], strict=True)]
+    return {
+        "solver": Solver(**solver) if solver else None,
+        "acceptance": Acceptance(noise_accepted=shares[0], drift_accepted=shares[1]) if shares else None,
+        "largest_angle": columns.get("largest_angle"),
+    }
+
+
+def acceptance_note(acceptance: Acceptance | None, i: int = -1) -> str:
+    """What to print of the step size number i, "" where nothing was judged."""
+    if acceptance is None:
+        return ""
+    noise, drift = (float(np.ravel(each)[i]) for each in (acceptance.noise_accepted, acceptance.drift_accepted))
+    return f"accepted: {noise:.1%} of the noise flows, {drift:.1%} of the steps of the drift"

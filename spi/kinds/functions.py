@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.dispatch import answers
-from spi.ensemble.invariants import invariants_of
-from spi.ensemble.moments import energies
-from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, in_kernels, large
-from spi.ensemble.special import frozen
+from spi.ensemble.observer import energies, invariants_of
+from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.expressions.trees import Component

@@ -6,15 +6,14 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 
 from typing import Any, NamedTuple
 
-from ..ensemble import long_flows
+from ..ensemble import protocol
 from ..ensemble.fields import add_scaled, cross_product
-from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
-from ..ensemble.special import frozen
+from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, frozen, pieces
 from ..numerics.elementary import expm1
 from .delegation import answering_as_inner, inner
 
 
-@answering_as_inner("squared_length_is_casimir", *vars(long_flows))
+@answering_as_inner("squared_length_is_casimir", *vars(protocol))
 class Damped(NamedTuple):
     """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
 

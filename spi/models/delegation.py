@@ -4,9 +4,9 @@ import inspect
 
 from ..compiler.generated import function_of
 from ..compiler.records import field
-from ..ensemble import array_states, inexact, joint, long_flows, protocol, table_flows
+from ..ensemble import protocol
 
-_DECLARING = (protocol, inexact, joint, long_flows, table_flows, array_states)
+_DECLARING = (protocol, protocol, protocol, protocol, protocol, protocol)
 
 #: Where such a model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (

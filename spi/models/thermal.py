@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from ..compiler.dispatch import FieldOf, device, number, unrolled
 from ..compiler.vectors import WIDTH
-from ..ensemble.array_states import add_block_drift, add_block_noises, block_noise_slopes, block_work
 from ..ensemble.fields import (
     add_scaled,
     cross_product,
@@ -19,12 +18,18 @@ from ..ensemble.fields import (
     noise_field,
     noise_field_derivative,
 )
-from ..ensemble.friction import friction_after, friction_rate
 from ..ensemble.protocol import (
+    add_block_drift,
+    add_block_noises,
+    block_noise_slopes,
+    block_work,
     conserved,
     dimension,
     drift_gradient,
     drift_hessian,
+    friction_after,
+    friction_rate,
+    frozen,
     in_kernels,
     large,
     noise_gradient,
@@ -33,7 +38,6 @@ from ..ensemble.protocol import (
     noises,
     pieces,
 )
-from ..ensemble.special import frozen
 from .delegation import answering_as_inner, inner
 
 

@@ -18,7 +18,7 @@ STREAM_VERSION = 4
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
 COINS = 1  # what is added to the stream of the increments: the coins of the same paths
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
-AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
+AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
 INITIAL = 2**13  # what is added to it: the initial states of the same paths, where these are random
 DRIVERS = 2**12  # what is added to it, and up to 2 more: further numbers of drivers that are no Brownian motion
 UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4

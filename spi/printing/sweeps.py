@@ -8,8 +8,7 @@ import numpy as np
 
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
-from .sentences import sentence, whose
-from .text import add_rows, lines_of, new_table, power_of_two, print_whole, short, with_interval
+from .text import add_rows, lines_of, new_table, power_of_two, print_whole, sentence, short, whose, with_interval
 
 if TYPE_CHECKING:
     from rich.console import Console

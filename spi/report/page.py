@@ -1,21 +1,202 @@
 """Stored results as one HTML page that needs nothing beside it, as LaTeX tables and as CSV."""
 
+import base64
+import re
+import signal
+import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from .. import __version__, storage
 from ..printing import as_csv
 from ..report import views
+from ..running.compiling import processors
+from ..running.orphans import end_all
 from ..statistics.claims import VERDICTS
 from ..storage.records import Results
-from . import latex
-from .pictures import drawn
-from .sections import Section, section
+from .sections import Section, Titled, section
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Plain tables as LaTeX, in the style of the package booktabs.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: More rows than that do not fit on a page; longtable breaks them.
+_MOST_LATEX_ROWS = 40
+
+_LATEX_HEAD = r"""% {name}: {title}
+% needs \usepackage{{booktabs}} and \usepackage{{longtable}}
+"""
+
+_ESCAPED = {
+    "\\": r"\textbackslash{}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+    "±": r"$\pm$",
+    "≤": r"$\leq$",
+    "≥": r"$\geq$",
+    "×": r"$\times$",
+    "·": r"$\cdot$",
+    "µ": r"\textmu{}",
+    "\n": " ",
+}
+
+_GREEK = (
+    *("alpha", "beta", "gamma", "delta", "varepsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu"),
+    *("xi", "pi", "rho", "sigma", "tau", "upsilon", "varphi", "chi", "psi", "omega"),
+    *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"),
+)
+_ESCAPED |= {letter: rf"$\{name}$" for letter, name in zip("αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ", _GREEK, strict=True)}
+
+_DECIMAL = r"\d+(?:\.\d+)?"
+_NUMBER = re.compile(
+    rf"(?<![\w.^])-?{_DECIMAL}(?:\^-?{_DECIMAL}|(?:e-?\d+)?(?: ± {_DECIMAL}(?:e-?\d+)?)?)(?![\w^])(?!\.\d)"
+)
+
+
+def document(name: str, title: str, tables: Iterable[Titled]) -> str:
+    """All tables of an experiment, each a float or, if it is long, a longtable."""
+    parts = [_table(f"tab:{name}-{number}", title, table) for number, table in enumerate(tables, 1)]
+    return "\n".join([_LATEX_HEAD.format(name=" ".join(name.split()), title=" ".join(title.split())), *parts])
+
+
+def _table(label: str, title: str, table: Titled) -> str:
+    style = table.frame.style.hide(axis="index").format(_cell).format_index(text, axis="columns")
+    long = len(table.frame) > _MOST_LATEX_ROWS
+    return style.to_latex(
+        hrules=True,
+        caption=text(": ".join(filter(None, (title, table.title)))),
+        label=re.sub(r"[^A-Za-z0-9:-]+", "-", label),
+        column_format=table.justified,
+        **({"environment": "longtable"} if long else {"position_float": "centering"}),
+    )
+
+
+def _cell(plain: str) -> str:
+    content = text(plain)
+    return f"{{{content}}}" if content.startswith("[") else content  # else an option of the line break before it
+
+
+def text(plain: str) -> str:
+    r"""A text as LaTeX: ``3.42e-3 ± 0.07e-3`` as ``$(3.42 \pm 0.07)\cdot 10^{-3}$``, ``2^-5`` as ``$2^{-5}$``.
+
+    What LaTeX would take for commands is escaped.
+    """
+    parts, end = [], 0
+    for match in _NUMBER.finditer(plain):
+        parts += [_escaped(plain[end : match.start()]), _number(match.group())]
+        end = match.end()
+    return "".join([*parts, _escaped(plain[end:])])
+
+
+def _number(found: str) -> str:
+    value, _, half = found.partition(" ± ")
+    base, power, exponent = value.partition("^")
+    if power:
+        return f"${base}^{{{exponent}}}$"
+    (digits, times), (half_digits, half_times) = _mantissa(value), _mantissa(half)
+    if not half:
+        return f"${digits}{times}$" if times or digits.startswith("-") else digits
+    if times and half_times == times:
+        return rf"$({digits} \pm {half_digits}){times}$"
+    return rf"${digits}{times} \pm {half_digits}{half_times}$"
+
+
+def _mantissa(number: str) -> tuple[str, str]:
+    """The digits of a number, and its power of ten as a factor."""
+    digits, _, exponent = number.partition("e")
+    return digits, rf"\cdot 10^{{{int(exponent)}}}" if exponent else ""
+
+
+def _escaped(plain: str) -> str:
+    return "".join(_ESCAPED.get(character) or _letter(character) for character in plain)
+
+
+def _letter(character: str) -> str:
+    """A character that LaTeX knows: Latin letters as they are, all others without their marks, or ?."""
+    if character.isascii() or unicodedata.name(character, "").startswith("LATIN"):
+        return character
+    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return "".join(_ESCAPED.get(one, one) for one in plain) or "?"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Figures as they stand in a page: SVG among the HTML, or PNG where an SVG would be too large.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: Bytes of the largest SVG that stands in a page.
+LARGEST_SVG = 400_000
+
+_DPI = 120  # of a PNG
+_HEAD = re.compile(r"^.*?(?=<svg)|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
+_DRAWN = re.compile(r'(?<= d=")[^"]*|(?<= [xy]=")[^"]*')
+_DIGITS = re.compile(r"(\.\d\d)\d+(?!\d*e)")
+_REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
+
+
+#: Fewer figures than that are drawn by this process alone, since others would take longer to start.
+_MANY = 4
+
+
+def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup | Exception]:
+    """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
+    if len(found) < _MANY or processors() == 1:
+        yield from map(_tried, found, prefixes)
+        return
+    size = min(processors(), len(found))
+    ignore = signal.SIGINT, signal.SIG_IGN  # which stops this process, and it the others
+    executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=signal.signal, initargs=ignore)
+    done = 0
+    try:
+        for one in executor.map(_tried, found, prefixes):
+            done += 1
+            yield one
+    except BrokenExecutor:  # one of them was killed; this process does what is left
+        yield from map(_tried, found[done:], prefixes[done:])
+    finally:
+        end_all(executor)
+
+
+def _tried(results: Results, prefix: str) -> Markup | Exception:
+    """The picture, or the error of one that cannot be drawn, so that the others are."""
+    try:
+        return picture(results, prefix)
+    except Exception as error:
+        return error
+
+
+def picture(results: Results, prefix: str) -> Markup:
+    """The figure of results as HTML, the ids in it beginning with `prefix`.
+
+    ValueError if there is none for their kind or nothing to draw.
+    """
+    from ..drawing import as_bytes, as_svg
+
+    figure, title = views.figure(results), escape(results.attributes.get("title", ""))
+    holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
+    svg = "" if holds_images else _inline(as_svg(figure), prefix)
+    if 0 < len(svg) <= LARGEST_SVG:
+        return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1))
+    png = base64.b64encode(as_bytes(figure, "png", dpi=_DPI)).decode()
+    width, height = (round(96 * inches) for inches in figure.get_size_inches())
+    return Markup(f'<img src="data:image/png;base64,{png}" width="{width}" height="{height}" alt="Figure: {title}">')
+
+
+def _inline(svg: str, prefix: str) -> str:
+    """An SVG as it may stand among HTML: without its head, its ids unlike those of others, with two decimals."""
+    svg = _DRAWN.sub(lambda drawn: _DIGITS.sub(r"\1", drawn.group()), _HEAD.sub("", svg))
+    return _REFERENCE.sub(rf"\g<1>{prefix}-", svg)
+
 
 #: More rows than that are folded.
 _MOST_ROWS = 12
@@ -72,7 +253,7 @@ def _told(path: Path, anchored: str, latex_folder: Path | None, data_folder: Pat
     results = storage.read(path)
     one, written = section(path, results, anchored), {}
     if latex_folder:
-        written[latex_folder / f"{one.name}.tex"] = latex.document(one.name, one.title, one.tables).encode()
+        written[latex_folder / f"{one.name}.tex"] = document(one.name, one.title, one.tables).encode()
     if data_folder:
         written[data_folder / f"{one.name}.csv"] = as_csv(views.rows(results)).encode()
     return _Told(path, results, one, written)

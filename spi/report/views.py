@@ -45,7 +45,7 @@ def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
 
 def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
     swept: Any = cases[0][0].about.swept
-    quantities = [one for case in cases for one in KINDS[kind].claims.quantities(case)]
+    quantities = [one for case in cases for one in KINDS[kind].results.quantities(case)]
     keys = KINDS[kind].keys.Case
     names = swept.of or keys.shown_over or tuple(keys.quantities)[:1]
     readings = [reading for case in cases for reading in case]
@@ -83,7 +83,7 @@ def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
         raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
     if not stated:
         return []
-    judging = KINDS[results.attributes["kind"]].claims
+    judging = KINDS[results.attributes["kind"]].results
     return claims.judge(stated, [one for case in by_case(read) for one in judging.quantities(case)])
 
 
@@ -151,8 +151,8 @@ def figure(
     see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
     style, width or font.
     """
-    from ..drawing import claims as drawn_claims
     from ..drawing import fitting, page
+    from ..drawing import layout as drawn_claims
 
     kind = results.attributes.get("kind")
     if kind not in KINDS:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from ..kinds.answer import solving
-from ..kinds.answer.decisions import PILOTING
-from ..kinds.state import State
+from ..kinds.answer import study
+from ..kinds.answer.planner import PILOTING
+from ..kinds.plans import State
 from ..specs import Experiment
 from .compiling import compile_missing
 from .load import plans
@@ -32,12 +32,12 @@ def predictions(experiment: Experiment, watch: Watch) -> Iterator[Prediction]:
         def tick(number: int, state: State = state) -> None:
             watch.report(progress_of_part(state, number, 1))
 
-        while state.extra.stage == PILOTING and not solving.is_clear(of_kind, state.extra):
+        while state.extra.stage == PILOTING and not study.is_clear(of_kind, state.extra):
             advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
             allocate(0, state, tick)
         extra, end = state.extra, plan.case.final_time
-        both = f" ({told})" if of_kind.solvable and (told := solving.why(extra, plan.case.accuracy)) else ""
-        if extra.solving == solving.SOLVING:
+        both = f" ({told})" if of_kind.solvable and (told := study.why(extra, plan.case.accuracy)) else ""
+        if extra.solving == study.SOLVING:
             yield Prediction(plan.case.name, f"without sampling{both}", extra.solving_seconds, float("nan"))
             continue
         how = f"{plan.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "

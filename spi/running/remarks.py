@@ -14,7 +14,7 @@ from ..kinds import KINDS
 from ..models.delegation import undamped
 from ..models.zeitlin import Zeitlin
 from ..models.zeitlin.fields import size_of, vorticity
-from ..models.zeitlin.lattice import modes
+from ..models.zeitlin.tables import modes
 from ..systems import variables
 
 _MOST_COMPONENTS = 24  #: of states of which it is found where noises take them
@@ -78,7 +78,7 @@ def cell(n: int) -> float:
 
 
 def matrix_of(y: np.ndarray) -> np.ndarray:
-    """W of a state, the Hermitian N x N matrix of ``spi/models/zeitlin/matrices.py``.
+    """W of a state, the Hermitian N x N matrix of ``spi/models/zeitlin/kernels.py``.
 
     By NumPy and not by the functions there, so that `spi check` compiles nothing for it.
     """

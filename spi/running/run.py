@@ -13,8 +13,7 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
-from ..kinds.plans import KernelCall, Plan
-from ..kinds.state import State
+from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Group, Results

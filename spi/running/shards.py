@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import specs, storage
-from ..kinds.state import State
+from ..kinds.plans import State
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
 from .run import NOBODY, USUAL, Session, Watch
 from .workers import Task, advance_some_here, allocate

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import NUMBERS_DIGEST, specs, storage
-from ..kinds.plans import Plan, sums_of_chunk
-from ..kinds.state import State
+from ..kinds.plans import Plan, State, sums_of_chunk
 from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError

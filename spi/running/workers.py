@@ -13,8 +13,7 @@ from multiprocessing import get_context
 from typing import Any, Protocol
 
 from ..ensemble.loop import limited_threads
-from ..kinds.plans import sums_of_chunk
-from ..kinds.state import State
+from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of

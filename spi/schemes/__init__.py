@@ -2,13 +2,10 @@
 
 import math
 
-from ..ensemble.friction import has_friction
-from ..ensemble.inexact import flows_lacking, inner
-from ..ensemble.protocol import exact_flows
+from ..ensemble.protocol import exact_flows, flows_lacking, has_friction, inner
 from ..ensemble.protocol import large as has_arrays
 from ..ensemble.scheme_protocol import judges
-from .costs import typical_ns
-from .entries import SCHEMES, Scheme, register_scheme
+from .entries import SCHEMES, Scheme, register_scheme, typical_ns
 from .inner_steps import is_reversible, preserved
 from .splitting import splitting
 from .stages import has_loops, is_own_reverse, with_friction

@@ -4,7 +4,7 @@ Those of compositions of exact flows follow from what such a step lacks: half a 
 increment, and dX_k dX_l / 2 - A_kl times that of two noises, of which palindromes lack A_kl alone.
 """
 
-from ..ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck
+from ..ensemble.drivers import Fractional, Levy, OrnsteinUhlenbeck
 from . import has_theory
 from .stages import acting_flows, indices_of, is_reversed_by_coin, needs_coins
 

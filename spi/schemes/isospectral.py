@@ -12,7 +12,7 @@ from ..ensemble.protocol import add_dissipation, dimension, drift_hessian, struc
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
 from .midpoint import ENOUGH
-from .reporting import report_solves
+from .sweeps import report_solves
 
 
 @device

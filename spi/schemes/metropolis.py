@@ -16,19 +16,27 @@ import numpy as np
 
 from ..compiler.dispatch import INDICES, device, number, unrolled
 from ..compiler.generated import function_of
-from ..ensemble.friction import friction_rate, friction_time
+from ..ensemble.areas import channels
 from ..ensemble.lanes import load_lane
-from ..ensemble.pairs import channels
-from ..ensemble.protocol import dimension, hamiltonian, noise_indices, noises, piece_indices, pieces, strengths
-from ..ensemble.table_flows import friction_tables, noise_tables
+from ..ensemble.protocol import (
+    dimension,
+    friction_rate,
+    friction_tables,
+    friction_time,
+    hamiltonian,
+    noise_indices,
+    noise_tables,
+    noises,
+    piece_indices,
+    pieces,
+    strengths,
+)
 from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
-from .large import size_or
-from .large_metropolis import judged_step_of_large, judged_work
-from .parts import Drift, Noise
-from .reporting import report_judged
+from .large import judged_step_of_large, judged_work, size_or
 from .splitting import sweep
-from .table_sweeps import angle_in_rows, friction_in_rows, lanes_of, places, turn_rows
+from .stages import Drift, Noise
+from .sweeps import angle_in_rows, friction_in_rows, lanes_of, places, report_judged, turn_rows
 
 
 def there_and_back(model):

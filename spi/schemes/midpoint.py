@@ -19,7 +19,7 @@ from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import component_indices, dimension
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
-from .reporting import report_solves
+from .sweeps import report_solves
 
 ENOUGH = 2.0**-60  # for squares
 

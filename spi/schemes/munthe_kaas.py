@@ -3,12 +3,23 @@
 See docs/literature_schemes.md.
 """
 
+from fractions import Fraction
 from typing import NamedTuple
 
+import numpy as np
+
 from ..compiler.dispatch import device, number, unrolled
-from ..ensemble.fields import add_noise_bracket_gradient, add_scaled, noise_field, scaled, step_gradient
+from ..ensemble.areas import area_channels, area_count, area_indices
+from ..ensemble.fields import (
+    add_noise_bracket_gradient,
+    add_scaled,
+    cross_product,
+    dot,
+    noise_field,
+    scaled,
+    step_gradient,
+)
 from ..ensemble.lanes import load_lane, store_lane
-from ..ensemble.pairs import area_channels, area_count, area_indices
 from ..ensemble.protocol import (
     dimension,
     noise_hessian,
@@ -17,8 +28,156 @@ from ..ensemble.protocol import (
     strengths,
     structure,
 )
+from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..numerics.rng import LANES
-from .coadjoint import act, action_size
+from .sweeps import report_angle
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The coadjoint action of an exponential: exp(M(v)) y, where M(v) y = B(y) v and B is linear in y.
+#
+# M(v) y is the field of the Hamiltonian v . y, so that its flow keeps every Casimir function, whatever v is.  Where
+# B(y) v = y x v it is a rotation, by Rodrigues' formula; otherwise the exponential series is summed up to rounding.
+# ---------------------------------------------------------------------------------------------------------------------
+
+# Squares of angles, by their bits as in splitting.py.
+_TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = (int(bits(angle * angle)) for angle in (TINY, SMALL, REDUCIBLE))
+_INFINITE_BITS = int(bits(np.inf))
+
+_NEGLIGIBLE = 2.0**-140  # for squares of lengths; well below rounding, since some components may be small
+_FEW, _MOST = 5, 6  # times four terms, enough for |M(v)| = 0.7 and 1.3
+_MOST_PARTS = 2**10
+# 1/j, and what it has beyond double precision: a rounding that is the same in every step would make Casimirs drift.
+_INVERSE = tuple(1.0 / j for j in range(1, 4 * _MOST + 1))
+_INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, 4 * _MOST + 1))
+
+
+@device
+def action_size(model):
+    """How many floats of scratch :func:`act` needs, those of v included."""
+    return (2 + _MOST) * dimension(model) * LANES
+
+
+@device(by_type=True)
+def act(model, work, y, report):
+    """y becomes exp(M(v)) y, in each lane of a block; `work` begins with the states v."""
+    return turn if cross_product(model) else add_series
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Rotations
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def turn(model, work, y, report):
+    """For B(y) v = y x v: turn y about v by the angle -|v|."""
+    largest = 0
+    for lane in range(LANES):
+        axis = load_lane(model, work, lane)
+        largest = max(largest, bits(abs(dot(axis, axis))))
+    if largest <= _TINY_BITS:
+        turn_within(TINY_ANGLES, model, work, y)
+    elif largest <= _SMALL_BITS:
+        turn_within(SMALL_ANGLES, model, work, y)
+    elif largest <= _REDUCIBLE_BITS:
+        turn_within(REDUCED_ANGLES, model, work, y)
+    else:
+        turn_within(ANY_ANGLES, model, work, y)
+    report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
+
+
+@device
+def turn_within(angles, model, work, y):
+    """Rodrigues' formula, y + (sin a / a) M y + ((1 - cos a) / a^2) M^2 y with a = |v|."""
+    for lane in range(LANES):
+        state, axis = load_lane(model, y, lane), load_lane(model, work, lane)
+        first = structure(model, state, axis)
+        second = structure(model, first, axis)
+        sinc, versinc = sinc_versinc(angles, dot(axis, axis))
+        change = add_scaled(first, 1.0, add_scaled(scaled(second, versinc), sinc, first))
+        store_lane(y, lane, add_scaled(state, 1.0, change))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# All other algebras
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def add_series(model, work, y, report):
+    """The series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no lane needs many terms.
+
+    To need few of them is to have small ones, so that no digits are lost.  A lane for which even the largest n is too
+    small becomes NaN.
+    """
+    parts, done = 1, 0
+    while done < parts:
+        first_try = done == 0 and parts < _MOST_PARTS
+        unfinished, fours = sum_series(model, 1.0 / parts, work, y, _FEW if first_try else _MOST)
+        if first_try and unfinished > 0:
+            parts *= 2
+        else:
+            add_sums(model, fours, work, y)
+            done += 1
+
+
+@device
+def sum_series(model, share, work, y, most):
+    """Sum up exp(share M(v)) y - y, four terms at a time, at most so often.
+
+    How many lanes need more (those that are not finite do not), and how many sums were formed.
+    """
+    size = dimension(model) * LANES
+    term = size
+    for lane in range(LANES):
+        store_lane(work, term + lane, load_lane(model, y, lane))
+    fours, unfinished = 0, 1
+    while unfinished > 0 and fours < most:
+        j, sum_ = 4 * fours, (2 + fours) * size
+        a, b, c, d = share * _INVERSE[j], share * _INVERSE[j + 1], share * _INVERSE[j + 2], share * _INVERSE[j + 3]
+        a_rest, b_rest = share * _INVERSE_REST[j], share * _INVERSE_REST[j + 1]
+        c_rest, d_rest = share * _INVERSE_REST[j + 2], share * _INVERSE_REST[j + 3]
+        unfinished = 0
+        for lane in range(LANES):
+            state, v = load_lane(model, y, lane), load_lane(model, work, lane)
+            first = next_term(model, load_lane(model, work, term + lane), v, a, a_rest)
+            second = next_term(model, first, v, b, b_rest)
+            third = next_term(model, second, v, c, c_rest)
+            fourth = next_term(model, third, v, d, d_rest)
+            store_lane(work, term + lane, fourth)
+            four = add_scaled(first, 1.0, add_scaled(second, 1.0, add_scaled(third, 1.0, fourth)))
+            store_lane(work, sum_ + lane, four)
+            unfinished += 1 if dot(fourth, fourth) > _NEGLIGIBLE * dot(state, state) else 0
+        fours += 1
+    return unfinished, fours
+
+
+@device
+def next_term(model, term, v, inverse, rest):
+    """M(v) term / j, given 1/j in two parts."""
+    moved = structure(model, term, v)
+    return add_scaled(scaled(moved, inverse), rest, moved)
+
+
+@device
+def add_sums(model, fours, work, y):
+    """Add the sums to y, or NaN in lanes where the last term was not small.
+
+    The last sum comes first: added to a larger one it would be lost by a rounding that is the same in every step.
+    """
+    size = dimension(model) * LANES
+    for n in range(fours - 1, 0, -1):
+        small, large = (2 + n) * size, (1 + n) * size
+        for lane in range(LANES):
+            store_lane(
+                work,
+                large + lane,
+                add_scaled(load_lane(model, work, large + lane), 1.0, load_lane(model, work, small + lane)),
+            )
+    for lane in range(LANES):
+        state, last = load_lane(model, y, lane), load_lane(model, work, size + lane)
+        converged = dot(last, last) <= _NEGLIGIBLE * dot(state, state)
+        change = load_lane(model, work, 2 * size + lane)
+        store_lane(y, lane, add_scaled(state, 1.0 if converged else np.nan, change))
 
 
 @unrolled(noise_indices)

@@ -12,17 +12,12 @@ import numpy as np
 from ..compiler.dispatch import INDICES, device
 from ..compiler.generated import function_of
 from ..compiler.records import field
-from ..ensemble.inexact import inexact_noises, inexact_pieces
-from ..ensemble.joint import bracket_factors, most_joined
-from ..ensemble.protocol import noises, strengths
+from ..ensemble.protocol import bracket_factors, inexact_noises, inexact_pieces, most_joined, noises, strengths
 from ..numerics.rng import LANES
 from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
-from .one_flow import friction_times, sweep
-from .parts import PARTS, Bracket, Symmetric, Together
-from .reporting import report_angle
-from .stages import flows, has_loops, is_reversed_by_coin, needs_coins, substeps
-from .sweeps import LoopTime, ShareOfWhole, sweeps
+from .stages import PARTS, Bracket, Symmetric, Together, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
+from .sweeps import LoopTime, ShareOfWhole, friction_times, report_angle, sweep, sweeps
 
 
 class Splitting(NamedTuple):

@@ -1,15 +1,378 @@
 """What a step does with its lanes: the flows of its stages one after the other, each with its time."""
 
+import functools
 import itertools
 import math
 from collections import Counter
 from typing import NamedTuple
 
-from ..compiler.dispatch import answers
-from ..compiler.records import class_of
-from ..ensemble.joint import bracket_factors, bracket_flows
-from ..ensemble.protocol import noises
-from .stages import FINEST, flows_in_order, indices_of, noises_moving, stages_known
+import numpy as np
+
+from ..compiler.dispatch import INDICES, answers, device, intrinsic, number
+from ..compiler.generated import function_of
+from ..compiler.instructions import floats_on_stack, load_each, load_strided
+from ..compiler.records import class_of, field, is_array, is_none
+from ..compiler.vectors import WIDTH, load, store
+from ..ensemble.lanes import aligned, load_lane, store_lane
+from ..ensemble.protocol import (
+    bracket_factors,
+    bracket_flows,
+    drift_tables,
+    friction_after,
+    friction_rate,
+    friction_tables,
+    friction_time,
+    is_inlined,
+    noise_tables,
+    noises,
+    phases,
+    row_length,
+    shape_angle,
+    shape_flow,
+    shape_slopes,
+)
+from ..ensemble.scheme_protocol import REPORT
+from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sin_versine
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.rng import LANES
+from .stages import (
+    FINEST,
+    Drift,
+    Noise,
+    Together,
+    angle,
+    flow,
+    flows_in_order,
+    indices_of,
+    noises_moving,
+    phases_in,
+    stages_known,
+    turned,
+)
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What steps add to the report of :data:`~spi.ensemble.scheme_protocol.REPORT`.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_SMALL_BITS, _INFINITE_BITS = int(bits(SMALL)), int(bits(np.inf))
+_LARGEST_ANGLE, _LARGEST_RESIDUAL = REPORT.index("largest_angle"), REPORT.index("largest_residual")
+_JUDGED = REPORT.index("noise_judged")
+
+
+@device
+def report_angle(largest, report):
+    """Report the angle with these bits, if it is above pi/4."""
+    if largest > _SMALL_BITS:
+        report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], from_bits(min(largest, _INFINITE_BITS)))
+
+
+@device
+def report_solves(report, iterations, failures, residual):
+    """Report that the equations of a block were solved, with so many iterations each."""
+    report[0] += LANES
+    report[1] += LANES * iterations
+    report[2] += failures
+    report[_LARGEST_RESIDUAL] = np.maximum(report[_LARGEST_RESIDUAL], residual)  # keeps NaN
+
+
+@device
+def report_judged(report, noises, noise, drifts, drift):
+    """Report that so many noise flows and steps of the drift were judged, and how many of each were accepted."""
+    report[_JUDGED] += noises
+    report[_JUDGED + 1] += noise
+    report[_JUDGED + 2] += drifts
+    report[_JUDGED + 3] += drift
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# One flow on all lanes of a block, by sines for the largest of their angles.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@device(by_type=True)
+def sweep(part, index, model, y, t):
+    """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
+
+    Returns the bits of the largest |angle| in it.
+    """
+    if table := table_of(part, index, model):
+        return table_sweep(table)
+    return _sweep if is_inlined(model) else _called_sweep
+
+
+def _called_sweep(part, index, model, y, t):
+    return _sweep_on_its_own(part, index, model, y, t)
+
+
+def _sweep(part, index, model, y, t):
+    k = number(index)
+    largest = 0
+    for lane in range(LANES):
+        largest = max(largest, bits(angle(part, model, k, time_of(part, t, lane), load_lane(model, y, lane))))
+    sweep_up_to(largest, part, index, model, y, t)
+    return largest
+
+
+_sweep_on_its_own = device(inline=False)(_sweep)
+
+
+@device(by_type=True)
+def sweep_up_to(largest, part, index, model, y, t):
+    """The same, given these bits."""
+    return long_sweep if is_long(part, model) else _sweep_up_to
+
+
+def _sweep_up_to(largest, part, index, model, y, t):
+    if largest <= TINY_BITS:
+        sweep_within(TINY_ANGLES, part, index, model, y, t)
+    elif largest <= SMALL_BITS:
+        sweep_within(SMALL_ANGLES, part, index, model, y, t)
+    elif largest <= REDUCIBLE_BITS:
+        sweep_within(REDUCED_ANGLES, part, index, model, y, t)
+    else:
+        sweep_within(ANY_ANGLES, part, index, model, y, t)
+
+
+@device
+def sweep_within(angles, part, index, model, y, t):
+    for lane in range(LANES):
+        store_lane(y, lane, flow(part, model, number(index), time_of(part, t, lane), load_lane(model, y, lane), angles))
+
+
+@device(by_type=True)
+def friction_times(index, model, t, y, times):
+    """How long the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    if tables := friction_tables(model):
+        return table_friction(*tables[number(class_of(index)())])
+    return _friction_times if is_inlined(model) else _called_friction
+
+
+def _called_friction(index, model, t, y, times):
+    _friction_on_its_own(index, model, t, y, times)
+
+
+def _friction_times(index, model, t, y, times):
+    for lane in range(LANES):
+        times[lane] = friction_time(model, number(index), t, load_lane(model, y, lane))
+
+
+_friction_on_its_own = device(inline=False)(_friction_times)
+
+
+@device(by_type=True)
+def time_of(part, t, lane):
+    """t, or the entry of the lane if there is one for each; of a joint flow (time, times of noises)."""
+    if class_of(part) is Together:
+        return _times_together(number(field(part, "count")), number(field(part, "most")), is_none(field(part, "time")))
+    return (lambda part, t, lane: t[lane]) if is_array(t) else (lambda part, t, lane: t)
+
+
+@functools.lru_cache
+def _times_together(count, most, of_lanes):
+    """Those of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
+    times = "".join(f"t[{place} * LANES + lane], " for place in range(count)) + "0.0, " * (most - count)
+    time = f"t[{count} * LANES + lane]" if of_lanes else "part.time"
+    return function_of(["def times_together(part, t, lane):", f"return {time}, ({times})"], {"LANES": LANES})
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Long flows on all lanes: their angles, the sines of these, and what is done with the sines, one after the other.
+#
+# The sines of a sweep stand in scratch memory.  A number is computed as by the flow as a whole, to the last bit.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def is_long(part, model):
+    """Whether a flow of a part is divided, given records or their Numba types."""
+    return phases(model) > 0 and class_of(part) in (Drift, Noise)
+
+
+def long_sweep(largest, part, index, model, y, t):
+    """One flow on all lanes, which take the times t, a number or an array; `largest`: the bits of the largest angle."""
+    k = number(index)
+    work = aligned(2 * phases(model) * LANES)
+    for lane in range(LANES):
+        store_lane(work, lane, phases_in(part, model, k, of_lane(t, lane), load_lane(model, y, lane)))
+    take_sines(work, from_bits(largest))
+    for lane in range(LANES):
+        store_lane(y, lane, turned(part, model, k, load_sines(model, work, lane), load_lane(model, y, lane)))
+
+
+@device(by_type=True)
+def of_lane(t, lane):
+    """t, or the entry of the lane if there is one for each."""
+    return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)
+
+
+@device(inline=False)
+def take_sines(work, largest):
+    """Sines in the place of the angles, which are no larger than this, and the versines behind them."""
+    if largest <= TINY:
+        sines_within(TINY_ANGLES, work)
+    elif largest <= SMALL:
+        sines_within(SMALL_ANGLES, work)
+    elif largest <= REDUCIBLE:
+        sines_within(REDUCED_ANGLES, work)
+    else:
+        sines_within(ANY_ANGLES, work)
+
+
+@device
+def sines_within(angles, work):
+    half = len(work) // 2
+    for i in range(half):
+        work[i], work[half + i] = sin_versine(angles, work[i])
+
+
+def load_sines(model, work, lane):
+    """Those of one lane, and then the versines, as a tuple."""
+    return tuple(float(work[i * LANES + lane]) for i in range(2 * phases(model)))
+
+
+@intrinsic(load_sines)
+def _(model, work, lane):
+    return load_strided(2 * phases(model), LANES, model, work, lane)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Flows on all lanes as loops over tables of components, see ``ensemble/protocol.py``.
+#
+# What moves the lanes is called, not inlined: it takes long enough, and what is compiled for a flow stays small.
+# ---------------------------------------------------------------------------------------------------------------------
+
+# Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
+# The bits of a NaN exceed those of every number, so it takes the last road.
+TINY_BITS, SMALL_BITS, REDUCIBLE_BITS = int(bits(TINY)), int(bits(SMALL)), int(bits(REDUCIBLE))
+
+_TABLES = {Drift: drift_tables, Noise: noise_tables}
+
+
+def table_of(part, index, model):
+    """The table of a flow, () if there is none, given records or their Numba types."""
+    found = _TABLES[class_of(part)](model) if class_of(part) in _TABLES else ()
+    k = number(class_of(index)())
+    return found[k] if k < len(found) else ()
+
+
+def places(rows):
+    """Where the rows of components begin in the array of a block."""
+    return np.array(rows, np.int64) * LANES
+
+
+@functools.lru_cache
+def table_sweep(table):
+    """The function that takes the place of ``one_flow.sweep`` for the flow with this table."""
+    lines, names = ["def in_rows(part, index, model, y, t):", "largest = 0"], {}
+    turning = []
+    for n, (shape, count, rows) in enumerate(table):
+        sizes = {f"shape_{n}": shape, f"size_{n}": len(rows[0]), f"count_{n}": count}
+        names |= {name: INDICES[value]() for name, value in sizes.items()} | {f"rows_{n}": places(rows)}
+        lines.append(f"largest = max(largest, angle_in_rows(shape_{n}, size_{n}, model, y, t, rows_{n}))")
+        turning.append(f"turn_rows(largest, shape_{n}, size_{n}, count_{n}, model, y, t, rows_{n})")
+    names |= {"angle_in_rows": angle_in_rows, "turn_rows": turn_rows}
+    return function_of([*lines, *turning, "return largest"], names)
+
+
+@device(inline=False)
+def angle_in_rows(shape, size, model, y, t, rows):
+    """The bits of the largest |angle| of a shape in some rows."""
+    largest = 0
+    for row in range(rows.shape[0]):
+        at = places_in(size, rows, row)
+        for lane in range(LANES):
+            state = load_at(model, at, y, lane)
+            largest = max(largest, bits(shape_angle(model, number(shape), of_lane(t, lane), state)))
+    return largest
+
+
+@device(inline=False)
+def turn_rows(largest, shape, size, count, model, y, t, rows):
+    """The flow of a shape in some rows, where this is the largest of all angles."""
+    moved = lanes_of(count)
+    if largest <= TINY_BITS:
+        turn_rows_within(TINY_ANGLES, shape, size, count, model, y, t, rows, moved)
+    elif largest <= SMALL_BITS:
+        turn_rows_within(SMALL_ANGLES, shape, size, count, model, y, t, rows, moved)
+    elif largest <= REDUCIBLE_BITS:
+        turn_rows_within(REDUCED_ANGLES, shape, size, count, model, y, t, rows, moved)
+    else:
+        turn_rows_within(ANY_ANGLES, shape, size, count, model, y, t, rows, moved)
+
+
+@device
+def turn_rows_within(angles, shape, size, count, model, y, t, rows, moved):
+    for row in range(rows.shape[0]):
+        at = places_in(size, rows, row)
+        for lane in range(LANES):
+            state = load_at(model, at, y, lane)
+            turned = shape_flow(model, number(shape), of_lane(t, lane), state, angles)
+            store_lane(moved, lane, first_of(count, turned))
+        for part in range(number(count)):
+            copy_lanes(moved, part * LANES, y, rows[row, part])
+
+
+@functools.lru_cache
+def table_friction(shape, row):
+    """The function that takes the place of ``one_flow.friction_times`` for the noise with this shape and row."""
+    names = {"shape": INDICES[shape](), "size": INDICES[len(row)](), "rows": places([row])}
+    names |= {"friction_in_rows": friction_in_rows, "friction_rate": friction_rate, "number": number}
+    call = "friction_in_rows(shape, size, model, friction_rate(model, number(index)), t, y, times, rows)"
+    return function_of(["def friction(index, model, t, y, times):", call], names)
+
+
+@device(inline=False)
+def friction_in_rows(shape, size, model, rate, t, y, times, rows):
+    """The times of a noise of which the friction has this rate."""
+    found, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
+    for lane in range(LANES):
+        slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
+        found[lane] = friction_after(rate, t, slope, bend)
+    copy_lanes(found, 0, times, 0)
+
+
+@device
+def copy_lanes(source, begin, target, at):
+    """The floats of all lanes from one place to another."""
+    for lane in range(0, LANES, WIDTH):
+        store(target, at + lane, load(source, begin + lane))
+
+
+def lanes_of(count):
+    """Room for number(count) floats in each lane, until the function that asks for it returns."""
+    return np.empty(number(count) * LANES)
+
+
+@intrinsic(lanes_of)
+def _(count):
+    return floats_on_stack(number(class_of(count)()) * LANES, count)
+
+
+@device(by_type=True)
+def places_in(size, rows, row):
+    """A row of a table, of which the length is number(size), as a tuple."""
+    return _first("rows[row, {}]", "size, rows, row", number(class_of(size)()))
+
+
+@device(by_type=True)
+def first_of(count, state):
+    """The first number(count) floats of a tuple."""
+    return _first("state[{}]", "count, state", number(class_of(count)()))
+
+
+@functools.cache
+def _first(entry, parameters, count):
+    entries = "".join(f"{entry.format(n)}, " for n in range(count))
+    return function_of([f"def first({parameters}):", f"return ({entries})"], {})
+
+
+def load_at(model, at, y, lane):
+    """The components of one lane that begin at these places, as a tuple with 0 behind them, see `row_length`."""
+    return tuple(float(y[place + lane]) for place in at) + (0.0,) * (row_length(model) - len(at))
+
+
+@intrinsic(load_at)
+def _(model, at, y, lane):
+    return load_each(row_length(model), model, at, y)
 
 
 class ShareOfWhole(NamedTuple):
@@ -31,10 +394,10 @@ def _with_times(flows, stages, model):
         return _fewest(used[k] - int(length), used[k])
 
     found = []
-    for flow in flows:
-        i, part, k, share = flow
+    for one in flows:
+        i, part, k, share = one
         times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
-        found.append((*flow, times if part == "joint" else times[0][1] if times else None))
+        found.append((*one, times if part == "joint" else times[0][1] if times else None))
     return found
 
 

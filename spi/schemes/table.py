@@ -1,8 +1,7 @@
 """The table of the schemes: what is known of each of them, one entry each."""
 
 from ..ensemble.fields import lie_poisson, noise_field_derivative
-from ..ensemble.friction import has_friction
-from ..ensemble.protocol import squared_length_is_casimir
+from ..ensemble.protocol import has_friction, squared_length_is_casimir
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .entries import register_scheme
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama

@@ -26,6 +26,7 @@ from .checks import (
     dyadic,
 )
 from .compositions import Compositions, check_steps, weak_order
+from .document import every
 from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
 from .initial import Initial
@@ -45,7 +46,6 @@ from .keys import (
     shown,
     wrong,
 )
-from .mistakes import every
 from .models import Model, check_words, name_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
 from .temperature import dissipation, dissipative_model

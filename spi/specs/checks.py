@@ -8,18 +8,16 @@ from pydantic_core import PydanticCustomError
 
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
-from ..ensemble.friction import has_friction
-from ..ensemble.inexact import flows_lacking, inner
-from ..ensemble.protocol import area_pairs, large
+from ..ensemble.protocol import area_pairs, flows_lacking, has_friction, inner, large
 from ..ensemble.scheme_protocol import judges, needs_areas
 from ..models import MODELS
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
-from ..statistics.richardson import places
+from ..statistics.estimators import places
 from ..systems import inexact
 from ..systems.keys import MOST
+from .document import every
 from .keys import quantity, shown, suggestion, wrong
-from .mistakes import every
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
 _MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for

@@ -34,19 +34,17 @@ from pydantic_core import PydanticCustomError
 from ..checks.registration import check_class
 from ..checks.scheme_checks import check_scheme
 from ..compiler import modules
-from ..ensemble.joint import joined_noises
-from ..ensemble.protocol import large, noise_indices, noises, piece_indices
+from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
 from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme
-from ..schemes.parts import ORDERS, PARTS
 from ..schemes.splitting import splitting
-from ..schemes.stages import Flows, compositions, flows, has_loops, repeats_increments
+from ..schemes.stages import ORDERS, PARTS, Flows, compositions, flows, has_loops, repeats_increments
+from .document import every, under
 from .files import Files
 from .keys import NAME, Keys, entries_in, fields_of, key_of, shown, suggestion, wrong
-from .mistakes import every, under
 from .models import class_in
 
 # ---------------------------------------------------------------------------------------------------------------------

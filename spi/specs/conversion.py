@@ -12,8 +12,8 @@ from .cases import BaseCase
 from .document import Document
 from .files import Files
 from .layers import ONLY_IN_FILES, laid_over
+from .naming import as_yaml
 from .sweep import versions
-from .writing import as_yaml
 
 #: The keys that say what is integrated.
 _KEPT = (

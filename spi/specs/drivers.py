@@ -5,8 +5,8 @@
     noise: {kind: levy, alpha: 1.5}
     noise: {file: increments.npz}
 
-What stands there becomes a law of ``spi.ensemble.laws``, None for Brownian motion.  The increments of a file are read
-with the spec, and a digest of them is among what decides results.
+What stands there becomes a law of ``spi.ensemble.drivers``, None for Brownian motion.  The increments of a file are
+read with the spec, and a digest of them is among what decides results.
 """
 
 import hashlib
@@ -16,17 +16,14 @@ import numpy as np
 import pydantic
 from annotated_types import Ge, Gt, Le, Lt
 
-from ..ensemble.drivers import Driver
-from ..ensemble.inexact import flows_lacking
-from ..ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_once
-from ..ensemble.protocol import Positive, area_pairs, noises
+from ..ensemble.drivers import Driver, Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_once
+from ..ensemble.increments import brownian
+from ..ensemble.protocol import Positive, area_pairs, flows_lacking, noises
 from ..ensemble.scheme_protocol import needs_areas, substeps
-from ..ensemble.streams import brownian
 from .checks import ROUNDING
 from .document import SpecError
-from .explaining import explained
 from .files import Files, arrays_in
-from .keys import Keys, key_of, quantity, shown, suggestion, wrong
+from .keys import Keys, explained, key_of, quantity, shown, suggestion, wrong
 
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
 _BROWNIAN = "Brownian motion"

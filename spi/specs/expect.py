@@ -22,8 +22,8 @@ from pydantic import BeforeValidator
 
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
+from .document import every
 from .keys import shown, suggestion, wrong
-from .mistakes import every
 
 #: The keys of a spec whose entries claims may be about.
 NAMING = ("schemes", "estimators", "functions", "extrapolate")

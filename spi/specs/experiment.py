@@ -24,9 +24,8 @@ from . import sweep
 from .cases import BaseCase
 from .conversion import converted
 from .document import Document, Faults, Location, SpecError, about, override, text_of
-from .explaining import attempt
 from .files import Files
-from .keys import suggestion
+from .keys import attempt, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 from .models import check_overrides
 from .naming import results_name

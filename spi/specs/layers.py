@@ -13,8 +13,7 @@ from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, SpecError, text_of
 from .keys import ABSENT, CaseName, Keys, key_of, needed_keys, one_of
-from .models import COMPLETE, ModelPart, is_another
-from .systems import overridden
+from .models import COMPLETE, ModelPart, is_another, overridden
 
 #: ``laptop`` is the file itself; so are the others where the file does not define them.
 PROFILES = ("laptop", "paper", "quick")

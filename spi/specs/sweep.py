@@ -26,8 +26,7 @@ from ..expressions.arithmetic import Numbers
 from ..models import MODELS
 from .files import Files
 from .keys import powers_of_two, suggestion, wrong
-from .models import SOURCES
-from .systems import BY_ENTRY, system_in_file
+from .models import BY_ENTRY, SOURCES, system_in_file
 
 POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
 _NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")

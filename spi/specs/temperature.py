@@ -14,7 +14,7 @@ from ..ensemble.protocol import (
     noise_indices,
     squared_length_is_casimir,
 )
-from ..exact.leaves import casimir_form, semidefinite
+from ..exact.surfaces import casimir_form, semidefinite
 from ..models.damped import damped
 from ..models.thermal import thermal
 from .drivers import told

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..ensemble.moments import count_values
+from ..ensemble.observer import count_values
 
 Array = np.ndarray
 

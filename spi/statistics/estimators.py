@@ -6,12 +6,134 @@ group at a time, which needs no assumption on how the errors at different step s
 their paths.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ..ensemble.observer import add_moments
 from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sums of powers of values over jackknife groups of paths, and the means that follow from them.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples: int) -> np.ndarray:
+    """The sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) and their powers added.
+
+    One after the other, so that the bits do not depend on how blocks are divided into calls; paths from number
+    `samples` on do not count.
+    """
+    blocks, before = len(values), first_block % ROUND
+    rounds = -(-(before + blocks) // ROUND)
+    counted = np.clip(samples - (first_block + np.arange(blocks)) * LANES, 0, LANES)
+    values = np.where(np.arange(LANES) < counted.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+    # (rounds, lanes of a part, ...): what is added to the sums of all groups at once
+    ordered = np.zeros((rounds, LANES // PARTS, values[0, ..., 0].size, ROUND, PARTS))
+    by_part = values.reshape(blocks, -1, LANES // PARTS, PARTS)
+    for block, one in enumerate(by_part, before):
+        ordered[block // ROUND, :, :, block % ROUND] = one.swapaxes(0, 1)
+    added, power = np.empty_like(sums), np.ones_like(ordered)
+    for k, sum_of_power in enumerate(sums):
+        with np.errstate(all="ignore"):
+            power = power * ordered
+            rows = power.reshape(rounds * LANES // PARTS, -1)
+            added[k] = np.add.reduce(np.vstack([sum_of_power.reshape(1, -1), rows])).reshape(sum_of_power.shape)
+    return added
+
+
+def add_values(values: np.ndarray, first: int, end: int, sums: np.ndarray) -> None:
+    """Add values (blocks, T, columns, LANES) to the sums (2, T, columns, GROUPS) of them and of their squares.
+
+    The first block is number `first`; paths from number `end` on do not count.
+    """
+    times, none = values.shape[1], np.zeros(0, int)
+    add_moments(values, first, end, sums, none, none, np.zeros((1, times, 0, GROUPS)), (0, times))
+
+
+def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means over all paths of sums (..., GROUPS), and the same without each group in turn, (groups with paths, ...)."""
+    used = counts > 0
+    sums, counts = sums[..., used], counts[used]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        total = sums.sum(axis=-1)
+        without = (total[..., np.newaxis] - sums) / (counts.sum() - counts)
+        return total / counts.sum(), np.moveaxis(without, -1, 0)
+
+
+def standard_deviation(mean: np.ndarray, mean_square: np.ndarray) -> np.ndarray:
+    """The standard deviation of a quantity, from the means of it and of its square."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.sqrt(np.maximum(mean_square - mean**2, 0.0))
+
+
+def kurtosis(powers: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """E (x - E x)^4 / variance^2 from the means (4, ...) of x, x^2, x^3 and x^4."""
+    m1, m2, m3, m4 = powers
+    with np.errstate(all="ignore"):
+        return np.asarray((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Richardson extrapolation: values at the steps h, 2h, 4h, ... combined so that the first powers of h cancel.
+#
+# Where v(h) = v(0) + a h^p + b h^q + ..., the combination (2^p v(h) - v(2h)) / (2^p - 1) is v(0) + b' h^q + ...; doing
+# the same with q, and so on, is one linear combination of v(h), v(2h), v(4h), ... whose weights add up to 1.
+#
+# Sums are no matrix products, because in these the order of summation, so the last digits, depends on the processor.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def weights(exponents: Sequence[float]) -> np.ndarray:
+    """w with sum_i w_i = 1 and sum_i w_i 2^(i q) = 0 for each q in `exponents`, shape (len(exponents) + 1,).
+
+    sum_i w_i v(2^i h) then has no term of these powers of h.
+    """
+    found = np.ones(1)
+    for q in exponents:
+        found = (2.0**q * np.append(found, 0.0) - np.append(0.0, found)) / (2.0**q - 1.0)
+    return found
+
+
+def places(steps: Sequence[float], levels: int) -> np.ndarray:
+    """Where h, 2h, ..., 2^levels h stand among `steps`, (S', levels + 1): a row for each h of which all of these do."""
+    at = {h: i for i, h in enumerate(steps)}
+    multiples = [[h * 2.0**i for i in range(levels + 1)] for h in steps]
+    found = [[at[step] for step in row] for row in multiples if all(step in at for step in row)]
+    return np.array(found, np.int64).reshape(-1, levels + 1)
+
+
+class Extrapolation(NamedTuple):
+    """How values at S steps make those at S' <= S steps that are extrapolated; without levels they are the same."""
+
+    places: np.ndarray  #: (S', levels + 1), see :func:`places`
+    weights: np.ndarray  #: (levels + 1,), see :func:`weights`
+
+    @classmethod
+    def of(cls, steps: Sequence[float], exponents: Sequence[float]) -> "Extrapolation":
+        """The extrapolation that removes the powers `exponents` of h, one for each level."""
+        return cls(places(steps, len(exponents)), weights(exponents))
+
+    @property
+    def levels(self) -> int:
+        """How many powers of h are removed."""
+        return len(self.weights) - 1
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """(S',) where the steps that are extrapolated stand."""
+        return self.places[:, 0]
+
+    def combined(self, values: np.ndarray) -> np.ndarray:
+        """The values (..., S) extrapolated, (..., S')."""
+        return (values[..., self.places] * self.weights).sum(axis=-1) if self.levels else values
+
+    def combined_bounds(self, bounds: np.ndarray) -> np.ndarray:
+        """Bounds of the errors of the combined values, (..., S'), from those of the values, (..., S)."""
+        return (bounds[..., self.places] * np.abs(self.weights)).sum(axis=-1) if self.levels else bounds
+
 
 Array = np.ndarray
 

@@ -16,8 +16,7 @@ import h5py
 import numpy as np
 
 from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
-from .fitting import check_fact
-from .records import RENAMED_KINDS, Group, Results
+from .records import RENAMED_KINDS, Group, Results, check_fact
 
 #: The root attribute by which our results are known, and the version of their layout.
 MARK, VERSION = "spi_results", 3

@@ -37,8 +37,7 @@ from typing import (
 
 import numpy as np
 
-from .fitting import check_array, check_axis, check_fact
-from .records import Description, Group, Order
+from .records import Description, Group, Order, check_array, check_axis, check_fact
 
 Array = np.ndarray
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from .files import MOST_BYTES, aside, contents, write_bytes
-from .fitting import check_fact
+from .records import check_fact
 
 #: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
 VERSION = 4

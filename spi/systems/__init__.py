@@ -17,7 +17,7 @@ from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..compiler.inlining import uncompiled
-from ..ensemble.special import frozen
+from ..ensemble.protocol import frozen
 from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
 
@@ -166,7 +166,7 @@ def _made(key: str) -> Made:
         checksum, text = json.loads(kept.read_text(encoding="utf-8"))
         if checksum == hashlib.sha256(text.encode()).hexdigest():
             return Made(*json.loads(text))
-    from .making import make
+    from .definition import make
 
     found = Made(*make(*json.loads(key)))
     text = json.dumps(found)

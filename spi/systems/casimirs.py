@@ -12,9 +12,8 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .functionals import reduced
 from .splitting import connected
-from .symbolics import Symbolics, degree_of
+from .symbolics import Symbolics, degree_of, reduced
 from .system import Function
 
 MOST_DEGREE = 4

@@ -10,13 +10,10 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .axes import Axis, axes, clusters
 from .brackets import Bracket
-from .functionals import Entries, form_text
-from .series import Field, Series, constant_rates, series
-from .spectrum import Block, blocks
-from .splitting import Flow, connected
-from .symbolics import Symbolics
+from .spectrum import Axis, Block, axes, blocks, clusters
+from .splitting import Field, Flow, Series, connected, constant_rates, series
+from .symbolics import Entries, Symbolics, form_text
 
 #: What moves block by block, what moves by series, and the variables whose logarithms are coordinates.
 Moving = tuple[list[Block | Axis], dict[int, Series], frozenset[int]]

@@ -18,11 +18,10 @@ import mpmath
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .axes import axes, clusters
 from .brackets import NOTHING, precise
-from .functionals import Entries, NoExactFlow, Quadratic, commuting, functionals_of, unmoved
+from .spectrum import axes, clusters
 from .splitting import Term, connected, single
-from .symbolics import Symbolics
+from .symbolics import Entries, NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
 
 _MOST = 12  # variables that are tried in the place of v, over all Casimir functions
 _MOST_TERMS = 200  # of a polynomial that is factored

@@ -1,12 +1,16 @@
 """What is known of a system of which a model is generated."""
 
-from collections.abc import Mapping
+import contextlib
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
+import sympy
 
+from .code import Formula
 from .driving import Driving
-from .splitting import Flow
+from .splitting import Flow, NoExactFlow, commute, single
 from .symbolics import Symbolics
 
 
@@ -30,3 +34,151 @@ class System(NamedTuple):
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
     inner: str = ""  #: how compositions move by terms that have no exact flow
     driving: Driving | None = None  #: how time enters; None where nothing depends on it
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Brackets of noises that do not commute: which have exact flows, and whether they are multiples of one function.
+#
+# What the Lévy area of two noises contributes is along the field of {Ĥ_l, Ĥ_k}, see ``schemes/stages.py``.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: The most pairs of noises that are looked at; each flow is a function of its own in the generated module.
+MOST = 16
+
+Brackets = dict[tuple[int, int], Any]  #: (k, l), k < l -> {Ĥ_l, Ĥ_k}
+
+
+def brackets_of(system: System) -> Brackets:
+    """Those of all pairs that do not commute; none where there are more than MOST."""
+    noises = list(enumerate(system.noises))
+    pairs = [
+        (k, other)
+        for (k, a), (other, b) in itertools.combinations(noises, 2)
+        if not commute(a.terms, b.terms, system.world.bracket)
+    ]
+    if len(pairs) > MOST:
+        return {}
+    of = [flow.expression for flow in system.noises]
+    return {(k, other): poisson_bracket(of[other], of[k], system.world) for k, other in pairs}
+
+
+def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
+    """{f, g} = sum_ij df/dy_i {y_i, y_j} dg/dy_j, expanded."""
+    bracket, y = world.bracket, world.variables
+    factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
+    slopes_f, slopes_g = ({i: sympy.diff(h, y[i]) for i in world.used(h)} for h in (f, g))
+    terms = []
+    for i, j, polynomial in bracket.entries(symbolic=True):
+        if not {i, j} & {*slopes_f} or not {i, j} & {*slopes_g}:
+            continue
+        entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
+        turned = slopes_f.get(i, 0) * slopes_g.get(j, 0) - slopes_f.get(j, 0) * slopes_g.get(i, 0)
+        terms.append(factor[i] * factor[j] * entry * turned)
+    return sympy.expand(sympy.Add(*terms))
+
+
+def flows_of(brackets: Brackets, world: Symbolics) -> dict[tuple[int, int], Flow]:
+    """The flows of those brackets that have an exact one."""
+    found = {}
+    for pair, expression in brackets.items():
+        with contextlib.suppress(NoExactFlow):
+            if world.used(expression):
+                found[pair] = Flow((single(expression, world),))
+    return found
+
+
+def factors_of(brackets: Brackets, count: int, names: Any, world: Symbolics) -> list[str]:
+    """The method ``bracket_factors`` of so many noises, where all brackets are multiples of one of them."""
+    if len(brackets) < 2:
+        return []
+    first = sympy.Poly(next(iter(brackets.values())), *world.variables).terms() if _polynomial(brackets, world) else []
+    found: dict[tuple[int, int], Any] = {}
+    for pair, expression in brackets.items() if first else ():
+        terms = sympy.Poly(expression, *world.variables).terms()
+        ratios = {sympy.cancel(c / d) for (_, c), (_, d) in zip(terms, first, strict=False)}
+        if [monomial for monomial, _ in terms] != [monomial for monomial, _ in first] or len(ratios) != 1:
+            return []
+        found[pair] = ratios.pop()
+    if not found or any(world.time in ratio.free_symbols for ratio in found.values()):
+        return []
+    codes = [
+        Formula(names, ()).code(found.get(pair, sympy.Integer(0))) for pair in itertools.combinations(range(count), 2)
+    ]
+    return ["", "def bracket_factors(model):", f"    return {', '.join(codes)}"]
+
+
+def _polynomial(brackets: Brackets, world: Symbolics) -> bool:
+    """Whether all are polynomials other than 0."""
+    return all(e != 0 and e.is_polynomial(*world.variables) for e in brackets.values())
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Systems that the solvers without sampling know: a rigid body, and Maxwell-Bloch, with any constants.
+#
+# On so(3) a Hamiltonian and noises that are sums of squares of the components, at most one for each; on e(2) with the
+# variables (L, g1, g2) multiples of L^2 and of g2.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_E2 = {(0, 1): {2: -1}, (0, 2): {1: 1}}
+Rates = dict[int, Any]  #: place -> what the flow there has
+Read = Callable[[Flow, System], tuple[int, Any] | None]
+
+
+def lines(system: System, code: Callable[[Any], str]) -> list[str]:
+    """Lines of the class of a system by which a solver knows it; none if it is no such system."""
+    bracket = system.world.bracket
+    if system.driving or bracket.formulas:
+        return []
+    if bracket.is_cross_product:
+        word, count, nothing, read = "axis_inertias", 3, "np.inf", _inertia
+    elif bracket.dimension == 3 and bracket.is_lie and dict(bracket.constants) == _E2:
+        word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
+    else:
+        return []
+    found = [_placed(flows, system, read) for flows in (system.flows, system.noises)]
+    drift, noise = found
+    if drift is None or noise is None:
+        return []
+    both = ", ".join(
+        f"({', '.join(code(rates[place]) if place in rates else nothing for place in range(count))})"
+        for rates in (drift, noise)
+    )
+    places = [tuple(rates) for rates in (drift, noise)]
+    return ["", f"flow_places = {tuple(places)!r}", "", f"def {word}(model):", f"    return {both}"]
+
+
+def _placed(
+    flows: Sequence[Flow], system: System, read: Callable[[Flow, System], tuple[int, Any] | None]
+) -> Rates | None:
+    """What each flow has, by its place, in the order of the flows; None if one has none, or two have the same."""
+    found: Rates = {}
+    for flow in flows:
+        one = None if flow.lacking else read(flow, system)
+        if one is None or one[0] in found:
+            return None
+        found[one[0]] = one[1]
+    return found
+
+
+def _power(flow: Flow, system: System) -> tuple[int, int, Any] | None:
+    """(component, exponent, factor) of a multiple of a power of one component."""
+    used = system.world.used(flow.expression)
+    variable = system.world.variables[used[0]] if len(used) == 1 else None
+    if variable is None or not flow.expression.is_polynomial(variable):
+        return None
+    powers = [(exponent, c) for (exponent,), c in sympy.Poly(flow.expression, variable).terms() if exponent]
+    return (used[0], *powers[0]) if len(powers) == 1 else None
+
+
+def _inertia(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(axis k, I) of y_k^2 / (2 I)."""
+    found = _power(flow, system)
+    return (found[0], 1 / (2 * found[2])) if found and found[1] == 2 else None
+
+
+def _rate(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(0, a) of a L^2 / 2, (1, c) of c g2."""
+    found = _power(flow, system)
+    if found and found[:2] == (0, 2):
+        return 0, 2 * found[2]
+    return (1, found[2]) if found and found[:2] == (2, 1) else None

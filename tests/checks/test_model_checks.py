@@ -9,8 +9,7 @@ from model_cases import MODELS_UNDER_TEST, around_the_origin
 from own_models import OSCILLATOR
 from yaml_cases import made
 
-from spi.checks.model_checks import check_model
-from spi.checks.states import states_around, states_on_surface
+from spi.checks.model_checks import check_model, states_around, states_on_surface
 from spi.compiler import modules
 from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled

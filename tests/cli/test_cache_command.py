@@ -6,7 +6,7 @@ import pytest
 from damage import call
 
 import spi
-from spi.cli import cache
+from spi.cli import starting
 
 
 @pytest.fixture
@@ -19,8 +19,8 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "file").write_text("")
     (tmp_path / "cache" / "fedcba9876543210").symlink_to(tmp_path / "elsewhere")
-    monkeypatch.setattr(cache, "kernels_folder", lambda: tmp_path / "cache" / spi.KERNEL_DIGEST)
-    monkeypatch.setattr(cache, "modules_folder", lambda: tmp_path / "cache" / "modules")
+    monkeypatch.setattr(starting, "kernels_folder", lambda: tmp_path / "cache" / spi.KERNEL_DIGEST)
+    monkeypatch.setattr(starting, "modules_folder", lambda: tmp_path / "cache" / "modules")
     return tmp_path / "cache"
 
 
@@ -41,11 +41,11 @@ def test_it_says_what_is_kept_and_removes_only_kernels_of_other_sources(folder):
 
 
 def test_an_empty_cache_and_one_that_cannot_be_cleared(folder, monkeypatch):
-    monkeypatch.setattr(cache.shutil, "rmtree", lambda *arguments, **named: None)
+    monkeypatch.setattr(starting.shutil, "rmtree", lambda *arguments, **named: None)
     code, _, err = call("cache", "--clear-old")
     assert code == 1 and "0123456789abcdef cannot be removed" in err
-    monkeypatch.setattr(cache, "kernels_folder", lambda: folder / "nowhere" / "0")
-    monkeypatch.setattr(cache, "modules_folder", lambda: folder / "nowhere" / "modules")
+    monkeypatch.setattr(starting, "kernels_folder", lambda: folder / "nowhere" / "0")
+    monkeypatch.setattr(starting, "modules_folder", lambda: folder / "nowhere" / "modules")
     code, out, _ = call("cache")
     assert code == 0 and out.splitlines()[1:] == ["  nothing is kept yet"]
     assert not os.path.exists(folder / "nowhere")

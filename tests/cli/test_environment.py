@@ -13,7 +13,7 @@ from damage import call
 from strong_results import strong, strong_group
 
 from spi import cli, storage
-from spi.cli import progress, running, streams
+from spi.cli import running, terminal
 from spi.running import compiling
 from spi.running.compiling import Compiling, Job, described
 
@@ -116,8 +116,8 @@ def test_a_closed_output_is_no_mistake(monkeypatch):
     for name in ("stdout", "stderr"):
         monkeypatch.setattr(sys, name, None)  # as Python has it after >&-
     assert call("list", "models")[0] == 0  # in outputs of its own
-    streams.write_what_the_terminal_can()
-    streams.tell("into nothing")
+    terminal.write_what_the_terminal_can()
+    terminal.tell("into nothing")
     print("into nothing", flush=True)
     for stream in (sys.stdout, sys.stderr):
         stream.close()
@@ -222,14 +222,14 @@ JOBS = tuple(
 
 @pytest.mark.parametrize(("problem", "kept"), [("", True), ("/cache: permission denied", False)])
 def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsys, problem, kept):
-    monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
-    progress.ProgressLine("mine").report_compiling(Compiling(1, JOBS, 1))
+    monkeypatch.setattr(terminal, "CACHE_PROBLEM", problem)
+    terminal.ProgressLine("mine").report_compiling(Compiling(1, JOBS, 1))
     told = capsys.readouterr().err
     assert "mine: compiling 3 kernels, about 42 s" in told and ("saved for later runs" in told) == kept
 
 
 def test_it_is_said_which_kernels_compile_how_long_and_how_many_are_left(capsys):
-    line = progress.ProgressLine("mine")
+    line = terminal.ProgressLine("mine")
     for number in (2, 3):  # another process has the first
         line.report_compiling(Compiling(number, JOBS, 2))
     assert capsys.readouterr().err.splitlines() == [

@@ -10,7 +10,7 @@ from kills import stopped_at
 
 from spi import cli, storage
 from spi.cli.options import INVALID, end
-from spi.cli.signals import STOP
+from spi.cli.terminal import STOP
 from spi.running.run import Stopped
 
 

@@ -36,7 +36,7 @@ KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel
         ("drawing/style.py", False, False),
         ("kinds/strong/table.py", False, False),
         ("kinds/strong/keys.py", False, False),
-        ("kinds/stability/figure/maps.py", False, False),
+        ("kinds/stability/figure.py", False, False),
         ("running/run.py", False, False),
         ("cli/__init__.py", False, False),
     ],

@@ -79,7 +79,7 @@ import hashlib, sys
 import numpy as np
 from spi.ensemble import loop
 from spi.ensemble.protocol import in_kernels
-from spi.ensemble.streams import brownian
+from spi.ensemble.increments import brownian
 from spi.running.run import load
 from spi.schemes import SCHEMES
 

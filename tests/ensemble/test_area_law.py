@@ -9,12 +9,10 @@ from ensemble_cases import areas_of, increments_of
 from helpers import LANES, RIGID_BODY, compiled_only
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble import area_series
-from spi.ensemble.area_series import TAILS, draw_fourier_areas
-from spi.ensemble.areas import GAUSSIAN, area_distance
-from spi.ensemble.pairs import all_pairs, area_count
+from spi.ensemble import areas as area_draws
+from spi.ensemble.areas import GAUSSIAN, TAILS, all_pairs, area_count, area_distance, draw_fourier_areas
+from spi.ensemble.increments import brownian
 from spi.ensemble.protocol import area_pairs
-from spi.ensemble.streams import brownian
 from spi.models import SineEuler
 from spi.numerics.rng import STEPS_PER_DRAW
 
@@ -118,7 +116,7 @@ def test_covariances_of_gaussian_areas_given_the_increments(name, monkeypatch):
         normals[:] = 0.0
         normals[lane::LANES] = 1.0
 
-    monkeypatch.setattr(area_series, "draw_coefficients", unit_vectors)
+    monkeypatch.setattr(area_draws, "draw_coefficients", unit_vectors)
     row = np.zeros((STEPS_PER_DRAW, (type(model).noises + len(pairs)) * LANES))
     row[:, : type(model).noises * LANES] = np.repeat(math.sqrt(h) * W[: type(model).noises], LANES)
     with uncompiled():

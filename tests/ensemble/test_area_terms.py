@@ -7,7 +7,7 @@ import pytest
 from helpers import RIGID_BODY
 from weak_cases import case_of
 
-from spi.ensemble import areas, pairs
+from spi.ensemble import areas
 from spi.ensemble.areas import GAUSSIAN, TOLERANCE, area_distance, fourier_terms
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
@@ -41,8 +41,8 @@ def test_what_is_said_of_many_noises():
 
 def test_only_noises_that_are_connected_count(monkeypatch):
     for found, count in (((0, 1), (2, 3), (4, 5)), 2), (((0, 1), (4, 5), (2, 3), (1, 4)), 4), ((), 0):
-        monkeypatch.setattr(pairs, "area_pairs", lambda model, found=found: found)
-        assert pairs.connected_noises(None) == count
+        monkeypatch.setattr(areas, "area_pairs", lambda model, found=found: found)
+        assert areas.connected_noises(None) == count
 
 
 def test_steps_whose_areas_have_too_few_random_numbers_are_refused(monkeypatch):

@@ -8,10 +8,9 @@ import pytest
 from helpers import COMPILED, INITIAL, RIGID_BODY, SCHEMES, compiled_only
 
 from spi.ensemble import drivers
-from spi.ensemble.drivers import Driver
-from spi.ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, _coefficients, circulant
+from spi.ensemble.drivers import Driver, Fractional, Levy, OrnsteinUhlenbeck, Recorded, _coefficients, circulant
+from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated, paths_of
-from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
 
 PATHS = 4096 if COMPILED else 64

@@ -21,10 +21,10 @@ from helpers import (
 )
 from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
+from spi.ensemble.increments import brownian
 from spi.ensemble.loop import add_reports, integrated, nested_grid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, needs_areas, report_columns
-from spi.ensemble.streams import brownian
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
 

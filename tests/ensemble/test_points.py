@@ -7,10 +7,9 @@ from scipy.special import ndtri
 
 from spi.compiler.dispatch import number
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.given import coins_of_step, noise_of_steps, words_length
+from spi.ensemble.given import CONSTRUCTIONS, coins_of_step, noise_of_steps, points_of, words_length
 from spi.ensemble.increments import first_lane, row_length
 from spi.ensemble.loop import grid
-from spi.ensemble.points import CONSTRUCTIONS, points_of
 from spi.ensemble.steppers import kept_of_steps
 from spi.numerics.rng import POINTS, STEPS_PER_DRAW
 from spi.numerics.sobol import BITS, net_words

@@ -8,8 +8,8 @@ import pytest
 from helpers import INITIAL, RIGID_BODY
 from scipy import stats
 
+from spi.ensemble.increments import brownian
 from spi.ensemble.random_states import Gaussian, Gibbs, Listed, RandomState, Spheres, Uniform, first_states
-from spi.ensemble.streams import brownian
 from spi.exact.surfaces import least_on, quadratic, spheres
 from spi.numerics.rng import LANES
 

@@ -7,13 +7,13 @@ from scipy.special import iv, ndtr
 from scipy.stats import chi2
 from yaml_cases import SYSTEMS, made
 
+from spi.ensemble.increments import brownian
 from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.ensemble.random_states import first_states
-from spi.ensemble.streams import brownian
 from spi.exact.chains import Chain
 from spi.exact.gibbs import law_of, mean_divergence
 from spi.models import MaxwellBloch
-from spi.specs.initial_laws import random_state
+from spi.specs.initial import random_state
 
 HEIGHT = made("{algebra: so(3), hamiltonian: y3, noises: [y1]}").record
 SPINS = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5 + y3*y6 + y1^2 - y6, noises: [y3]}").record

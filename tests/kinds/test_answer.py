@@ -15,18 +15,27 @@ from states import finished
 
 import spi
 from spi.api.specs import of_mapping
-from spi.kinds.answer import deciding, decisions, outcome, study
-from spi.kinds.answer.levels import LEVELS
-from spi.kinds.answer.planner import BIAS_SHARE, Measured, allocation, bound, changed, choose, contradicted, shares
-from spi.kinds.answer.spread import Spread, Term, sampling_error
+from spi.kinds.answer import planner, study
+from spi.kinds.answer.planner import (
+    BIAS_SHARE,
+    LEVELS,
+    Measured,
+    Spread,
+    Term,
+    allocation,
+    bound,
+    changed,
+    choose,
+    contradicted,
+    sampling_error,
+    shares,
+)
 from spi.numerics.rng import LANES
 from spi.printing.text import short
 from spi.report import views
 from spi.running.run import load, results_path, run
 from spi.specs import SpecError
-from spi.statistics.estimators import GROUPS
-from spi.statistics.powers import with_powers
-from spi.statistics.richardson import weights
+from spi.statistics.estimators import GROUPS, weights, with_powers
 from spi.storage.records import INTERVAL
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}
@@ -150,16 +159,14 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
     """Where the planner is told that there is no bias, one step finer says otherwise, and it goes on."""
     ask = {**ASKED, "accuracy": 6e-3, "sampling": True, "extrapolate": [0], "seed": 3}
     honest = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
-    whole, calls = deciding._whole, []
+    whole, calls = study._whole, []
 
     def blind(p, state, extra, stage):
         calls.append(stage)
         found = whole(p, state, extra, stage)
-        return found._replace(
-            base=0, finest=1, wanted=np.maximum(found.wanted, decisions.pilot_of(0, len(found.wanted)))
-        )
+        return found._replace(base=0, finest=1, wanted=np.maximum(found.wanted, planner.pilot_of(0, len(found.wanted))))
 
-    monkeypatch.setattr(deciding, "_whole", blind)
+    monkeypatch.setattr(study, "_whole", blind)
     found = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
     assert calls and found.chosen.smallest_step < 0.5 and found.chosen.passed
     assert abs(found.value[0] - honest.value[0]) < 2 * (found.half[0] + honest.half[0])
@@ -168,11 +175,11 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
 @compiled_only
 def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
     ask = {**ASKED, "accuracy": 6e-2, "sampling": True}
-    monkeypatch.setattr(outcome, "HEAVY_TAILS", 5.0)
+    monkeypatch.setattr(study, "HEAVY_TAILS", 5.0)
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     (told,) = found.warnings
     assert told.startswith("heavy tails: the kurtosis of a level is ")
-    monkeypatch.setattr(deciding, "contradicted", lambda *what: 0.75)
+    monkeypatch.setattr(study, "contradicted", lambda *what: 0.75)
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     assert found.warnings[0].startswith("the order found is 0.75, not 2 as assumed")
     assert (found.chosen.extrapolated, found.chosen.order) == (0, 0.75)
@@ -292,8 +299,8 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     exact = spi.answer(MODEL, functions, **ASKED, accuracy=1e-4)
     ask = {**ASKED, "accuracy": 4e-3, "sampling": True, "schemes": ["splitting_order2"], "seed": 4}
     paths = spi.answer(MODEL, functions, **ask)
-    monkeypatch.setattr(deciding, "_POINTS", 0.0)
-    monkeypatch.setattr(deciding, "ALONG_PILOT", 2**12)
+    monkeypatch.setattr(study, "_POINTS", 0.0)
+    monkeypatch.setattr(study, "ALONG_PILOT", 2**12)
     points = spi.answer(MODEL, functions, **ask)
     assert points.chosen.points and not paths.chosen.points and "quasi-random points" in str(points)
     assert points.reached and points.chosen.samples < paths.chosen.samples / 2

@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spi.kinds.answer import deciding, solving
-from spi.kinds.answer.decisions import DONE, PILOTING, WHOLE, Decisions
-from spi.kinds.answer.levels import SETS
+from spi.kinds.answer import study
+from spi.kinds.answer.planner import DONE, PILOTING, SETS, WHOLE, Decisions
 from spi.printing.text import short
 
 TRUTH = 0.5
@@ -29,7 +28,7 @@ class Refiner:
 
 def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
     """(the decisions at the end, all seconds of typical speed), where sampling takes per_sample / accuracy^2."""
-    monkeypatch.setattr(solving, "refining_of", lambda p: refiner)
+    monkeypatch.setattr(study, "refining_of", lambda p: refiner)
     case = SimpleNamespace(accuracy=accuracy, seconds=seconds)
     plan, extra = SimpleNamespace(case=case, solvable=True), Decisions.initial(SETS, 1, False)
     sampling = per_sample / accuracy**2
@@ -38,12 +37,12 @@ def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
     def after_pilot(plan, state):
         return state.extra._replace(stage=WHOLE, work=sampling, aim=aim)
 
-    monkeypatch.setattr(deciding, "_after_pilot", after_pilot)
-    while extra.stage != DONE and not (extra.solving == solving.SAMPLING and extra.stage == WHOLE):
+    monkeypatch.setattr(study, "_after_pilot", after_pilot)
+    while extra.stage != DONE and not (extra.solving == study.SAMPLING and extra.stage == WHOLE):
         assert extra.stage == PILOTING
-        extra = deciding.decided(plan, SimpleNamespace(extra=extra))
+        extra = study.next_decisions(plan, SimpleNamespace(extra=extra))
     solved = sum(refiner.costs[: len(extra.refined)])
-    return extra, solved + (sampling if extra.solving == solving.SAMPLING else 0.0)
+    return extra, solved + (sampling if extra.solving == study.SAMPLING else 0.0)
 
 
 @pytest.mark.parametrize("growth", [1.5, 3.0, 10.0])
@@ -56,7 +55,7 @@ def test_a_smaller_accuracy_never_takes_less_than_a_tenth(monkeypatch, growth):
         takes = np.array([one[1] for one in found])
         assert (takes[1:] >= 0.1 * np.maximum.accumulate(takes)[:-1]).all(), (falls, first, per_sample, takes)
         ways |= {extra.solving for extra, _ in found}
-    assert ways == {solving.SOLVING, solving.SAMPLING}
+    assert ways == {study.SOLVING, study.SAMPLING}
 
 
 @pytest.mark.parametrize(
@@ -67,15 +66,15 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
     accuracy = 1e-3
     refiner = Refiner(first, 3.0, 0.1)
     extra, takes = decided(monkeypatch, refiner, per_sample, accuracy)
-    assert (extra.solving == solving.SOLVING) == solves
+    assert (extra.solving == study.SOLVING) == solves
     needed = sum(refiner.costs[:4])  # of which an error of 1e-3 at a kink can be told
     sampling = per_sample / accuracy**2
-    assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * solving.SURE + sampling
-    said = solving.why(extra, accuracy)
+    assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * study.SURE + sampling
+    said = study.why(extra, accuracy)
     solving_seconds, sampling_seconds = (short(x, ".2g") for x in (extra.solving_seconds, extra.sampling_seconds))
     assert said.startswith(f"predicted seconds of typical speed to 0.001: solving {solving_seconds}, sampling ")
     if math.isnan(extra.sampling_seconds):
-        assert said.endswith("not looked at, as solving was to take less than 3") and takes <= solving.SURE
+        assert said.endswith("not looked at, as solving was to take less than 3") and takes <= study.SURE
     else:
         assert said.endswith(f", sampling {sampling_seconds}")
         assert extra.sampling_seconds == sampling
@@ -87,7 +86,7 @@ def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):
     """Refinements end at an error of 0.08, and sampling may take 100 seconds."""
     refiner = Refiner(4.0, 1.2, 0.99)
     refiner.costs = refiner.costs[:5]
-    for per_sample, way in ((1e-3, solving.SAMPLING), (1e4, solving.SOLVING)):
+    for per_sample, way in ((1e-3, study.SAMPLING), (1e4, study.SOLVING)):
         extra, _ = decided(monkeypatch, refiner, per_sample, 1e-3, 100.0)
         assert extra.solving == way
-    assert "does not reach it" in solving.why(extra, 1e-3)
+    assert "does not reach it" in study.why(extra, 1e-3)

@@ -11,7 +11,7 @@ from states import check_going_on, finished, same_numbers, taken
 
 from spi.ensemble.scheme_protocol import memory_size
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
 from spi.schemes import scheme_entry
 from spi.storage.records import Part

@@ -10,17 +10,17 @@ from equilibrium_cases import RIGID, initial_rows, study
 from helpers import compiled_only, printed
 from states import check_going_on, chunks_of, finished, same_numbers
 
+from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
-from spi.ensemble.streams import brownian
 from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.equilibrium.averages import _order
+from spi.kinds.equilibrium.recording import Series
 from spi.kinds.equilibrium.references import Known, known_laws
 from spi.kinds.equilibrium.results import Equilibrium
-from spi.kinds.equilibrium.study.averages import _order
-from spi.kinds.equilibrium.study.recording import Series
-from spi.kinds.equilibrium.table.averages import step_for
+from spi.kinds.equilibrium.table import step_for
 from spi.numerics.rng import LANES
 from spi.report import views
 from spi.running import shipped
@@ -155,9 +155,9 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
     fig = views.figure(results)
     assert [ax.get_ylabel() for ax in fig.axes][-2:] == ["|mean $-$ reference|"] * 2
-    told = {one.name: one for one in KINDS["equilibrium"].claims.quantities([reading])}
+    told = {one.name: one for one in KINDS["equilibrium"].results.quantities([reading])}
     assert {"average", "tau", "halves", "deviation"} <= set(told) and "heat_capacity" not in told
-    deviations = [one for one in KINDS["equilibrium"].claims.quantities([reading]) if one.name == "deviation"]
+    deviations = [one for one in KINDS["equilibrium"].results.quantities([reading]) if one.name == "deviation"]
     assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
     assert max(one.value for one in deviations if one.function == "height") > 4.5
     every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))

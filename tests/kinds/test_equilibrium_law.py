@@ -11,7 +11,7 @@ from helpers import RIGID_BODY, compiled_only, final_states
 from spi.ensemble.protocol import hamiltonian
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
 from spi.schemes import scheme_entry

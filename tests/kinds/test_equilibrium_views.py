@@ -12,7 +12,6 @@ from view_helpers import GREEN, SCHEMES, edge, inches_of_panels, legends, lines_
 
 from spi.drawing import layout
 from spi.kinds.equilibrium import figure
-from spi.kinds.equilibrium.figure import laws
 from spi.kinds.equilibrium.table import chance
 from spi.report import views
 
@@ -107,7 +106,7 @@ def test_far_densities_do_not_hide_the_others():
     far, near = equilibrium_group("midpoint"), equilibrium_group("splitting")
     far.variables["fraction"][1][0, :, 5:] = 0.0
     far.variables["fraction"][1][0, :, 0] = 1.0
-    low, high = laws.law_limits(views.readings(equilibrium(far, near)), ["y1", "H"])
+    low, high = figure.law_limits(views.readings(equilibrium(far, near)), ["y1", "H"])
     assert 0.3 < low < 0.95 and 1.05 < high < 1.7
     ax = views.figure(equilibrium(far, near)).axes[2]
     assert len(edge(ax, CARETDOWN)) == 15 and len(edge(ax, CARETUP)) == 1

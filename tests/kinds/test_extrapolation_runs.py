@@ -9,14 +9,14 @@ from helpers import COMPILED, INITIAL, compiled_only, final_states
 from weak_cases import SPEC
 
 from spi.exact.kolmogorov import expectations
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
 from spi.kinds.work_precision import study as work_precision
 from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
-from spi.statistics.richardson import Extrapolation, weights
+from spi.statistics.estimators import Extrapolation, weights
 from spi.storage.records import Part
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from spi import storage
-from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, StudyModule, TableModule
+from spi.kinds import KINDS, FigureModule, Kind, ResultsModule, StudyModule, TableModule
 from spi.report import views
 from spi.running import run as runs
 from spi.storage.stored import Stored
@@ -44,7 +44,7 @@ def test_every_kind_has_all_of_its_modules(name):
     assert kind.keys.Case.__doc__
     assert callable(kind.study.parts) and callable(kind.study.plan)
     assert issubclass(kind.results.Record, Stored)
-    assert kind.keys.Case.quantities and callable(kind.claims.quantities)
+    assert kind.keys.Case.quantities and callable(kind.results.quantities)
     assert callable(kind.table.rows) and callable(kind.table.show)
     assert callable(kind.figure.draw)
     with pytest.raises(AttributeError, match="no module 'plots', only keys, study"):
@@ -54,7 +54,7 @@ def test_every_kind_has_all_of_its_modules(name):
 CONTRACT = {"study": StudyModule, "table": TableModule, "figure": FigureModule}
 
 
-CLAIMED = CONTRACT | {"claims": ClaimsModule}  #: of a kind whose keys name quantities
+CLAIMED = CONTRACT | {"results": ResultsModule}  #: of a kind whose keys name quantities
 
 
 def breaches(kind):
@@ -74,7 +74,7 @@ def breaches(kind):
         "figure.draw": get_args(*get_args(kind.figure.draw.__annotations__["cases"])),
     }
     if kind.keys.Case.quantities:
-        taken["claims.quantities"] = get_args(kind.claims.quantities.__annotations__.get("readings"))
+        taken["results.quantities"] = get_args(kind.results.quantities.__annotations__.get("readings"))
     return found + [f"{name} does not take the kind's readings" for name, types in taken.items() if types != (record,)]
 
 
@@ -89,7 +89,7 @@ def test_a_breach_of_the_contract_is_noticed():
     def rows(results: Iterable[int]): ...
 
     table = SimpleNamespace(rows=rows, show=weak.table.show)
-    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "claims", "figure")}
+    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "figure")}
     other = SimpleNamespace(**modules, table=table)
     foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
     assert breaches(other) == ["table.rows must take readings", *foreign]

@@ -13,9 +13,8 @@ from states import chunks_of, finished, same_numbers
 
 from spi.ensemble.given import draw_paths
 from spi.kinds.lyapunov import study, table
-from spi.kinds.lyapunov.claims import quantities
-from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
-from spi.kinds.lyapunov.tangents import log_density, normals_at
+from spi.kinds.lyapunov.results import Exponents, kaplan_yorke, quantities
+from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
 from spi.running.load import load
 from spi.specs import SpecError

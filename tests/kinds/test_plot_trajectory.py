@@ -12,7 +12,7 @@ from view_helpers import rendered, save
 
 from spi.drawing import style
 from spi.kinds.trajectory import figure, table
-from spi.kinds.trajectory.figure import curves
+from spi.kinds.trajectory.figure import fields
 from spi.kinds.trajectory.keys import PANELS
 from spi.report import views
 from spi.schemes import SCHEMES
@@ -167,7 +167,7 @@ def test_what_is_undefined_for_a_while_is_a_gap():
 
 def test_far_values_leave_and_come_back():
     wild = np.array([2.0, 1e9, 1e9, 1e9, 3.0, np.nan, 2.0])
-    np.testing.assert_array_equal(curves.tamed(wild, (1, 4)), [2, 304, np.nan, 304, 3, np.nan, 2])
+    np.testing.assert_array_equal(fields.tamed(wild, (1, 4)), [2, 304, np.nan, 304, 3, np.nan, 2])
 
 
 def test_components_an_axes_per_scheme():
@@ -237,13 +237,13 @@ def test_nothing_but_a_path_that_blows_up():
 def test_window():
     euler_maruyama, splitting = views.readings(trajectories(*prey()))
     quiet, wild = np.full(5, 2.0), np.array([2.0, 3.0, 1e300, -np.inf, np.nan])
-    low, high = curves.window([(splitting, quiet), (euler_maruyama, wild)])
+    low, high = fields.window([(splitting, quiet), (euler_maruyama, wild)])
     assert -1 < low < 2 and 3 < high < 5
-    low, high = curves.window([(splitting, quiet)])
+    low, high = fields.window([(splitting, quiet)])
     assert 0.08 < (high - low) / 2 < 0.12 and (low + high) / 2 == pytest.approx(2)
-    assert curves.window([(splitting, np.zeros(3))]) == (-0.5, 0.5)
-    np.testing.assert_array_equal(curves.tamed(quiet, (1, 3)), quiet)
-    np.testing.assert_array_equal(curves.tamed(wild, (1, 4)), [2, 3, 304, np.nan, np.nan])
+    assert fields.window([(splitting, np.zeros(3))]) == (-0.5, 0.5)
+    np.testing.assert_array_equal(fields.tamed(quiet, (1, 3)), quiet)
+    np.testing.assert_array_equal(fields.tamed(wild, (1, 4)), [2, 3, 304, np.nan, np.nan])
 
 
 def test_a_scheme_that_preserves_nothing_does_not_set_the_frame():
@@ -252,7 +252,7 @@ def test_a_scheme_that_preserves_nothing_does_not_set_the_frame():
     near, far = np.linspace(0, 1, 5), np.linspace(0, 100, 5)
     for preserves, highest in (("nothing", 2.2), ("|y|", 106)):
         other = replace(euler_maruyama, preserves=preserves)
-        _, high = curves.window([(replace(euler_maruyama, preserves="Casimirs"), near), (other, far)])
+        _, high = fields.window([(replace(euler_maruyama, preserves="Casimirs"), near), (other, far)])
         assert high == pytest.approx(highest, rel=0.05)
 
 

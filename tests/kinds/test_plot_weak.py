@@ -10,7 +10,7 @@ from view_helpers import legend_texts, rendered, save
 from weak_results import H, weak, weak_group
 
 from spi.drawing import style
-from spi.kinds.weak.figure import series
+from spi.kinds.weak import figure
 from spi.report import views
 from spi.schemes import SCHEMES
 
@@ -205,9 +205,9 @@ def test_no_bar_for_one_path_and_for_errors_of_0():
     """Neither has an interval: the errors of one path lie within the frame, and no line stands for an error of 0."""
     look = {"marker": "o", "color": "#000000"}
     for error, half in ((1e-2 * H, np.nan), (0.0 * H, 0.0)):
-        one = series.Series(H, error, np.full(len(H), half), np.zeros(len(H), bool), "one", look)
+        one = figure.Series(H, error, np.full(len(H), half), np.zeros(len(H), bool), "one", look)
         ax = Figure().subplots()
-        series.errors_panel(ax, [one], "")
+        figure.errors_panel(ax, [one], "")
         lines = [segment for lines in ax.collections for segment in lines.get_segments()]
         assert all(np.ptp(segment[:, 1]) == 0 for segment in lines)
         bottom, top = ax.get_ylim()
@@ -256,4 +256,4 @@ def test_components_have_the_names_of_the_system():
     assert r"\mathrm{P1}" in titles and "y_{1}" not in titles
     assert "P1" in text and "y1" not in text
     assert [style.count(n) for n in (500, 10**6, 12345)] == ["500", "$10^{6}$", "12345"]
-    assert series.frame([]) is None
+    assert figure.frame([]) is None

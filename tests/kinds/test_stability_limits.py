@@ -8,8 +8,8 @@ from stability_cases import PHI, PREDATORS, RIGID, paths_by_hand, rigid_euler_st
 from states import ignore
 
 from spi.exact import kolmogorov
+from spi.kinds.plans import State
 from spi.kinds.stability import study as stability
-from spi.kinds.state import State
 from spi.models import MaxwellBloch
 from spi.running import workers
 from spi.schemes import scheme_entry

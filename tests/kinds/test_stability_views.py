@@ -9,7 +9,8 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from stability_results import VALUES, H, predators, stability, stability_group
 from view_helpers import GREEN, ROWS, SCHEMES, edge, inches_of_panels, legends, lines_of
 
-from spi.kinds.stability.figure import WORDS, maps
+from spi.kinds.stability import figure
+from spi.kinds.stability.figure import WORDS
 from spi.kinds.stability.keys import PANELS
 from spi.kinds.stability.results import REGIMES, Stability
 from spi.report import views
@@ -33,21 +34,21 @@ def test_maps_of_regimes():
     for ax, group in zip([*fig.axes[:3], fig.axes[5]], groups, strict=True):
         assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
         for (i, j), number in np.ndenumerate(Stability.of(group).regimes):
-            assert colour_at(ax, H[j], VALUES[i]) == to_hex(maps.LOOKS[number][0])
+            assert colour_at(ax, H[j], VALUES[i]) == to_hex(figure.LOOKS[number][0])
     assert fig.axes[0].get_ylabel() == r"$\sigma$" and not fig.axes[1].get_ylabel()
     (legend,) = legends(fig)
     assert [text.partition(":")[0] for text in legend] == [
         *("accurate", "Casimir lost", "solver fails in more than 0.1 % of steps"),  # column by column
         *("bounded, not accurate", "not bounded", "paths diverged"),
     ]
-    assert len({colour for colour, _ in maps.LOOKS}) == len(REGIMES)
+    assert len({colour for colour, _ in figure.LOOKS}) == len(REGIMES)
 
 
 def test_map_of_values_that_are_not_positive():
     group = predators("splitting", values=np.array([0.0, 0.5, 4.0]))
     (ax,) = views.figure(stability(group)).axes
     assert ax.get_yscale() == "linear" and [t.get_text() for t in ax.get_yticklabels()] == ["$0$", "$0.5$", "$4$"]
-    assert colour_at(ax, 1.0, 2.0) == to_hex(maps.LOOKS[Stability.of(group).regimes[2, 0]][0])
+    assert colour_at(ax, 1.0, 2.0) == to_hex(figure.LOOKS[Stability.of(group).regimes[2, 0]][0])
 
 
 @pytest.mark.parametrize(("values", "scale"), [((0.1, 1.0, 10.0), "log"), ((1.0, 1.001, 10.0), "linear")])
@@ -72,7 +73,7 @@ def test_what_is_known_of_no_value_is_not_shown():
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_cells_meet_half_way(count):
     places = 2.0 ** np.array([3.0, 1.0, 2.0, 5.0, 4.0])[:count]
-    found = maps.edges(places, True)
+    found = figure.edges(places, True)
     assert ((found[:, 0] < places) & (places < found[:, 1])).all()
     found = found[np.argsort(found[:, 0])]
     np.testing.assert_allclose(found[1:, 0], found[:-1, 1])

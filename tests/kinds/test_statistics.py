@@ -13,9 +13,8 @@ from weak_cases import stderr_by_hand
 import spi
 from spi.exact import kolmogorov
 from spi.expressions import functions_of
-from spi.kinds.statistics.claims import quantities
 from spi.kinds.statistics.estimates import simultaneous
-from spi.kinds.statistics.results import Statistics
+from spi.kinds.statistics.results import Statistics, quantities
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import SCHEMES

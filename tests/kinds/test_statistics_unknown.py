@@ -10,7 +10,7 @@ from statistics_cases import AXIS, results_of, written
 
 import spi
 from spi.kinds.statistics import table
-from spi.kinds.statistics.claims import quantities
+from spi.kinds.statistics.results import quantities
 from spi.printing.text import new_console
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -10,9 +10,9 @@ from states import begun, finished
 from strong_cases import case_of, paths_by_hand, study
 
 from spi.ensemble.scheme_protocol import REPORT
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.numerics.rng import LANES
 from spi.storage.records import Part
 

@@ -9,7 +9,7 @@ from states import check_going_on, finished
 from trajectory_results import trajectories, trajectory_group
 
 from spi.ensemble.protocol import casimirs, hamiltonian
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.trajectory import study
 from spi.kinds.trajectory.results import SolverMeans
 from spi.printing import as_json

@@ -20,7 +20,7 @@ from spi.models.damped import damped
 from spi.models.rigid_body import RigidBody
 from spi.models.sine_euler import SineEuler
 from spi.models.zeitlin import Zeitlin, fields
-from spi.models.zeitlin.lattice import modes, shell
+from spi.models.zeitlin.tables import modes, shell
 from spi.report import views
 from spi.specs import SpecError
 

@@ -19,7 +19,7 @@ from weak_cases import (
 )
 
 from spi.expressions import parse_expression
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND

@@ -9,7 +9,7 @@ from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_levels
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds import samples
+from spi.kinds import blocks
 from spi.kinds.weak.estimators.multilevel import study as differences
 from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan
 from spi.numerics.rng import BRIDGES, DIFFERENCES, HALVES, LEVELS, POINTS
@@ -124,7 +124,7 @@ def test_work_is_shared_out_so_that_all_errors_have_the_least_variance(keys):
     variance, cost = generator.uniform(0.1, 1.0, (2, len(p.levels)))
     if keys:  # the first difference is symmetrised, the second is not
         variance[[p.base + 1, p.base + 4, p.base + 6]] = 0.0
-    root, samples = p.least_work(variance, cost)
+    root, blocks = p.least_work(variance, cost)
     used = np.arange(len(p.levels)) != p.base
     shares = np.ones(len(p.levels))
     shares[: p.base] = shares_of_levels(p.case, "splitting_order2")[0]
@@ -135,14 +135,14 @@ def test_work_is_shared_out_so_that_all_errors_have_the_least_variance(keys):
             each = np.nan_to_num(np.where(used, shares**2 * variance / n, 0.0))
         return each[: p.base].sum() + each[p.base + 1 :].reshape(-1, 2).sum(axis=0).max()
 
-    assert math.isclose(samples[used] @ cost[used], root, rel_tol=1e-12)
-    least = largest(samples)
+    assert math.isclose(blocks[used] @ cost[used], root, rel_tol=1e-12)
+    least = largest(blocks)
     assert math.isclose(least, root, rel_tol=1e-12)  # with the work R, R^2 / R
     with np.errstate(invalid="ignore"):
-        of_steps = np.nan_to_num(variance / samples)[p.base + 1 :].reshape(-1, 2).sum(axis=0)
+        of_steps = np.nan_to_num(variance / blocks)[p.base + 1 :].reshape(-1, 2).sum(axis=0)
     assert np.ptp(of_steps) < 1e-12
     for _ in range(200):
-        other = samples * np.exp(0.05 * generator.standard_normal(len(samples)))
+        other = blocks * np.exp(0.05 * generator.standard_normal(len(blocks)))
         other *= root / (other[used] @ cost[used])
         assert largest(other) >= least * (1 - 1e-12)
 
@@ -190,7 +190,7 @@ def made_up_values(p, times, stream, first, blocks, end):
 
 def test_the_pilot_chooses_what_takes_less_work(monkeypatch):
     monkeypatch.setattr(differences, "values_of_blocks", made_up_values)
-    monkeypatch.setattr(samples, "values_of_blocks", made_up_values)
+    monkeypatch.setattr(blocks, "values_of_blocks", made_up_values)
     p = plan_of(case_of(*COARSE, *HALVED), "splitting", "multilevel")
     assert len(plan_of(case_of(*COARSE), "splitting", "multilevel").levels) == len(p.levels) - 4  # it would not pay
     state = after_blocks(p, ROUND)

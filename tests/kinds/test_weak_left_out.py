@@ -8,7 +8,7 @@ from helpers import printed
 from states import finished
 from weak_cases import SPEC, case_of, plan_of
 
-from spi.kinds.weak.comparisons import not_reached
+from spi.kinds.weak.results import not_reached
 from spi.kinds.weak.study import remarks
 from spi.kinds.work_precision import study as work_precision
 from spi.storage.records import Results

@@ -9,7 +9,7 @@ from weak_cases import case_of, plan_of
 from spi.ensemble.loop import limited_threads
 from spi.exact.kolmogorov import expectations
 from spi.expressions import functions_of
-from spi.kinds.samples import values_of_blocks
+from spi.kinds.blocks import values_of_blocks
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.specs import SpecError

@@ -8,8 +8,7 @@ import pytest
 from weak_results import LIMIT, TEXTS, H, at_eps, by_differences, weak, weak_group
 
 from spi import storage
-from spi.kinds.weak.comparisons import agreement, comparable_sweeps, largest_over_eps, sweeps
-from spi.kinds.weak.results import WeakErrors
+from spi.kinds.weak.results import WeakErrors, agreement, comparable_sweeps, largest_over_eps, sweeps
 from spi.report import views
 from spi.statistics.estimators import GROUPS
 from spi.storage.records import Order

@@ -11,11 +11,10 @@ from states import finished
 from weak_cases import after_blocks
 
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.multilevel.plans import MultilevelPlan
+from spi.kinds.weak.estimators.multilevel.study import MultilevelPlan
 from spi.kinds.weak.estimators.multilevel.sums import EQUAL
 from spi.running.run import load
-from spi.statistics.estimators import jackknife_stderr
-from spi.statistics.richardson import Extrapolation
+from spi.statistics.estimators import Extrapolation, jackknife_stderr
 from spi.storage.records import Part
 
 SPEC = """\

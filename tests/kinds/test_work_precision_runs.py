@@ -11,7 +11,7 @@ from states import check_going_on, finished, same_numbers, taken
 from work_study_cases import STRONG, WEAK, Clock, group_of, same
 
 from spi import storage
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.running import run as runner
 from spi.specs import SpecError

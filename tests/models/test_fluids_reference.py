@@ -13,7 +13,7 @@ from spi.ensemble.fields import noise_field, noise_field_derivative
 from spi.ensemble.protocol import casimirs, drift_flow, hamiltonian, noise_flow, structure
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
-from spi.models.zeitlin.lattice import lines, modes, nearest, places
+from spi.models.zeitlin.tables import lines, modes, nearest, places
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions

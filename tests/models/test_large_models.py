@@ -13,7 +13,7 @@ from helpers import COMPILED, RIGID_BODY
 from model_cases import MODELS_UNDER_TEST, close
 
 from spi import systems
-from spi.checks.differences import along, derivative
+from spi.checks.flow_checks import along, derivative
 from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.fields import drift_field, noise_field, unit
 from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, hamiltonian, noise_flow

@@ -6,7 +6,7 @@ import pytest
 from model_cases import MODELS_UNDER_TEST, close
 from scipy.integrate import solve_ivp
 
-from spi.checks.differences import along, derivative
+from spi.checks.flow_checks import along, derivative
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
     casimirs,

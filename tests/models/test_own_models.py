@@ -12,7 +12,7 @@ from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
 from spi import storage
-from spi.checks import passed
+from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
 from spi.running import run as runs
 from spi.running import shards, verify
@@ -256,12 +256,14 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 def test_checks_are_made_once_for_each_text_and_each_record(top, monkeypatch):
     """The class itself is compiled once; whether its numbers are right is asked of each."""
     asked = []
-    monkeypatch.setattr(passed, "check_model", lambda model, states, written, finite_at: asked.append(written) or [])
+    monkeypatch.setattr(
+        model_checks, "check_model", lambda model, states, written, finite_at: asked.append(written) or []
+    )
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
     assert asked == [True, not COMPILED]
-    passed._PASSED.clear()  # as in another process
+    model_checks._PASSED.clear()  # as in another process
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
     assert len(asked) == (2 if COMPILED else 4)

@@ -7,16 +7,9 @@ from helpers import LANES, RIGID_BODY, compiled_only
 from model_cases import MODELS_UNDER_TEST, close
 from states import finished
 
-from spi.checks.differences import along, derivative
+from spi.checks.flow_checks import along, derivative
 from spi.checks.scheme_checks import check_scheme
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.array_states import (
-    add_block_drift,
-    add_block_noises,
-    block_friction_times,
-    block_noise_slopes,
-    block_work,
-)
 from spi.ensemble.fields import (
     add_ito_correction,
     drift_field,
@@ -25,14 +18,20 @@ from spi.ensemble.fields import (
     step_field_derivative,
     step_gradient,
 )
-from spi.ensemble.friction import friction_time, has_friction
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.protocol import (
+    add_block_drift,
+    add_block_noises,
+    block_friction_times,
+    block_noise_slopes,
+    block_work,
     casimirs,
     dimension,
     drift_gradient,
     drift_hessian,
+    friction_time,
     hamiltonian,
+    has_friction,
     in_kernels,
     noise_flow,
     noise_indices,

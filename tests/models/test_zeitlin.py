@@ -28,8 +28,7 @@ from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
-from spi.models.zeitlin.lattice import lines, modes
-from spi.models.zeitlin.tables import lattice
+from spi.models.zeitlin.tables import lattice, lines, modes
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
 from spi.schemes.splitting import splitting

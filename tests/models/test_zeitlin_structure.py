@@ -19,10 +19,10 @@ from zeitlin_cases import (
     take,
 )
 
-from spi.checks.differences import STENCIL
+from spi.checks.flow_checks import STENCIL
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
-from spi.models.zeitlin.lattice import lines
+from spi.models.zeitlin.tables import lines
 from spi.numerics.rng import LANES
 
 pytestmark = pytest.mark.xdist_group("zeitlin")

@@ -15,7 +15,7 @@ from trajectory_results import trajectories, trajectory_group
 
 from spi import storage
 from spi.cli import app
-from spi.report import pictures, sections
+from spi.report import page, sections
 from spi.report.page import files, views
 from spi.running.load import load_as
 from spi.statistics import claims
@@ -117,10 +117,10 @@ def test_a_page_with_its_figures_is_whole_and_needs_nothing_else(stored, tmp_pat
 
 def test_the_same_results_give_the_same_picture_and_large_ones_are_png(monkeypatch):
     results = path_results("A <path>")
-    first = pictures.picture(results, "e1")
-    assert first == pictures.picture(results, "e1") and first.startswith("<svg") and "A &lt;path&gt;" in first
-    monkeypatch.setattr(pictures, "LARGEST_SVG", 1000)
-    png = pictures.picture(results, "e1")
+    first = page.picture(results, "e1")
+    assert first == page.picture(results, "e1") and first.startswith("<svg") and "A &lt;path&gt;" in first
+    monkeypatch.setattr(page, "LARGEST_SVG", 1000)
+    png = page.picture(results, "e1")
     assert png.startswith('<img src="data:image/png;base64,iVBOR') and "A &lt;path&gt;" in png and "<svg" not in png
 
 
@@ -237,7 +237,7 @@ def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatc
             raise KeyError("x")
         return Markup("a figure")
 
-    monkeypatch.setattr(pictures, "picture", picture)
+    monkeypatch.setattr(page, "picture", picture)
     text = files(stored, tmp_path / "r.html", tell=(told := []).append)[tmp_path / "r.html"].decode()
     assert told == [f"{stored[1]}: cannot be shown (KeyError('x'))"]
     assert "a figure" in text and f"No figure: {escape(told[0])}" in text and "Results of 2 experiments" in text
@@ -304,14 +304,14 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
         def map(self, function, *lists):
             yield function(*(entries[0] for entries in lists))
-            raise pictures.BrokenExecutor
+            raise page.BrokenExecutor
 
     ended = []
-    monkeypatch.setattr(pictures, "end_all", ended.append)
-    monkeypatch.setattr(pictures, "processors", lambda: 2)
-    monkeypatch.setattr(pictures, "ProcessPoolExecutor", Killed)
-    monkeypatch.setattr(pictures, "picture", lambda results, prefix: f"{results} {prefix}")
-    assert list(pictures.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
+    monkeypatch.setattr(page, "end_all", ended.append)
+    monkeypatch.setattr(page, "processors", lambda: 2)
+    monkeypatch.setattr(page, "ProcessPoolExecutor", Killed)
+    monkeypatch.setattr(page, "picture", lambda results, prefix: f"{results} {prefix}")
+    assert list(page.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
     assert [type(one) for one in ended] == [Killed]
 
 

@@ -5,8 +5,8 @@ import re
 import pytest
 
 from spi.printing.text import new_table
-from spi.report import latex
-from spi.report.tables import Recorder, Titled
+from spi.report import page
+from spi.report.sections import Recorder, Titled
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ from spi.report.tables import Recorder, Titled
     ],
 )
 def test_text(plain, expected):
-    assert latex.text(plain) == expected
+    assert page.text(plain) == expected
 
 
 def table(rows=2, title="a_b"):
@@ -42,7 +42,7 @@ def table(rows=2, title="a_b"):
 
 
 def test_a_table_is_a_float_with_rules():
-    text = latex.document("my_run", "50 %\n\\input{x}", [table()])
+    text = page.document("my_run", "50 %\n\\input{x}", [table()])
     assert text == "\n".join(
         [
             r"% my_run: 50 % \input{x}",
@@ -67,7 +67,7 @@ def test_a_table_is_a_float_with_rules():
 
 
 def test_a_long_table_may_break_and_all_braces_are_closed():
-    text = latex.document("r", "t", [table(60), table(3)])
+    text = page.document("r", "t", [table(60), table(3)])
     assert text.count(r"\begin{longtable}{lr}") == text.count(r"\end{longtable}") == text.count(r"\endhead") == 1
     assert text.count(r"\begin{table}") == text.count(r"\end{table}") == 1
     plain = re.sub(r"\\[{}]", "", text)

@@ -4,8 +4,7 @@ import pytest
 from helpers import RIGID_BODY
 
 from spi.models.maxwell_bloch import MaxwellBloch
-from spi.running.compile_seconds import Size, size_of, steps_seconds
-from spi.running.compiling import Job, described
+from spi.running.compiling import Job, Size, described, size_of, steps_seconds
 from spi.schemes.entries import SCHEMES
 
 #: Processor seconds of the process that compiled, on a busy machine of two cores; 2 s less for its first kernel.

@@ -10,9 +10,9 @@ import pytest
 from helpers import COMPILED
 
 from spi.compiler.inlining import types_of
-from spi.ensemble.invariants import invariants
 from spi.ensemble.loop import integrate
-from spi.kinds.state import State
+from spi.ensemble.observer import invariants
+from spi.kinds.plans import State
 from spi.running import run as runs
 from spi.running import workers
 
@@ -172,8 +172,8 @@ CALLS_OF_PLANS = """
 import json, sys
 from spi.running import workers, run as runs
 from spi.ensemble.loop import integrate
-from spi.kinds.state import State
-from spi.ensemble.invariants import invariants
+from spi.kinds.plans import State
+from spi.ensemble.observer import invariants
 
 KERNELS = integrate, invariants
 missed = {}

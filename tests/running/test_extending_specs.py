@@ -7,7 +7,7 @@ import yaml
 from helpers import compiled_only
 
 from spi import storage
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.running import run as runner
 from spi.running import shards
 from spi.running.checkpoint import Shard

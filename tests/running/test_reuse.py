@@ -23,8 +23,7 @@ from spi import storage
 from spi.kinds import KINDS
 from spi.running import run as runner
 from spi.running import shards
-from spi.running.checkpoint import Checkpoint, Limits, Shard, sums_path
-from spi.running.known import Kept, Keys
+from spi.running.checkpoint import Checkpoint, Kept, Keys, Limits, Shard, sums_path
 from spi.running.load import plans
 from spi.specs import SpecError
 

@@ -12,7 +12,7 @@ from kills import numbers
 import spi
 from spi import storage
 from spi.exact import kolmogorov, work
-from spi.kinds.answer import solving
+from spi.kinds.answer import study as answers
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak.estimators.kolmogorov import study
@@ -42,7 +42,7 @@ SPECS = {"weak": WEAK, "answer": ANSWER, "statistics": STATISTICS, "stability": 
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Writes a spec of a kind and loads it; nothing of other tests is known, and all is told."""
-    for known in (study._solution, solving._refining, references._exact, stability._true_expectations):
+    for known in (study._solution, answers._refining, references._exact, stability._true_expectations):
         known.cache_clear()
     monkeypatch.setattr(work, "PAUSE", 0.0)
 
@@ -131,7 +131,7 @@ def test_python_shows_a_line(spec, tmp_path, capsys):
 def test_a_terminal_shows_a_bar(monkeypatch):
     from rich.console import Console
 
-    from spi.cli.progress import ProgressLine
+    from spi.cli.terminal import ProgressLine
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("COLUMNS", "120")

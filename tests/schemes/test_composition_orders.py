@@ -11,7 +11,7 @@ from weak_cases import case_of as weak_case
 
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
 

@@ -25,8 +25,7 @@ from yaml_cases import SYSTEMS, made
 from spi.checks.model_checks import check_model
 from spi.compiler.dispatch import answers
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.joint import bracket_factors, bracket_flows, joint_noises, joint_parts
-from spi.ensemble.protocol import area_pairs, noises
+from spi.ensemble.protocol import area_pairs, bracket_factors, bracket_flows, joint_noises, joint_parts, noises
 from spi.ensemble.scheme_protocol import needs_areas
 from spi.exact.kolmogorov import exact_expectations, expectations
 from spi.models import MaxwellBloch, RigidBody

@@ -26,7 +26,7 @@ from spi.ensemble.protocol import (
     strengths,
     structure,
 )
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.models import LotkaVolterra, MaxwellBloch, RigidBodySharedNoise, SineEuler
 from spi.models.damped import damped
 from spi.numerics.angles import (
@@ -38,7 +38,7 @@ from spi.numerics.angles import (
     TinyAngles,
     sinc_versinc,
 )
-from spi.schemes.coadjoint import act, action_size
+from spi.schemes.munthe_kaas import act, action_size
 
 # fixtures
 generator = scheme_cases.generator

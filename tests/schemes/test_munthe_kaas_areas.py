@@ -11,7 +11,7 @@ from scheme_cases import relative
 from scipy.linalg import expm
 from yaml_cases import made
 
-from spi.checks.differences import derivative
+from spi.checks.flow_checks import derivative
 from spi.checks.model_checks import check_brackets
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import add_lie_bracket, add_noise_bracket_gradient
@@ -25,7 +25,7 @@ from spi.ensemble.protocol import (
     strengths,
     structure,
 )
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.models import MaxwellBloch, SineEuler
 
 # fixtures

@@ -11,7 +11,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
 

@@ -90,7 +90,7 @@ def test_damaged_files_of_numpy(error, tmp_path):
 
 def test_the_limit_of_files_of_states_is_one_on_numbers(spec, error, tmp_path, monkeypatch):
     """The same states pass or not, whatever they are written in."""
-    monkeypatch.setattr("spi.specs.initial_laws._MOST_NUMBERS", 4000)
+    monkeypatch.setattr("spi.specs.initial._MOST_NUMBERS", 4000)
     y = np.random.default_rng(1).standard_normal((1001, 3)) * 1e-300
     for count in (1000, 1001):
         np.savetxt(tmp_path / f"{count}.csv", y[:count], fmt="%.17e", delimiter=",")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import spi
-from spi.ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck
+from spi.ensemble.drivers import Fractional, Levy, OrnsteinUhlenbeck
 from spi.running.load import load
 from spi.running.remarks import remarks
 from spi.specs import SpecError

@@ -8,7 +8,7 @@ import pytest
 from helpers import loop_in_python
 
 from spi import storage
-from spi.kinds.strong.study.errors import expected_order
+from spi.kinds.strong.study import expected_order
 from spi.printing import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers

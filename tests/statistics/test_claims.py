@@ -343,7 +343,7 @@ WHOLE = {
 def quantities_of(kind):
     """All that came out in results made by hand."""
     readings = views.readings(WHOLE[kind])
-    return [one for case in by_case(readings) for one in KINDS[kind].claims.quantities(case)]
+    return [one for case in by_case(readings) for one in KINDS[kind].results.quantities(case)]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -421,7 +421,7 @@ def whose(one):
 
 
 def came_out_of(kind, readings):
-    return {whose(one): one for one in KINDS[kind].claims.quantities(readings)}
+    return {whose(one): one for one in KINDS[kind].results.quantities(readings)}
 
 
 def verdicts_on(one, quantities):
@@ -493,10 +493,10 @@ def test_the_largest_deviation_is_that_of_all_times():
     lost = replace(MEANS, mean=np.array([[1.0, 2.0, nan]]), difference=np.array([[0.0, 0.1, nan]]), t=np.arange(3.0))
     lost = replace(lost, difference_stderr=np.array([[0.0, 0.1, nan]]), reference=one, quantiles=None, variance=None)
     lost = replace(lost, since=None, autocorrelation=None, mean_stderr=one)
-    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].claims.quantities([lost])}
+    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].results.quantities([lost])}
     assert told["deviation"] == (1.0, "not finite: 1 of 3 times") and told["mean"][1] == "not finite at the last time"
     at_first = replace(lost, mean=one, difference=0 * one, reference=np.array([[nan, 1.0, 1.0]]))
-    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].claims.quantities([at_first])}
+    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].results.quantities([at_first])}
     assert told["deviation"] == (0.0, "")  # nothing was known at the first time
 
 

@@ -15,8 +15,8 @@ from spi.statistics.estimators import (
     jackknife_stderr,
     root_mean_square,
     samples_needed,
+    standard_deviation,
 )
-from spi.statistics.powers import standard_deviation
 
 H = 2.0 ** -np.arange(3, 9)
 REFERENCE = 2.0**-11

@@ -12,7 +12,7 @@ from states import chunks_of, finished, numbers, resumed, same_numbers, snapshot
 
 from spi.ensemble import loop
 from spi.kinds import KINDS
-from spi.kinds.state import State
+from spi.kinds.plans import State
 from spi.numerics.rng import LANES
 from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest

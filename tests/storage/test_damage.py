@@ -10,7 +10,7 @@ import pytest
 from damaged_sums import SUMS, broken_main, sums_main
 from helpers import COMPILED
 
-from spi.kinds.state import _fitting
+from spi.kinds.plans import _fitting
 
 
 @pytest.fixture(scope="module")

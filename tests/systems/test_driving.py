@@ -12,14 +12,12 @@ from yaml_cases import definition
 from spi import systems
 from spi.checks.model_checks import check_model
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.invariants import invariants_of
 from spi.ensemble.loop import PAIRS_REVERSED
-from spi.ensemble.protocol import drift_gradient, hamiltonian, noise_gradient
-from spi.ensemble.special import frozen
+from spi.ensemble.observer import invariants_of
+from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
 from spi.models.damped import damped
 from spi.numerics.rng import LANES
-from spi.systems.definition import DefinitionError, define
-from spi.systems.making import make
+from spi.systems.definition import DefinitionError, define, make
 
 INITIAL = (0.5, -0.3, 0.7)
 

@@ -8,15 +8,13 @@ from yaml_cases import definition
 from spi import systems
 from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.friction import friction_time
-from spi.ensemble.protocol import drift_flow, noise_flow
+from spi.ensemble.protocol import drift_flow, drift_tables, friction_tables, friction_time, noise_flow, noise_tables
 from spi.ensemble.scheme_protocol import REPORT
-from spi.ensemble.table_flows import drift_tables, friction_tables, noise_tables
 from spi.models.thermal import thermal
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes.metropolis import Metropolis, noises_alike
-from spi.schemes.one_flow import friction_times, sweep
-from spi.schemes.parts import Drift, Noise
+from spi.schemes.stages import Drift, Noise
+from spi.schemes.sweeps import friction_times, sweep
 
 #: A chain that is open, whose ends move as nothing else does, and noise in two ways.
 CHAIN = """

@@ -24,8 +24,7 @@ from yaml_cases import (
 from spi.models import MaxwellBloch, RigidBody
 from spi.systems.algebras import algebra
 from spi.systems.brackets import BracketError, checked
-from spi.systems.definition import DefinitionError, define
-from spi.systems.making import make
+from spi.systems.definition import DefinitionError, define, make
 from spi.systems.text import NumberError, Symbols
 
 

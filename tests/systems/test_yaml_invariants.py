@@ -17,8 +17,7 @@ from yaml_cases import (
     with_translations,
 )
 
-from spi.checks.model_checks import check_model
-from spi.checks.states import states_on_surface
+from spi.checks.model_checks import check_model, states_on_surface
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import noise_flow
 from spi.numerics.angles import ANY_ANGLES

@@ -12,8 +12,15 @@ from yaml_cases import definition
 from spi import systems
 from spi.compiler import modules
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.long_flows import drift_phases, drift_turned, noise_phases, noise_turned
-from spi.ensemble.protocol import drift_flow, drift_gradient, noise_flow
+from spi.ensemble.protocol import (
+    drift_flow,
+    drift_gradient,
+    drift_phases,
+    drift_turned,
+    noise_flow,
+    noise_phases,
+    noise_turned,
+)
 from spi.models import MaxwellBloch, RigidBody, SineEuler
 from spi.numerics.angles import ANY_ANGLES
 from spi.running.load import load
@@ -150,7 +157,7 @@ def as_plain(found):
 def test_a_definition_is_kept_and_found_again(folder, monkeypatch):
     first = made()
     (file,) = folder.glob("definition_*.json")
-    monkeypatch.setattr("spi.systems.making.make", None)  # what is kept is not made again
+    monkeypatch.setattr("spi.systems.definition.make", None)  # what is kept is not made again
     assert as_plain(made()) == as_plain(first)
     assert [file] == list(folder.glob("definition_*.json"))
 

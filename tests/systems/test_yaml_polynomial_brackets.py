@@ -9,15 +9,21 @@ from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 from yaml_cases import definition, made
 
 from spi.checks import model_checks
-from spi.checks.model_checks import check_model
-from spi.checks.states import states_on_surface
+from spi.checks.model_checks import check_model, states_on_surface
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import lie_poisson
-from spi.ensemble.inexact import inexact_pieces
-from spi.ensemble.protocol import casimirs, commuting_noises, noise_flow, populations, structure, structure_derivative
+from spi.ensemble.protocol import (
+    casimirs,
+    commuting_noises,
+    inexact_pieces,
+    noise_flow,
+    populations,
+    structure,
+    structure_derivative,
+)
 from spi.models import LotkaVolterra
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems.making import make
+from spi.systems.definition import make
 
 #: name -> (variables, bracket, functions with exact flows, Casimir functions)
 CASES = {

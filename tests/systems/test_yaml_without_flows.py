@@ -11,12 +11,18 @@ from yaml_cases import commutators, definition, heisenberg, made, product, rigid
 from spi.checks.model_checks import check_model
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import cross_product, lie_poisson
-from spi.ensemble.inexact import flows_lacking, inexact_noises, inexact_pieces, inner, structure_is_kept
-from spi.ensemble.protocol import commuting_noises, pieces
+from spi.ensemble.protocol import (
+    commuting_noises,
+    flows_lacking,
+    inexact_noises,
+    inexact_pieces,
+    inner,
+    pieces,
+    structure_is_kept,
+)
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
-from spi.systems.definition import DefinitionError, define
-from spi.systems.making import make
+from spi.systems.definition import DefinitionError, define, make
 from spi.systems.symbolics import merged_powers
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"

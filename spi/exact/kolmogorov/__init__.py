@@ -17,7 +17,7 @@ import numpy as np
 from ...compiler.dispatch import answers
 from ...compiler.records import class_of
 from ...ensemble.protocol import axis_inertias, rotation_shear_rates
-from ..places import by_place
+from ..surfaces import by_place
 from ..work import work
 
 __all__ = [

@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...ensemble.protocol import rotation_shear_rates
-from ..places import strengths_by_place
+from ..surfaces import strengths_by_place
 from ..work import expected
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of

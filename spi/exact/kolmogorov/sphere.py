@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...ensemble.protocol import axis_inertias
-from ..places import strengths_by_place
+from ..surfaces import strengths_by_place
 from ..work import expected, part
 from . import Demands, Expectations
 from .backward import numbers_of_steps

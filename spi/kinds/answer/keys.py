@@ -7,8 +7,7 @@ import numpy as np
 import pydantic
 from annotated_types import Ge
 
-from spi.ensemble.inexact import flows_lacking
-from spi.ensemble.protocol import Positive, large
+from spi.ensemble.protocol import Positive, flows_lacking, large
 from spi.expressions import as_numpy
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys

@@ -12,14 +12,176 @@ is timed: so choices are the same on every machine.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.statistics.richardson import weights
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.given import dimensions_of
+from spi.ensemble.increments import RandomStream
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
+from spi.kinds.blocks import Sample
+from spi.numerics.rng import ANSWERS, LANES
+from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
+from spi.schemes import typical_ns
+from spi.schemes.splitting import has_antithetic_path
+from spi.statistics.estimators import GROUPS, ROUND, kurtosis, weights
+from spi.statistics.intervals import skewed_half_width, zero_share_bound
 from spi.storage.records import INTERVAL
 
-from .spread import Spread
+from .keys import FINEST, PILOT_LEVELS, PILOT_SAMPLES
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The paths of an answer: those of a difference between neighbouring levels, and those of one level alone.
+# ---------------------------------------------------------------------------------------------------------------------
+
+LEVELS = FINEST + 1  #: levels 0, ..., FINEST
+ALONG = 2 * LEVELS  #: behind differences and values, the path sets of values along quasi-random points
+AGAINST = 3 * LEVELS  #: behind these, those of differences from the reference scheme on the same noise
+SETS = 4 * LEVELS  #: path sets of a scheme
+
+#: What a path costs besides its steps, its beginning and phi at its end, and the sums over a quantity of a function;
+#: measured, of typical speed.
+PATH_NS, SUM_NS = 25.0, 15.0
+
+#: The quantities of a path set: DIFFERENCE, at the fine step minus at the coarse one, and VALUE, at the fine step on
+#: one path; of a level alone the value only.  From a reference scheme DIFFERENCE is that at the fine step, VALUE how
+#: much less it is than at the coarse one.
+DIFFERENCE, VALUE = range(2)
+
+
+def paths_of_set(case: Any, row: Any, number: int) -> Sample:
+    """Those of path set number `number` of all: of scheme number // SETS, whose row of the table is `row`."""
+    own, record = number % SETS, row.record
+    level, alone = own % LEVELS, own >= LEVELS  # along points or not
+    shape: dict[str, Any] = {"doublings": (0,)}
+    weights = [[1.0]]
+    if not alone and has_antithetic_path(record):
+        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
+        weights = [[0.5, 0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]]
+    elif own >= AGAINST:
+        shape = {"doublings": (0, 1)}
+        weights = [[1.0, 0.0, -1.0, 0.0], [1.0, -1.0, -1.0, 1.0]]
+    elif not alone:
+        shape = {"doublings": (0, 1)}
+        weights = [[1.0, -1.0], [1.0, 0.0]]
+    steps, h = 2**level, case.final_time / 2.0**level
+    records = [record, case.row(case.reference_scheme).record] if own >= AGAINST and case.reference_scheme else [record]
+    terms = fourier_terms(case.model, records, h, areas=case.areas)
+    times = grid(h, steps, by_reference=(0,) * len(shape["doublings"]), area_terms=terms, **shape)
+    stream = RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number))
+    return Sample.of(times, stream, weights)
+
+
+def seconds_of(case: Any, row: Any, sample: Sample) -> float:
+    """Of one sample of a path set, by one thread of typical speed."""
+    quantities, count = sample.weights.shape
+    besides = PATH_NS * count + SUM_NS * quantities * len(case.functions)
+    return 1e-9 * (typical_ns(row, case.model) * sample.steps + besides)
+
+
+def most_points(row: Any, model: Any) -> int:
+    """Up to which level a scheme can follow quasi-random points."""
+    return sum(dimensions_of(row.record, None, model, 2**level)[1] <= MOST_DIMENSIONS for level in range(LEVELS)) - 1
+
+
+def power_of_two(paths: float) -> int:
+    """So many paths as there may be along points, at least."""
+    return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
+
+
+def whole_blocks(paths: np.ndarray, least: int) -> np.ndarray:
+    """Numbers of paths as multiples of so many blocks, 0 where there are none."""
+    size = least * LANES
+    return (np.ceil(np.minimum(paths, 1e15) / size) * size).astype(np.int64)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What sums over samples tell of a mean, also where all values are equal, or few differ.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_CANCELLED = 1e-10  # of the mean square: a variance below has lost its digits
+
+
+class Spread(NamedTuple):
+    """Of the values of a quantity, arrays (F,)."""
+
+    mean: np.ndarray
+    variance: np.ndarray  #: of a sample; where all are equal the most that it may be, 0 where nothing is known of it
+    third: np.ndarray  #: third central moment
+    kurtosis: np.ndarray
+    equal: np.ndarray  #: whether all values are equal, and might not be
+    unknown: np.ndarray  #: whether nothing is known either of how far apart they may be
+
+    @classmethod
+    def of(cls, sums: np.ndarray, paths: int, span: np.ndarray) -> "Spread":
+        """From sums (POWERS, F, GROUPS) over so many samples, of values that are at most `span` (F,) apart.
+
+        Where all values are equal, the share of others is at most that of the rule of three, and so the variance at
+        most that times span^2.  Equal values have equal sums in all groups, to the last bit.
+        """
+        with np.errstate(all="ignore"):
+            moments = sums.sum(axis=-1) / np.float64(paths)
+            m1, m2, m3, _ = moments
+            equal = (sums[0].max(axis=-1) == sums[0].min(axis=-1)) & np.isfinite(m1)
+            variance = np.maximum(m2 - m1**2, 0.0)
+            of_groups = paths / GROUPS * (sums[0] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1)
+            variance = np.where(variance < _CANCELLED * m2, of_groups, variance)
+            bounded = np.where(np.isfinite(span), span, 0.0) ** 2 * zero_share_bound(paths)
+            third = np.where(equal, 0.0, m3 - 3.0 * m1 * m2 + 2.0 * m1**3)
+            tails = np.where(equal, np.nan, kurtosis(moments, variance))
+            known = m1, np.where(equal, bounded, variance), third, tails
+            return cls(*known, equal & (span > 0.0), equal & np.isinf(span))
+
+    def range_seen(self, paths: int) -> np.ndarray:
+        """(F,) at least as much as the values that were seen are apart, infinity where all are equal.
+
+        |x - m|^4 <= sum of |x - m|^4 = n kurtosis variance^2 for each x.
+        """
+        with np.errstate(all="ignore"):
+            fourth = paths * np.maximum(self.kurtosis, 1.0) * self.variance**2
+            return np.where(self.equal | ~(fourth > 0.0), np.inf, 2.0 * fourth**0.25)
+
+    @classmethod
+    def along(cls, sums: np.ndarray, paths: int, span: np.ndarray) -> "Spread":
+        """The same along points, whose groups are scrambles: the variance is `paths` times that of their mean."""
+        found = cls.of(sums, paths, span)
+        with np.errstate(all="ignore"):
+            of_mean = (sums[0] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1) / GROUPS
+            return found._replace(variance=np.where(found.equal, found.variance, paths * of_mean))
+
+    @classmethod
+    def together(cls, each: "Sequence[Spread]") -> "Spread":
+        """Those of several path sets, arrays (path sets, F)."""
+        return cls(*(np.array(values) for values in zip(*each, strict=True)))
+
+
+class Term(NamedTuple):
+    """A mean that is part of a sum of independent means."""
+
+    share: float
+    spread: Spread
+    paths: int
+    scrambles: bool = False  #: whether the variance is that over scrambles of points
+
+
+def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) the standard error of a sum of means, and half the width of its 95 % interval.
+
+    The degrees of freedom are those of Welch and Satterthwaite: the variance of a variance is (kurtosis - 1) / n.
+    """
+    variance: Any = 0.0
+    doubt: Any = 0.0
+    third: Any = 0.0
+    with np.errstate(all="ignore"):
+        for share, spread, paths, scrambles in terms:
+            own = share**2 * spread.variance / paths
+            tails = 2.0 / (GROUPS - 1) if scrambles else np.nan_to_num((spread.kurtosis - 1.0) / paths)
+            variance, doubt = variance + own, doubt + own**2 * tails
+            third = third + (0.0 if scrambles else share**3 * spread.third / paths**2)
+        stderr = np.sqrt(variance)
+        return stderr, skewed_half_width(stderr, np.broadcast_to(third, stderr.shape), 2.0 * variance**2 / doubt)
+
 
 BIAS_SHARE = 0.1  #: of the accuracy, which the bias may have where levels are chosen
 CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step finer is compared
@@ -243,3 +405,94 @@ def contradicted(measured: Measured, exponents: Sequence[float], lowest: int, ac
             low = np.where(clear & (orders + 2 * doubt < exponents[0] - 0.5), orders, np.inf).min()
             return max(float(low), 0.25) if math.isfinite(low) else None
     return None
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What an answer has decided, and the samples of its pilot.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: The stages: the pilot, a share of the work, the whole of it and what its checks ask for; and the end.
+PILOTING, BEGINNING, WHOLE, DONE = 0, 1, 2, 99
+
+#: The samples of what comes before the pilot, and its levels, those of the larger steps alone.
+GLANCE, GLANCE_LEVELS = ROUND * LANES, 4
+
+
+class Decisions(NamedTuple):
+    """What is known besides sums over paths, for F functions."""
+
+    seconds: float  #: wall clock, of what needs no paths
+    cpu_seconds: float
+    stage: int
+    wanted: np.ndarray  #: (path sets,) samples
+    piloted: int  #: of how many schemes there is a pilot
+    looked: int  #: whether it is known if the pilot needs its small steps
+    pointed: int  #: whether there is one along quasi-random points
+    points: int  #: whether the largest step follows such points
+    scheme: int  #: the number of the scheme that was chosen; -1 for the solution without sampling
+    levels: int  #: of extrapolation
+    base: int  #: the level that is sampled alone
+    finest: int
+    compared: int  #: level at whose step the reference scheme is compared, 0 before that
+    order: float  #: of the bias, where it is not that of theory; NaN else
+    aim: float  #: half the width of the interval that is aimed at
+    work: float  #: predicted, in seconds of typical speed
+    pilot_cpu_seconds: float
+    predicted_cpu_seconds: float
+    next_cpu_seconds: float  #: of an answer to a tenth of the accuracy
+    works: np.ndarray  #: (schemes, 4) predicted work by levels of extrapolation, NaN where it is not known
+    known: np.ndarray  #: (F,) expectations that were found without sampling
+    known_bound: np.ndarray  #: (F,)
+    solving: int  #: whether it is solved for, see :mod:`.solving`
+    refined: np.ndarray  #: (refinements, F) expectations without sampling
+    uncertain: np.ndarray  #: (refinements, F) of it what each refinement has of its own
+    solving_seconds: float  #: predicted, of typical speed; NaN before
+    sampling_seconds: float
+
+    @classmethod
+    def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
+        """The pilot of the first scheme is wanted, if anything is sampled."""
+        nothing, nan = np.full(functions, np.nan), float("nan")
+        wanted = glance(sets) if sampling else np.zeros(sets, np.int64)
+        fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
+        fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
+        fields |= dict.fromkeys(("solving_seconds", "sampling_seconds"), nan)
+        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points", "looked", "compared"), 0)
+        return cls(
+            **fields,
+            stage=PILOTING,
+            wanted=wanted,
+            piloted=1,
+            works=np.full((sets // SETS, 4), nan),
+            known=nothing,
+            known_bound=nothing,
+            solving=int(not sampling),
+            refined=np.zeros((0, functions)),
+            uncertain=np.zeros((0, functions)),
+        )
+
+    @property
+    def set_of_base(self) -> int:
+        """Which of the path sets of the scheme the largest step alone has."""
+        return (ALONG if self.points else LEVELS) + self.base
+
+    def with_choice(self, choice: Choice, order: float | None) -> "Decisions":
+        """With other levels."""
+        levels, base, finest, work, _ = choice
+        of_order = float("nan") if order is None else order
+        return self._replace(levels=levels, base=base, finest=finest, work=work, order=of_order)
+
+
+def pilot_of(scheme: int, sets: int) -> np.ndarray:
+    """(sets,) the samples of the pilot of a scheme: of differences, and of the largest step alone."""
+    wanted = np.zeros(sets, np.int64)
+    wanted[scheme * SETS + 1 : scheme * SETS + PILOT_LEVELS + 1] = PILOT_SAMPLES
+    wanted[scheme * SETS + LEVELS] = PILOT_SAMPLES
+    return wanted
+
+
+def glance(sets: int) -> np.ndarray:
+    """(sets,) the samples of the first steps of the pilot of the first scheme."""
+    wanted = np.zeros(sets, np.int64)
+    wanted[[*range(1, GLANCE_LEVELS + 1), LEVELS]] = GLANCE
+    return wanted

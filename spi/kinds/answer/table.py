@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
-from spi.printing.sentences import joined, sentence
-from spi.printing.text import human_time, power_of_two, print_lines, readable, short, with_interval
+from spi.printing.text import human_time, joined, power_of_two, print_lines, readable, sentence, short, with_interval
 
 from .results import Answer
 

@@ -8,16 +8,15 @@ from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
 from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.ensemble.special import frozen
+from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen
 from spi.kinds.functions import PathFunction, check_function, path_function
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.conversion import Given
+from spi.specs.document import every
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
-from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .references import EXACT, FINEST, check

@@ -9,8 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from spi.drawing import layout, style
-from spi.drawing.axes import rules
-from spi.drawing.spheres import cell_edges, dress_map
+from spi.drawing.axes import cell_edges, dress_map, rules
 
 from .results import PANELS, Exponents
 

@@ -16,12 +16,12 @@ from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_step
 from spi.specs.conversion import Given
+from spi.specs.document import every
 from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
-from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .results import PANELS
-from .tangents import leaf_dimension
+from .study import leaf_dimension
 
 _MOST_TIMES = 8
 _FORMULAS = "two expressions in the state, the axes of the pictures; default: the first sphere of the surface, in a "

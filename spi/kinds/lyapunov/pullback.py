@@ -14,7 +14,7 @@ import numpy as np
 
 from spi.ensemble.given import Given, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated
-from spi.ensemble.moments import count_values
+from spi.ensemble.observer import count_values
 from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import block_states
 from spi.exact.surfaces import spheres
@@ -25,8 +25,7 @@ from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
 from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cells_around, count_places, mollweide, places_in_cells
-from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import add_values, mean_over_paths
+from spi.statistics.estimators import GROUPS, add_values, group_counts, jackknife_stderr, mean_over_paths
 from spi.statistics.tallies import PathSet, sum_of_fields
 
 from .results import SPHERE_SIDES, Pictures

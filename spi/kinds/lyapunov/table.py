@@ -5,8 +5,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
-from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import (
+    add_rows,
+    joined,
+    lines_of,
+    new_table,
+    print_with_remarks,
+    sentence,
+    short,
+    whose,
+    with_interval,
+)
 from spi.statistics.estimators import student
 
 from .results import Exponents

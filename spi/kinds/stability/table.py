@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
-from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import add_rows, lines_of, new_table, power_of_two, print_with_remarks, short
+from spi.printing.text import (
+    add_rows,
+    casimirs,
+    joined,
+    lines_of,
+    new_table,
+    power_of_two,
+    print_with_remarks,
+    sentence,
+    short,
+    whose,
+)
 
 from .results import CASIMIR_KEPT, REGIMES, Stability, largest_step
 

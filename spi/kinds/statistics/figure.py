@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import KNOWN, dress_function, histogram
-from spi.drawing.spheres import cell_edges, dress_map
+from spi.drawing.axes import KNOWN, cell_edges, dress_function, dress_map, histogram
 from spi.statistics.cells import heights, mollweide
 
 from .results import Statistics

@@ -15,11 +15,11 @@ from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
 from spi.specs.conversion import Given
+from spi.specs.document import every
 from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
-from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
-from .counts import SPHERE, on_sphere
+from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
 from .results import PANELS
 

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import integrated, thread_count
-from spi.ensemble.moments import add_moments, count_values
-from spi.ensemble.observer import state_recorder
+from spi.ensemble.observer import add_moments, count_values, state_recorder
 from spi.ensemble.random_states import RandomState, block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.blocks import MeansPlan, lost_among
+from spi.kinds.blocks import MeansPlan, lost_among, reported
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
-from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.cells import count_places
@@ -23,9 +21,7 @@ from spi.statistics.intervals import clopper_pearson, student_of_paths
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
-from .columns import Columns, Map, in_threads
-from .counts import SPHERE, Bins, Cells, histogram, quantiles
-from .estimates import Moments
+from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles
 from .references import known_means, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Passages, Statistics
 

@@ -5,10 +5,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spi.kinds.solver import acceptance_note
+from spi.kinds.blocks import acceptance_note
 from spi.printing.rows import rows_of
-from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import add_rows, decimal, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import (
+    add_rows,
+    decimal,
+    joined,
+    lines_of,
+    new_table,
+    print_with_remarks,
+    sentence,
+    short,
+    whose,
+    with_interval,
+)
 from spi.statistics.claims import WIDEST
 
 from .results import LEAST_GROUPS, DensityMap, Passages, Quantiles, Statistics

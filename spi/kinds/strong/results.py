@@ -1,8 +1,10 @@
 """What is stored of strong errors."""
 
+from collections.abc import Iterable, Iterator
 from typing import Annotated
 
-from spi.kinds.solver import Acceptance, Solver
+from spi.kinds.blocks import Acceptance, Solver
+from spi.statistics.claims import Quantity, drifts, each_step, order
 from spi.storage.records import Order
 from spi.storage.stored import Array, Stored, array, axis, fact
 
@@ -39,3 +41,17 @@ class StrongErrors(Stored):
 
 
 Record = StrongErrors
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a spec may expect of strong errors.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def quantities(readings: Iterable[StrongErrors]) -> Iterator[Quantity]:
+    """The fitted order; for each step size the error, the drift of the Casimirs and how many paths diverged."""
+    for one in readings:
+        yield order(one.about, one.order, expected=one.expected_order)
+        yield from each_step("error", one.about, one.h, one.error, one.error_stderr)
+        yield from drifts(one.about, one.h, one.casimir_drift)
+        yield from each_step("nonfinite", one.about, one.h, one.nonfinite)

@@ -3,21 +3,24 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from spi.kinds.solver import acceptance_note
+from spi.kinds.blocks import acceptance_note
 from spi.printing.rows import rows_of
-from spi.printing.sentences import casimirs, orders, sentence, whose
 from spi.printing.text import (
     INTERVAL,
     angle_note,
+    casimirs,
     error_and_remark,
     error_table,
     lines_of,
     lost_paths,
     order_found,
+    orders,
     power_of_two,
     print_lines,
     print_whole,
+    sentence,
     short,
+    whose,
 )
 
 from .results import StrongErrors

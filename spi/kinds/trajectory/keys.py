@@ -10,8 +10,8 @@ from spi.models.zeitlin.fields import lattice_of
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_every, check_step, times_on_grid
 from spi.specs.conversion import Given
+from spi.specs.document import every
 from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
-from spi.specs.mistakes import every
 from spi.specs.sweep import Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 

@@ -1,10 +1,12 @@
 """What is stored of trajectories, and where a quantity along a path is not defined."""
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from spi.statistics.claims import Quantity, lost_among, lost_is_infinite, quantity
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 
@@ -62,7 +64,7 @@ class Trajectory(Stored):
 
     @property
     def lattice(self) -> int | None:
-        """N where y is a vorticity on the lattice modulo N, see ``spi.models.zeitlin.lattice``."""
+        """N where y is a vorticity on the lattice modulo N, see ``spi.models.zeitlin.tables``."""
         return math.isqrt(self.y.shape[1] + 1) if self.surface == "torus" else None
 
     @property
@@ -111,3 +113,25 @@ def diverged(reading: Trajectory) -> str:
 
 
 Record = Trajectory
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a spec may expect of trajectories.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:
+    """Of the whole path: max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if it was lost."""
+    for one in readings:
+        with np.errstate(invalid="ignore"):
+            change = np.abs(one.hamiltonian - one.hamiltonian[0])
+        told = {
+            "hamiltonian_drift": lost_is_infinite(change).max(),
+            "lowest": one.lowest.min() if np.isfinite(one.lowest).any() else np.nan,
+            "nonfinite": one.nonfinite_from is not None,
+        }
+        if one.casimir_drift:
+            told["casimir_drift"] = lost_is_infinite(np.array(one.casimir_drift)).max()
+        for name, value in told.items():
+            lost = lost_among(np.abs(one.y).max(axis=1), "times") if name == "lowest" else ""
+            yield quantity(name, one.about, value, lost=lost)

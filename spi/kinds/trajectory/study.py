@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.invariants import growth, invariants_of
-from spi.ensemble.laws import at_once
+from spi.ensemble.drivers import at_once
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated
-from spi.ensemble.observer import state_recorder
+from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, large
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, report_columns

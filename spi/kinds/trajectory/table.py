@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
-from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import new_table, power_of_two, print_whole, short
+from spi.printing.text import casimirs, joined, new_table, power_of_two, print_whole, sentence, short, whose
 
 from .results import Trajectory, losses
 

@@ -15,14 +15,12 @@ from spi.ensemble.loop import thread_count
 from spi.expressions import canonical, is_step, range_of
 from spi.kinds.plans import Plan
 from spi.schemes import driven, has_theory, weak_exponents
-from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
+from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
-from spi.statistics.richardson import Extrapolation
 from spi.storage.records import Part
 
-from .comparisons import cannot_do
 from .estimators import ESTIMATORS, left_out
-from .results import WeakErrors
+from .results import WeakErrors, cannot_do
 
 
 def parts(case: Any) -> list[Part]:

@@ -14,16 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import integrate, limited_threads, thread_count
+from spi.kinds.blocks import values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
-from spi.kinds.samples import values_of_blocks
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.comparisons import cannot_do, not_reached
 from spi.kinds.weak.estimators import ESTIMATORS
-from spi.kinds.weak.results import WeakErrors
+from spi.kinds.weak.results import WeakErrors, cannot_do, not_reached
 from spi.numerics.rng import LANES
-from spi.printing.sentences import joined
+from spi.printing.text import joined
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part

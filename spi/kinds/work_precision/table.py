@@ -7,24 +7,27 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
-from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     duration,
     error_and_remark,
     error_table,
     human_time,
+    joined,
     lines_of,
     lost_paths,
     new_table,
     order_found,
+    orders,
     power_of_two,
     print_lines,
     print_whole,
     readable,
+    sentence,
     short,
+    whose,
 )
 
-from ..weak.comparisons import cannot_do
+from ..weak.results import cannot_do
 from .results import WorkPrecision, requested
 from .work_points import Factor, WorkPoint, best_within, cheapest, work_for
 

@@ -16,7 +16,7 @@ from typing import Annotated, Literal, NamedTuple
 from annotated_types import Ge, Le
 
 from .kernels import tables
-from .lattice import Mode, lines, modes, shell
+from .tables import Mode, lines, modes, shell
 
 
 class Process(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 from ..delegation import undamped
 from ..sine_euler import SineEuler
 from . import Zeitlin
-from .lattice import modes, shell
+from .tables import modes, shell
 
 #: What counts as rounding in samples of a field, relative to the largest of them: of its mean, and of a mode.
 MEAN_ROUNDING, MODE_ROUNDING = 1e-12, 1e-15

@@ -24,8 +24,7 @@ from ...compiler.vectors import TILE, WIDTH, load, store, without_refcount
 from ...numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ...numerics.elementary import REDUCIBLE
 from ...numerics.rng import LANES
-from .cosets import InRows, Packed, Together, fold, unfold
-from .scratch import around, line_of, phases_at, sines_at, sines_length, tiles_at
+from .cosets import InRows, Packed, Together, around, fold, line_of, phases_at, sines_at, sines_length, tiles_at, unfold
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Phases

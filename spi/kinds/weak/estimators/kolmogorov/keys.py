@@ -4,8 +4,7 @@ import functools
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from spi.ensemble.friction import has_friction
-from spi.ensemble.protocol import Positive, dimension
+from spi.ensemble.protocol import Positive, dimension, has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import Demands, can_solve, demands
 from spi.expressions import canonical, functions_of

@@ -1,17 +1,174 @@
 """The sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
 
-from typing import NamedTuple
+import time
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.numerics.rng import LANES
-from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
-from spi.statistics.powers import kurtosis, mean_over_paths
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.given import points_of
+from spi.ensemble.increments import RandomStream
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
+from spi.ensemble.random_states import RandomState
+from spi.exact.kolmogorov import can_solve
+from spi.kinds.blocks import Sample
+from spi.numerics.rng import LANES, LEVELS
+from spi.schemes.asymptotic import AsymptoticPreserving
+from spi.statistics.estimators import (
+    GROUPS,
+    PARTS,
+    ROUND,
+    Extrapolation,
+    fit_order,
+    group_counts,
+    jackknife_stderr,
+    kurtosis,
+    mean_over_paths,
+    standard_deviation,
+)
+from spi.statistics.intervals import student_factor
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
-from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
+from ...study import stderr_of
+from ..kolmogorov.study import solution
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: The quantities of which a level has sums: DIFFERENCE, at the coarse step minus at the fine step; VALUE, at the fine
+#: step; CONTROL, the difference of the control, and the PRODUCT of the two only with a control.  The last level, which
+#: has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
+DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
+
+
+def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Sample, ...]:
+    """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
+
+    `scheme` is the record of the scheme, `antithetic` says whether paths are antithetic, and `limit` is the record
+    of the scheme that is the control, None without control.
+    """
+    count = round(np.log2(max(case.steps) / case.reference_step))
+    differences = [_level(case, scheme, j, limit, *_two_steps(antithetic, limit)) for j in range(count)]
+    last = _level(case, scheme, count, limit, *_one_step(antithetic, limit))
+    if case.coarse == "quasi":
+        points = points_of(case.seed, int(last.stream.stream), scheme, case.model, last.grid, case.construction)
+        last = last._replace(stream=points)
+    return *differences, last
+
+
+def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+    """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    if antithetic:
+        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
+        return shape, [[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]]
+    if limit is not None:
+        shape = {"doublings": (0, 0, 1, 1), "by_reference": (0, 1, 0, 1)}
+        return shape, [[-1.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
+    return {"doublings": (0, 1)}, [[-1.0, 1.0], [1.0, 0.0]]
+
+
+def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+    """The same for the last level."""
+    if antithetic:
+        return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
+    if limit is not None:
+        return {"doublings": (0, 0), "by_reference": (0, 1)}, [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    return {"doublings": (0,)}, [[1.0], [1.0]]
+
+
+def _level(
+    case: Any, scheme: Any, j: int, limit: tuple | None, shape: dict[str, Any], weights: list[list[float]]
+) -> Sample:
+    h = case.reference_step * 2.0**j
+    steps = round(case.final_time / h)
+    terms = fourier_terms(case.model, [scheme], h, areas=case.areas)
+    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, area_terms=terms, **shape)
+    stream = RandomStream(np.uint64(case.seed), np.uint64(LEVELS + 2 * j))
+    return Sample.of(times, stream, weights)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a multilevel estimator has decided: how many samples each level gets, and what came of earlier allocations.
+# ---------------------------------------------------------------------------------------------------------------------
+
+PILOT = 2 * ROUND  #: blocks of each level before the first allocation
+SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
+
+
+class Errors(NamedTuple):
+    """Errors and their leave-one-out values, in which each level lacks a group."""
+
+    error: np.ndarray  #: (F, S)
+    without: np.ndarray  #: (GROUPS, F, S)
+    counts: np.ndarray  #: (GROUPS,) as good as the paths of each group
+    unseen: np.ndarray  #: (F, S) what they lack unseen, half the width of an interval
+
+
+class Decisions(NamedTuple):
+    """What is known besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
+
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    allocations: int  #: how many have been made
+    targets: np.ndarray  #: (levels,) blocks that the current allocation wants
+    used: np.ndarray  #: (levels,) bool, which levels are in the errors, chosen after the pilot where there is a choice
+    known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
+    control_bound: float  #: the largest estimate of their numerical error
+    history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
+    history_error_stderr: np.ndarray  #: (allocations, F, S)
+    history_cpu_seconds: np.ndarray  #: (allocations,)
+
+    @classmethod
+    def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Decisions":
+        """The pilot is wanted, and the expectations of the control, if there is one, are not known."""
+        return cls(
+            seconds=0.0,
+            cpu_seconds=0.0,
+            allocations=0,
+            targets=np.full(levels, PILOT),
+            used=np.full(levels, True),
+            known=np.full((levels, functions), np.nan if control else 0.0),
+            control_bound=0.0,
+            history_error=np.zeros((len(SHARES), functions, steps)),
+            history_error_stderr=np.zeros((len(SHARES), functions, steps)),
+            history_cpu_seconds=np.zeros(len(SHARES)),
+        )
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the errors of the current allocation, if there is one, are in the history."""
+        return not self.allocations or bool(self.history_cpu_seconds[self.allocations - 1])
+
+    def with_errors(self, errors: Errors, cpu_seconds: float) -> "Decisions":
+        """These with the errors of the current allocation, which has been fulfilled."""
+        error, stderr, seconds = (
+            values.copy() for values in (self.history_error, self.history_error_stderr, self.history_cpu_seconds)
+        )
+        i = self.allocations - 1
+        error[i], stderr[i], seconds[i] = errors.error, stderr_of(*errors), cpu_seconds
+        return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
+
+    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":
+        """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        exact = solution(case, control, steps)
+        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
+        return self._replace(
+            seconds=self.seconds + time.perf_counter() - began,
+            cpu_seconds=self.cpu_seconds + time.process_time() - cpu_began,
+            known=np.concatenate([differences, exact.value[:, :1].T]),
+            control_bound=float(exact.weak_error_bound.max()),
+        )
+
+
+def control_of(case: Any, record: Any) -> tuple | None:
+    """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
+    solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
+    return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
+
 
 EQUAL = np.full(GROUPS, PARTS)  #: all groups of a level are equally large, so any equal counts will do
 
@@ -161,3 +318,82 @@ def _variance(m: np.ndarray, beta: np.ndarray) -> np.ndarray:
         return variance
     covariance = m[0, PRODUCT] - m[0, DIFFERENCE] * m[0, CONTROL]
     return variance - 2 * beta * covariance + beta**2 * (m[1, CONTROL] - m[0, CONTROL] ** 2)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# How the levels of a multilevel estimator make errors, extrapolated or not, and expectations.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Combination(NamedTuple):
+    """Errors at S steps as sums of the differences of levels.
+
+    With d_l = E phi at 2^(l+1) h_ref minus E phi at 2^l h_ref the error of the step 2^k h_ref, measured against h_ref,
+    is d_0 + ... + d_(k-1).  An extrapolated error is R(h) - R(h_ref), R(h) = sum_i w_i E phi(y_{2^i h}), hence another
+    sum of the same differences.
+    """
+
+    extrapolation: Extrapolation
+    below: np.ndarray  #: for each step of the case how many levels lie between it and the reference step
+
+    def errors(self, differences: np.ndarray) -> np.ndarray:
+        """The errors (..., F, S) against the reference that differences (..., levels, F) of the levels make."""
+        sums = np.moveaxis(np.cumsum(differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
+        count, weights = self.extrapolation.levels, self.extrapolation.weights
+        errors = self.extrapolation.combined(sums[..., self.below - 1])
+        return errors - (sums[..., :count] * weights[1:]).sum(axis=-1, keepdims=True) if count else errors
+
+    def shares(self) -> np.ndarray:
+        """(S, levels) how much of each difference is in the error at each step; 1 or 0 without extrapolation."""
+        level = np.arange(self.below.max())
+        return self.extrapolation.combined((level[:, np.newaxis] < self.below) * 1.0).T - self._of_reference()
+
+    def shares_above(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the differences in E phi at the largest step less R(h_ref), (levels,), or R(h), (S, levels)."""
+        whole = 1.0 - self._of_reference()
+        return whole, whole - self.shares()
+
+    def _of_reference(self) -> np.ndarray:
+        """(levels,) how much of each difference is in R(h_ref) - E phi(y_{h_ref})."""
+        return np.array([self.extrapolation.weights[level + 1 :].sum() for level in range(self.below.max())])
+
+
+def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]:
+    """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
+
+    Beside it the fields of Sampled that state its uncertainty.
+    """
+    h, coarse, moments = np.array(p.case.steps), p.coarse, levels.moments()
+    lacking = (p.unseen_levels(levels) / student_factor(GROUPS)) ** 2
+    last, variances = _variance_of_base(p, levels) + lacking[-1], moments.stderr[:-1] ** 2 + lacking[:-1]
+    fine, square = levels.means_of_powers()[VALUE][:2, -1]
+    differences = p.combination.errors(moments.mean[:-1])
+    largest = differences[:, :1]
+    if p.part.extrapolate:
+        to_reference, to_steps = p.combination.shares_above()
+        largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+        spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
+    else:
+        above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
+        spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T
+    return moments.mean[-1][:, np.newaxis] - largest + differences, {
+        "expectation_stderr": spread,
+        "reference": moments.mean[-1] - largest[:, 0],
+        "sd": standard_deviation(fine, square),
+    }
+
+
+def base_gain(p: Any, levels: LevelSums) -> np.ndarray | None:
+    """(F,) the variance of the mean at the largest step by independent samples over that by points, if these are."""
+    if not p.scrambled:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(levels.moments().stderr[-1] ** 2 / _variance_of_base(p, levels))
+
+
+def _variance_of_base(p: Any, levels: LevelSums) -> np.ndarray:
+    """(F,) of the mean at the largest step; along points over the scrambles, which are the groups."""
+    if not p.scrambled:
+        return np.asarray(levels.moments().stderr[-1] ** 2)
+    mean, without = levels.averages()
+    return np.asarray(jackknife_stderr(mean[-1], without[:, -1], EQUAL) ** 2)

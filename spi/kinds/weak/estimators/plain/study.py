@@ -13,13 +13,18 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, nested_grid
 from spi.ensemble.scheme_protocol import REPORT
-from spi.kinds.blocks import BlocksPlan
+from spi.kinds.blocks import BlocksPlan, values_of_blocks
 from spi.kinds.plans import DOWN, Cost, Done, State
-from spi.kinds.samples import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import mean_over_paths, standard_deviation, with_powers
+from spi.statistics.estimators import (
+    GROUPS,
+    group_counts,
+    jackknife_stderr,
+    mean_over_paths,
+    standard_deviation,
+    with_powers,
+)
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from spi.ensemble.points import CONSTRUCTIONS, dimensions_of
+from spi.ensemble.given import CONSTRUCTIONS, dimensions_of
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys

@@ -1,4 +1,4 @@
-"""Randomised quasi-Monte Carlo: plain sampling whose paths follow scrambled Sobol' points, see ``spi.ensemble.points``.
+"""Randomised quasi-Monte Carlo: plain sampling whose paths follow scrambled Sobol' points, see ``spi.ensemble.given``.
 
 The jackknife groups of paths are the independent scrambles, so that all standard errors are those over scrambles.
 """
@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.points import Points, dimensions_of, points_of
+from spi.ensemble.given import Points, dimensions_of, points_of
 from spi.kinds.plans import DOWN, State
 from spi.numerics.rng import POINTS
 from spi.numerics.sobol import SCRAMBLES
-from spi.statistics.powers import standard_deviation
+from spi.statistics.estimators import standard_deviation
 from spi.storage.records import Part
 
 from ...results import Quasi, WeakErrors

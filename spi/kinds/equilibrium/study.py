@@ -1,0 +1,268 @@
+"""Long times: how rounding errors of Casimirs grow over very many steps, and the law of the states.
+
+Paths are integrated from snapshot to snapshot.  Casimirs are looked at after 128, 256, 512, ... steps and at the end.
+On a sphere all flows preserve the area, so that with noise the law of the states tends to the uniform one: then y_j is
+uniform on [-|y_0|, |y_0|], and means, and fractions of the snapshots in bins of equal probability, are compared with
+their exact values.  Standard errors come from the paths, which are independent of one another.
+
+Where functions are given, all step sizes run until the same time, and means over that time, autocorrelations and
+histograms are found, see ``recording`` and ``averages``.
+"""
+
+import functools
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import (
+    BATCH_SECONDS,
+    add_reports,
+    grid,
+    integrated,
+    limited_threads,
+    paths_of,
+    states_at,
+    thread_count,
+)
+from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
+from spi.ensemble.protocol import casimirs
+from spi.ensemble.scheme_protocol import REPORT
+from spi.exact.sphere_law import BINS, SphereLaw, obstacle
+from spi.kinds.blocks import reported
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.schemes import typical_ns
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Part
+
+from .averages import averages
+from .recording import NOTHING, OF_PATHS, Paths, Recorder, bins_around, casimir_errors, law_of_states
+from .results import Equilibrium
+
+#: About how many snapshots of each path.
+SNAPSHOTS = 8192
+
+_CHUNK_BLOCKS = 16  # which go from the first step to the last together
+_WARM_UP = 1 / 16  # of the time, before snapshots count for the law
+_PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme."""
+    return [Part(scheme) for scheme in case.schemes]
+
+
+def plan(case: Any, part: Part) -> "EquilibriumPlan":
+    """The plan for one scheme of a case."""
+    known = not case.functions and not obstacle(case.model, case.initial)
+    law = SphereLaw.of(case.model, case.initial) if known else None
+    return EquilibriumPlan(case=case, part=part, law=law)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquilibriumPlan(Plan):
+    """Very many steps of one scheme, with one step size after the other."""
+
+    law: SphereLaw | None  #: to which the law of the states tends, None where that is not known
+
+    @property
+    def records(self) -> np.ndarray:
+        """The numbers of steps after which Casimirs are looked at, which all step sizes reach."""
+        count = self.case.counts[0]
+        count = count if self.case.step_count else count // STEPS_PER_TOSS * STEPS_PER_TOSS
+        return np.union1d(STEPS_PER_TOSS << np.arange(int(np.log2(count / STEPS_PER_TOSS)) + 1), [count])
+
+    @property
+    def spacing(self) -> int:
+        """Steps from snapshot to snapshot."""
+        return STEPS_PER_TOSS << max(0, round(np.log2(self.case.counts[0] / STEPS_PER_TOSS / SNAPSHOTS)))
+
+    @functools.cached_property
+    def recorders(self) -> tuple[Recorder, ...]:
+        """What is recorded of functions at each step size; none without functions."""
+        if not self.case.functions:
+            return ()
+        return tuple(Recorder.of(self.case, i, self._bins(i)) for i in range(len(self.case.steps)))
+
+    def _bins(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the bins of the functions begin and how wide they are, from the first block."""
+        steps = min(self.case.counts[number], _PILOT)
+        y, _, _ = self._integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
+        states = np.moveaxis(y.reshape(y.shape[1], -1, LANES)[y.shape[1] // 2 :], 1, 0)
+        with np.errstate(all="ignore"):
+            found = [np.broadcast_to(one.values(states), states.shape[1:]) for one in self.case.path_functions]
+        return bins_around(np.array(found).reshape(len(found), -1), self.case.bins)
+
+    def cost(self) -> Cost:
+        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        blocks = -(-self.case.samples // LANES)
+        steps = sum(self.case.counts) * blocks * LANES
+        idle = thread_count() / min(thread_count(), blocks)  # a block cannot be shared by threads
+        seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
+        bare = replace(self, case=self.case.model_copy(update={"functions": {}}))
+        of_a_block = sum(np.asarray(v).nbytes for v in bare.empty(0, 1))
+        recorded = len(self.case.functions) * 2**21 * min(blocks, _CHUNK_BLOCKS)
+        return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps) + recorded)
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the paths at a step size no other one."""
+        if number is None:
+            return super().deciding(None)
+        records = {} if self.case.step_count else {"records": self.records.tolist()}
+        return super().deciding(0) | {"steps": self.case.steps[number]} | records
+
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """All paths of each step size."""
+        return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
+
+    def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
+        """No paths, or so many blocks from block `first` on before their first step."""
+        paths, conserved = blocks * LANES, len(casimirs(self.model, self.initial))
+        moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
+        return Paths(
+            paths=0,
+            seconds=0.0,
+            n=0,
+            y=self._begun(number, blocks, first),
+            casimir=np.full((len(self.records), conserved, paths), np.nan),
+            report=np.zeros(len(REPORT)),
+            nonfinite=0,
+            snapshots=0,
+            moments=np.zeros((moments, paths)),
+            counts=np.zeros((variables, BINS, paths)),
+            **(self.recorders[number].empty(blocks) if self.recorders else NOTHING),
+        )
+
+    def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
+        """The states of so many blocks before their first step."""
+        times = grid(self.case.steps[number], 1)
+        return states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of the first block."""
+        return self.calls_of_a_step(grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
+
+    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+        """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
+        for chunk in chunks:
+            begun = known and len(known.y) == chunk.blocks
+            paths: Any = known if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
+            known = None
+            with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
+                until = time.perf_counter() + BATCH_SECONDS
+                while not paths.paths:
+                    paths = self._advanced(chunk, paths)
+                    if time.perf_counter() > until or paths.paths:
+                        yield [(chunk, paths)]
+                        until = time.perf_counter() + BATCH_SECONDS
+
+    def next_stop(self, n: int, number: int = 0) -> int:
+        """The number of steps until which paths are run next that have done n."""
+        stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)
+        if self.recorders:
+            piece = self.recorders[number].series.piece(len(self.initial), _CHUNK_BLOCKS)
+            later = self.records[self.records > n].tolist()
+            stop = min([(n // piece + 1) * piece, *later])
+        return int(min(stop, self.case.counts[number]))
+
+    def _integrated(
+        self, y: np.ndarray, number: int, steps: int, n: int, end: int, every: int, first: int = 0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States (blocks, 1 + stored, d * LANES) after each `every` steps from t = 0 on, the last ones, and reports.
+
+        The blocks, of which the first is number `first`, have the states y after n steps and take so many more; for 0
+        as `every` nothing is stored.
+        """
+        h, case = self.case.steps[number], self.case
+        terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
+        times = grid(h, steps, truncate=case.truncate_noise, area_terms=terms, first_step=n)
+        count = 1 + (n + steps) // every - n // every if every else 0
+        stored = np.empty((len(y), count, len(self.initial) * LANES))
+        observer = (state_recorder(times, stored, every),) if every else ()
+        what = self.scheme, self.model, y[:, np.newaxis], times, self.stream, first, len(y), end
+        rows, report = integrated(*what, *observer)
+        return stored, rows, report
+
+    def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
+        """The paths of a chunk at the next snapshot."""
+        number, count = chunk.path_set, self.case.counts[chunk.path_set]
+        began, before, stop = time.perf_counter(), paths.n, self.next_stop(paths.n, number)
+        recorder = self.recorders[number] if self.recorders else None
+        looked = recorder is not None and stop > recorder.series.first * recorder.series.stride
+        every = recorder.series.stride if recorder and looked else 0
+        what = number, stop - before, before, chunk.end, every, chunk.first
+        stored, rows, report = self._integrated(paths.y, *what)
+        y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
+        paths = paths._replace(n=stop, y=y, report=add_reports(paths.report[np.newaxis], report)[0])
+        with np.errstate(all="ignore"):
+            if recorder and looked:
+                paths = recorder.recorded(paths, recorder.values(stored, before), before, chunk.first, chunk.end)
+            if stop in self.records:
+                errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
+                paths = paths._replace(casimir=errors)
+            if self.law and stop > _WARM_UP * count:
+                paths = paths.counted(self.law, states)
+            if stop == count:
+                paths = self._ended(chunk, paths, states)
+        return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
+
+    def _ended(self, chunk: Chunk, paths: Paths, states: np.ndarray) -> Paths:
+        """The paths of a chunk after all steps."""
+        summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end) if self.recorders else {}
+        return paths._replace(
+            paths=chunk.paths,
+            y=paths.y[:0],
+            nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
+            **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
+            **summed,
+        )
+
+    def _recorded(self, errors: np.ndarray, n: int, h: float, states: np.ndarray, block: int) -> np.ndarray:
+        """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
+        if not errors.shape[1]:
+            return errors
+        first = self.initial_casimirs(block, states.shape[1] // LANES)
+        grown = np.reshape(growth(self.model, n * h), (-1, 1))
+        change = casimirs_of_states(self.model, states) * grown - first
+        errors = errors.copy()
+        errors[np.searchsorted(self.records, n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
+        return errors
+
+    def progress(self, state: State) -> Done:
+        """Steps done and all steps, in paths, and no standard error."""
+        levels, done = len(self.case.steps), 0.0
+        for i, path_set in enumerate(state.path_sets):
+            chunks, tally = path_set.chunks(i), state.tally(i)
+            done += sum(sums.paths for sums in tally.nodes.values())
+            done += sum(chunks[index].paths * sums.n / self.case.counts[i] for index, sums in tally.short.items())
+        return Done(done / levels, self.case.samples, float("nan"))
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first step sizes, as many as are complete."""
+        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
+        steps = self.case.steps[: [*complete, False].index(False)]
+        return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
+
+    def results(self, state: State) -> Equilibrium:
+        """The results of one scheme of a case, from its final state."""
+        case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]
+        casimir = np.array([paths.casimir for paths in totals])
+        return Equilibrium(
+            **self.whole(state),
+            h=np.array(case.steps),
+            n=self.records,
+            **casimir_errors(self.records, casimir),
+            nonfinite=np.array([paths.nonfinite for paths in totals]),
+            **reported(np.array([paths.report for paths in totals])),
+            law=law_of_states(self.law, totals) if self.law else None,
+            averages=averages(self.recorders, case, totals) if self.recorders else None,
+            samples=case.samples,
+            steps_each=int(self.records[-1]),
+            snapshots=totals[0].snapshots,
+            accuracy=case.accuracy,
+            panels=case.panels,
+        )

@@ -1,0 +1,312 @@
+"""Tables of long times: errors of the Casimirs, how far the law is from the exact one, and means of functions."""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spi.kinds.blocks import acceptance_note
+from spi.printing.rows import rows_of
+from spi.printing.text import (
+    INTERVAL,
+    add_rows,
+    decimal,
+    joined,
+    lines_of,
+    lost_paths,
+    new_table,
+    power_of_two,
+    print_with_remarks,
+    sentence,
+    short,
+    whose,
+    with_interval,
+)
+
+from .results import APART, LONG_ENOUGH, Averages, Equilibrium, Law, with_averages, with_laws
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The table of means of functions at equilibrium, and what is to be said of them: warnings, orders, what to run.
+# ---------------------------------------------------------------------------------------------------------------------
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+#: A difference between both halves of the kept time of so many standard errors has this probability by chance.
+_SELDOM = 0.01
+
+
+def averages_table(readings: Sequence[Equilibrium]) -> "Table":
+    """Per scheme, function and step size the mean, how far it is from what is known, and its autocorrelation time."""
+    first = next(found for _, found in with_averages(readings))
+    known = bool(np.isfinite(first.reference).any())
+    responses = [first.response(f)[0] for f in range(len(first.functions)) if np.isfinite(first.response(f)[1])]
+    headings = ["scheme", "function", "h", "mean (95 %)", *["bias (95 %)", "in std.\nerrors"] * known]
+    headings += ["autocor-\nrelation time", *[f"{' or '.join(dict.fromkeys(responses))}\n(95 %)"] * bool(responses)]
+    found_table = new_table("means over time", headings, left=3, labels=0)
+    for reading, found in with_averages(readings):
+        lines = []
+        for f, name in enumerate(found.functions):
+            for i, h in enumerate(reading.h.tolist()):
+                more = _response(found, i, f) if responses else ()
+                lines.append([lines_of(reading.about), name, power_of_two(h), *_cells(found, i, f, known), *more])
+        add_rows(found_table, lines, labels=2)
+    return found_table
+
+
+def _cell(value: float, half: float) -> str:
+    return with_interval(float(value), float(half)) if math.isfinite(value) and math.isfinite(half) else "-"
+
+
+def _cells(found: Averages, i: int, f: int, known: bool) -> Iterator[str]:
+    yield _cell(found.average[i, f], found.average_half[i, f])
+    if known:
+        factor = found.average_half[i, f] / found.stderr[i, f] if found.stderr[i, f] else INTERVAL
+        of_bias = found.bias[i, f], factor * found.bias_stderr[i, f]
+        yield _cell(*of_bias) if found.bias_stderr[i, f] else "reference"
+        yield decimal(found.deviation[i, f]) if np.isfinite(found.deviation[i, f]) else "-"
+    yield _cell(found.tau[i, f], INTERVAL * found.tau_stderr[i, f])
+
+
+def _response(found: Averages, i: int, f: int) -> Iterator[str]:
+    _, factor = found.response(f)
+    yield _cell(factor * found.variance[i, f], INTERVAL * abs(factor) * found.variance_stderr[i, f])
+
+
+def averages_remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
+    """What was kept, warnings, orders of biases, and what to run for a wanted accuracy."""
+    for k, (reading, found) in enumerate(with_averages(readings)):
+        if not k:
+            time = found.kept * found.spacing
+            values = f"{found.kept} values of each path {found.spacing:g} apart"
+            yield f"means over the last {time:.6g} of the time, {values}"
+            yield from (f"{n}: {text}" for n, text in zip(found.functions, found.texts, strict=True) if n != text)
+        yield from (f"{reading.about.label}, {line}" for line in _warnings(reading, found))
+        for f, name in enumerate(found.functions):
+            if math.isfinite((order := found.order[f]).order):
+                law = f"{found.constant[f]:.2g} h^{order.order:.2f}"
+                yield f"{reading.about.label}: bias of {name} {law}, order in [{order.low:.2f}, {order.high:.2f}]"
+        yield from planned(reading, found)
+
+
+def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
+    """One line for each thing that makes the errors of the means doubtful, of the worst step size and function."""
+    from scipy.special import stdtrit  # not needed to start the program
+
+    count, paths = found.average.size, reading.samples
+    likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
+    for text, value, bad in (
+        (
+            "burn-in: the second half of the kept time differs from the first by {} standard errors of that; "
+            "give a longer burn_in and final_time",
+            halves := np.abs(found.halves),
+            halves > likely,
+        ),
+        (
+            f"a path has {{:.0f}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer",
+            lengths := found.kept * found.spacing / np.maximum(found.tau, 1e-300),
+            lengths < LONG_ENOUGH,
+        ),
+        (
+            "correlations last longer than they are recorded; take a larger spacing{:.0s}",
+            found.tau,
+            ~np.isfinite(found.window) & np.isfinite(found.tau) & (lengths >= LONG_ENOUGH),
+        ),
+        (
+            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more "
+            "than by chance; run longer",
+            apart := found.disagreement(paths),
+            apart > APART,
+        ),
+    ):
+        if bad.any():
+            worst = np.where(bad, value if value is not lengths else -value, -np.inf).argmax()
+            i, f = np.unravel_index(worst, value.shape)
+            found_value = decimal(value[i, f]) if "{}" in text else value[i, f]
+            averages_told = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(found_value)
+            yield f"{found.functions[f]}, h = {reading.h[i]:g}: {averages_told}"
+
+
+def averages_told(reading: Equilibrium, found: Averages) -> str:
+    """The mean of the first function at the smallest step size."""
+    what = f"the mean of {found.functions[0]} at h = {short(float(reading.h[-1]))} is"
+    return f"{what} {_cell(found.average[-1, 0], found.average_half[-1, 0])}"
+
+
+def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
+    """For each function the time for a standard error s, and with an accuracy that is wanted the numbers for it.
+
+    A mean over the time t of all paths has the variance 2 tau Var / t; the bias is C h^p, where that was fitted.
+    """
+    for f, name in enumerate(found.functions):
+        i = len(reading.h) - 1
+        rate = 2 * found.tau[i, f] * found.variance[i, f]
+        if not math.isfinite(rate) or rate <= 0:
+            continue
+        wanted = reading.accuracy
+        if wanted is None:
+            needed = f"{short(float(rate))}/s^2 of time in all paths"
+            yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
+            continue
+        step, why = step_for(reading, found, f, wanted)
+        time = rate / wanted**2
+        each = max(time / reading.samples, LONG_ENOUGH * found.tau[i, f])
+        length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
+        which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
+        yield f"{which} and {length}, for an accuracy of {short(wanted)}"
+
+
+def step_for(reading: Equilibrium, found: Averages, f: int, wanted: float) -> tuple[float, str]:
+    """A step size at which the bias of a function is at most `wanted`, and how that is known.
+
+    By the fitted bias, or else the largest one at which mean and reference are that close; or none is known.
+    """
+    constant, order = found.constant[f], found.order[f].order
+    if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
+        return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
+    near = np.abs(found.bias[:, f]) + INTERVAL * found.bias_stderr[:, f] <= wanted  # false for NaN
+    if near.any():
+        return float(reading.h[near].max()), "no bias is seen there"
+    return float(reading.h[-1]), "the smallest here, its bias is not known"
+
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+#: Of several variables the table shows the distances of these.
+SHOWN = ("y3", "H")
+
+_PER_CASIMIR = ("growth", "growth_low", "growth_high", "bias", "bias_stderr")
+
+
+def rows(readings: Iterable[Equilibrium]) -> Iterator[dict[str, Any]]:
+    """A record per step size and number of steps; the last ones of each step size tell all that has no number of steps.
+
+    Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
+    """
+    spread = ("casimir", "moment", "variable", "function")
+    for reading in readings:
+        of_steps = next(rows_of(reading, ["h"], spread=spread)).keys() - {"case", "scheme", "h", "samples"}
+        for row in rows_of(reading, ["h", "n"], spread=spread):
+            left_out = of_steps if row["n"] < reading.n[-1] else ()
+            yield {name: value for name, value in row.items() if name not in left_out}
+
+
+def show(console: "Console", heading: str, readings: Sequence[Equilibrium]) -> None:
+    """Print the tables of a case: errors of the Casimirs, and the stationary law where it is known."""
+    tables = [_casimirs(heading, readings)]
+    if law := readings[0].law:
+        tables.append(_laws(readings, law.variables))
+    if readings[0].averages:
+        tables.append(averages_table(readings))
+    print_with_remarks(console, tables, (*_remarks(readings), *averages_remarks(readings)))
+
+
+def _casimirs(heading: str, readings: Sequence[Equilibrium]) -> "Table":
+    """Per scheme, step size and Casimir its errors after all steps and how they grew."""
+    count = readings[0].casimir_count
+    several = count > 1
+    names = ["scheme", "h", "di-\nverged", *["Cas-\nimir"] * several]
+    columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
+    table = new_table(heading, [*names, *columns], left=2, labels=0)
+    for reading in readings:
+        places = itertools.product(range(len(reading.h)), range(max(count, 1)))
+        add_rows(table, (_casimir_cells(reading, i, c) for i, c in places), labels=3)
+    return table
+
+
+def _casimir_cells(reading: Equilibrium, i: int, c: int) -> Iterator["str | Text"]:
+    yield lines_of(reading.about)
+    yield power_of_two(float(reading.h[i]))
+    yield lost_paths(int(reading.nonfinite[i]))
+    if not reading.casimir_count:
+        yield from ["-"] * 5
+        return
+    if reading.casimir_count > 1:
+        yield f"C{c + 1}"
+    rms, worst = (float(values[i, -1, c]) for values in (reading.casimir_rms, reading.casimir_worst))
+    p, low, high, bias, stderr = (float(getattr(reading, name)[i, c]) for name in _PER_CASIMIR)
+    growth = f"{p:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(p) else "not fitted"
+    ratio = decimal(bias / stderr) if stderr > 0 and math.isfinite(bias / stderr) else "-"
+    yield from (short(rms), short(worst), growth, short(bias), ratio)
+
+
+def _laws(readings: Sequence[Equilibrium], variables: tuple[str, ...]) -> "Table":
+    """Per scheme and step size how far distribution functions and means are from the exact ones."""
+    chosen = [name for name in variables if name in SHOWN] or variables
+    distances = [f"distance of the\nlaw of {name} (95 %)" for name in chosen]
+    headings = ["scheme", "h", *distances, "largest |z|\nof the means", "of"]
+    table = new_table("stationary law", headings, left=2, labels=0)
+    for reading, law in with_laws(readings):
+        lines = []
+        for i, h in enumerate(reading.h.tolist()):
+            pairs = ((law.distance[i, m], law.distance_stderr[i, m]) for m in map(variables.index, chosen))
+            cells = [with_interval(float(value), INTERVAL * float(stderr)) for value, stderr in pairs]
+            lines.append([lines_of(reading.about), power_of_two(h), *cells, *_largest_z(law, i)])
+        add_rows(table, lines)
+    return table
+
+
+def _largest_z(law: Law, i: int) -> tuple[str, str]:
+    """The largest |mean - exact| in standard errors, and of which moment it is."""
+    z = np.abs(law.z[i])
+    if np.isnan(z).any():
+        return "not finite", ""
+    return f"{z.max():.1f}", law.moments[z.argmax()]
+
+
+def told(readings: Sequence[Equilibrium]) -> str:
+    """What came out of a case, in one sentence: errors of the Casimirs after all steps, and the law of the states."""
+    errors, means = [], []
+    for reading in readings:
+        if reading.casimir_count:
+            rms = float(reading.casimir_rms[:, -1].max())
+            errors.append(
+                f"{short(rms) if math.isfinite(rms) else 'diverged'} with {whose(reading.about)}{_grown(reading)}"
+            )
+        if reading.law and np.isfinite(reading.law.z).all():
+            means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")
+    after = f"after {_count(readings[0].steps_each)} steps the root mean square error of the Casimir functions is"
+    law = "the means of the stationary law are off by at most so many standard errors:"
+    found = [f"{averages_told(one, known)} with {whose(one.about)}" for one, known in with_averages(readings)]
+    return sentence(
+        [f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else "", joined(found)]
+    )
+
+
+def _grown(reading: Equilibrium) -> str:
+    """The power of the number of steps by which the errors grow, from the smallest to the largest that is known."""
+    known = reading.growth[np.isfinite(reading.growth)]
+    if not known.size:
+        return ""
+    low, high = (f"{end(known):.2f}" for end in (np.min, np.max))
+    return f" (growing as n^{low}{'' if low == high else f' to n^{high}'})"
+
+
+def chance(count: int) -> float:
+    """What the largest |z| of `count` independent standard normals stays below in 95 % of cases."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
+
+
+def _remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
+    first = readings[0]
+    snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
+    which = f" at h = {first.h[0]:g}" if first.averages else ""
+    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{which}{snapshots}"
+    yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
+    for reading in readings:
+        for i, h in enumerate(reading.h.tolist() if reading.acceptance else ()):
+            yield f"{reading.about.label}, h = {h:g}: {acceptance_note(reading.acceptance, i)}"
+    if first.law:
+        count = len(first.law.moments)
+        yield f"by chance the largest |z| of {count} independent means is below {chance(count):.1f} in 95 % of cases"
+
+
+def _count(steps: int) -> str:
+    """A number of steps, powers of two also as such."""
+    return f"{power_of_two(steps)} = {steps:.2g}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"

@@ -1,0 +1,360 @@
+"""Stability: what schemes keep of the equation where steps are large or parameters extreme.
+
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
+fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
+test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
+"""
+
+import functools
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import add_reports, empty_report, integrated, nested_grid, paths_of, thread_count
+from spi.ensemble.observer import path_observer
+from spi.ensemble.protocol import casimirs, dimension, populations
+from spi.ensemble.random_states import RandomState
+from spi.ensemble.scheme_protocol import REPORT
+from spi.exact.kolmogorov import SOLVING, can_solve_equation, exact_expectations, seconds_of_equation
+from spi.exact.work import work
+from spi.expressions import as_numpy, canonical, functions_of
+from spi.kinds.blocks import BlocksPlan, reported
+from spi.kinds.plans import DOWN, Cost, Done, KernelCall, Plan, State
+from spi.numerics.rng import LANES
+from spi.schemes import typical_ns
+from spi.statistics.estimators import stderr_of_mean
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Description, Part
+
+from .results import CasimirErrors, Law, Stability
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The paths of a stability study for one value of the swept parameter: what is watched along them, and its summary.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_MOST_BLOCKS = 64  # of a batch, because of memory
+
+
+class Paths(NamedTuple):
+    """What is known of some paths for one value of the swept parameter; the paths stand along the last axes."""
+
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    casimir: np.ndarray  #: (levels, C, paths)
+    square: np.ndarray  #: (levels, paths)
+    smallest: np.ndarray  #: (levels, paths)
+    y: np.ndarray  #: (levels, d, paths)
+    report: np.ndarray  #: (levels, columns)
+
+    def plus(self, later: "Paths") -> "Paths":
+        """These paths and some later ones."""
+        return Paths(
+            paths=self.paths + later.paths,
+            seconds=self.seconds + later.seconds,
+            cpu_seconds=self.cpu_seconds + later.cpu_seconds,
+            report=add_reports(self.report, later.report[np.newaxis]),
+            **_joined(self, {name: getattr(later, name) for name in _OF_PATHS}),
+        )
+
+
+_OF_PATHS = ("casimir", "square", "smallest", "y")
+
+
+def _joined(paths: Paths, later: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The fields of the paths with those of later ones, by name, behind them."""
+    return {name: np.concatenate((getattr(paths, name), values), axis=-1) for name, values in later.items()}
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    extremes: np.ndarray  #: (blocks, levels, C + 2, LANES)
+    states: np.ndarray  #: (blocks, levels, d * LANES or more)
+    report: np.ndarray  #: (blocks, levels, columns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValuePlan(BlocksPlan):
+    """The paths of one scheme for one value of the swept parameter."""
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Neither other values, nor the test functions, which are functions of the last states."""
+        found = super().deciding(number)
+        return {key: value for key, value in found.items() if key not in ("sweep", "functions")}
+
+    def empty(self, number: int) -> Paths:
+        """No paths."""
+        levels = len(self.steps)
+        return Paths(
+            paths=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            casimir=np.zeros((levels, len(casimirs(self.model, self.initial)), 0)),
+            square=np.zeros((levels, 0)),
+            smallest=np.zeros((levels, 0)),
+            y=np.zeros((levels, len(self.initial), 0)),
+            report=empty_report(1, levels)[0],
+        )
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        return _MOST_BLOCKS
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+        observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
+        what = self.scheme, self.model, self.initial, self.grid, self.stream
+        states, report = integrated(*what, first, blocks, end, observer)
+        return Rows(observer.extremes, states, report)
+
+    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
+        """The paths and those of the rows `at`, of which the first is that of block `first`."""
+        extremes, count = rows.extremes[at], end - first * LANES
+        lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
+        y = paths_of(rows.states[at], len(self.initial))[..., :count]
+        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "smallest": lanes[:, -1], "y": y}
+        return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
+
+    def summary(self, paths: Paths) -> dict[str, np.ndarray]:
+        """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
+        n, first = self.samples, np.abs(self.initial_casimirs(0, self.blocks))[:, : self.samples]
+        scale = np.where(first > 0, first, 1.0)
+        size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            worse = np.nan_to_num(paths.casimir[DOWN] / scale, nan=np.inf, posinf=np.inf)
+            median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
+            norm = np.nan_to_num(np.sqrt(paths.square[DOWN]), nan=np.inf, posinf=np.inf)
+            y, reference = paths.y[DOWN], paths.y[:1]
+            squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
+            error = np.sqrt(squares.mean(axis=1))
+            stderr = stderr_of_mean(squares) / (2 * error)
+        expectation, expectation_stderr = _expectations(self.case.expressions, y)
+        return {
+            "finite": np.isfinite(y).all(axis=1).mean(axis=1),
+            "casimir_worst": worse.max(axis=2, initial=0.0),
+            "casimir_median": median,
+            "largest_norm": norm.max(axis=1),
+            "positive": (paths.smallest[DOWN] > 0.0).mean(axis=1),
+            "error": error,
+            "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
+            "expectation": expectation,
+            "expectation_stderr": expectation_stderr,
+        }
+
+
+def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
+    """Means of the test functions over the states y (levels, d, paths), and their standard errors, (levels, F)."""
+    means = np.empty((2, len(y), len(functions)))
+    for f, tree in enumerate(functions):
+        with np.errstate(all="ignore"):
+            values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
+            means[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
+    return means
+
+
+_PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
+_MOST_SECONDS = 60.0  # that they may take: otherwise they are not known
+_ACCURACY = 1e-3  # numerical error that they may have
+
+
+@functools.lru_cache(maxsize=256, typed=True)
+def _true_expectations(
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
+
+    Typed, because models of two classes may be equal tuples.
+    """
+    asked = model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY
+    return exact_expectations(*asked, most_seconds=_MOST_SECONDS)
+
+
+class Truth(NamedTuple):
+    """True expectations of F test functions for each value."""
+
+    seconds: float  #: wall clock
+    truth: np.ndarray  #: (values, F), NaN until they are known
+    truth_bound: np.ndarray  #: (values, F), their numerical error
+
+    def law(self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray) -> Law:
+        """Expectations of the test functions, of shape (values, levels, F), and how far from the truth they are."""
+        truth, bound = self.truth, self.truth_bound
+        with np.errstate(invalid="ignore"):
+            away = np.abs(mean - truth[:, None])
+            away = np.where(np.isfinite(truth)[:, None] & np.isnan(away), np.inf, away)
+        farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=2)[..., None]
+        doubt = np.hypot(stderr, bound[:, None])
+        return Law(
+            names=names,
+            expectation=mean,
+            expectation_stderr=stderr,
+            truth=truth,
+            truth_bound=bound,
+            distance=np.take_along_axis(away, farthest, 2)[..., 0],
+            distance_stderr=np.take_along_axis(doubt, farthest, 2)[..., 0],
+        )
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme, whatever its eps if that is what is swept."""
+    return [Part(scheme) for scheme in case.schemes]
+
+
+def plan(case: Any, part: Part) -> "StabilityPlan":
+    """The plan for one scheme of a case."""
+    return StabilityPlan(case=case, part=part, points=tuple(_point(one, part.scheme) for one in case.sweep.cases))
+
+
+def _point(case: Any, scheme: str) -> ValuePlan:
+    """The paths of one scheme for a case without the swept parameter."""
+    eps = case.eps[0] if case.row(scheme).multiscale else None
+    reference = case.reference_record(eps)
+    schemes = [case.row(scheme, eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
+    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
+    return ValuePlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StabilityPlan(Plan):
+    """One scheme at all step sizes for all values of the swept parameter; the case has the first value itself."""
+
+    points: tuple[ValuePlan, ...]  #: the paths for each value; only models, initial states and eps differ
+
+    @property
+    def first(self) -> ValuePlan:
+        """The paths for the first value, which tell what is the same for all."""
+        return self.points[0]
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether there are test functions, and their true expectations can be found without a scheme."""
+        known = self.case.noise is None and not isinstance(self.initial, RandomState)
+        return bool(self.case.functions) and known and can_solve_equation(self.model)
+
+    def cost(self) -> Cost:
+        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
+        seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
+        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
+            each = {(point.model, point.initial): point for point in self.points}.values()
+            seconds += sum(map(self._seconds_of_truth, each)) * thread_count()
+        of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
+        return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
+
+    def _seconds_of_truth(self, point: ValuePlan) -> float:
+        """About how many seconds the true expectations for a value take."""
+        functions = functions_of(map(canonical, self.case.expressions), dimension(point.model))
+        asked = point.model, point.initial, self.case.final_time, functions
+        return float(seconds_of_equation(*asked, most_seconds=_MOST_SECONDS))
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the paths for a value, what decides these."""
+        return super().deciding(None) if number is None else self.points[number].deciding(0)
+
+    def initial_extra(self) -> Truth:
+        """No expectation has been found."""
+        nothing = np.full((len(self.points), len(self.case.functions)), np.nan)
+        return Truth(0.0, nothing, nothing)
+
+    def path_sets(self, extra: Truth) -> Sequence[PathSet]:
+        """All paths for each value."""
+        return tuple(path_set for point in self.points for path_set in point.path_sets(extra))
+
+    def empty(self, number: int) -> Paths:
+        """No paths for a value."""
+        return self.points[number].empty(0)
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block for each value."""
+        return [call for point in self.points for call in point.kernel_calls()]
+
+    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+        """Compute consecutive chunks of one value, see :class:`~spi.kinds.plans.Plan`."""
+        return self.points[chunks[0].path_set].advance(chunks, known)
+
+    def finalise(self, state: State) -> Iterator[Truth]:
+        """Find the true expectations for each value."""
+        extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
+        left = np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ()
+        seconds = [self._seconds_of_truth(self.points[i]) for i in left]
+        for n, i in enumerate(left):
+            began, truth, bound = time.perf_counter(), extra.truth.copy(), extra.truth_bound.copy()
+            model, initial = self.points[i].model, self.points[i].initial
+            with work(SOLVING, sum(seconds[n:]), sum(seconds[:n])):
+                truth[i], bound[i] = _true_expectations(model, initial, self.case.final_time, functions)
+            extra = Truth(extra.seconds + time.perf_counter() - began, truth, bound)
+            yield extra
+
+    def progress(self, state: State) -> Done:
+        """Paths done of all values, all of them, and no standard error."""
+        done = sum(state.tally(i).paths for i in range(len(self.points)))
+        return Done(done, len(self.points) * self.first.samples, float("nan"))
+
+    def description(self) -> Description:
+        """What is integrated, without what differs from value to value of the swept parameter."""
+        first, *others = (point.description() for point in self.points)
+        same = {
+            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        }
+        alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
+        own = {
+            "case": self.case.name,
+            "variant": self.part.variant,
+            "truncate_noise": same.get("truncate_noise", False),
+        }
+        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first values, as many as are complete."""
+        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
+        count = [*complete, False].index(False)
+        sweep, extra = self.case.sweep, state.extra
+        fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])
+        case = self.case.model_copy(update={"sweep": fewer})
+        found = state.of(replace(self, points=self.points[:count], case=case)) if count else None
+        if found is not None:
+            found.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
+        return found
+
+    def results(self, state: State) -> Stability:
+        """The results of one scheme of a case, from its final state."""
+        case = self.case
+        return Stability(
+            **self.whole(state),
+            values=np.array(case.sweep.values),
+            h=np.array(case.steps),
+            **self._arrays(state),
+            word=case.sweep.word,
+            functions=tuple(map(canonical, case.expressions)),
+            accurate=case.accurate,
+            samples=case.samples,
+            reference_step=case.reference_step,
+            reference_scheme=case.reference_scheme,
+            panels=case.panels,
+        )
+
+    def _arrays(self, state: State) -> dict[str, Any]:
+        """All arrays by the names of their fields."""
+        totals = [state.total(i) for i in range(len(self.points))]
+        each = [point.summary(total) for point, total in zip(self.points, totals, strict=True)]
+        of = {name: np.array([summary[name] for summary in each]) for name in each[0]}
+        report = np.array([total.report[DOWN] for total in totals])
+        arrays: dict[str, Any] = {name: of[name] for name in _PER_POINT} | reported(report)
+        if populations(self.model):
+            arrays["positive"] = of["positive"]
+        if of["casimir_worst"].shape[-1]:
+            arrays["casimirs"] = CasimirErrors(worst=of["casimir_worst"], median=of["casimir_median"])
+        if self.first.row.composition is not None:  # its flows may rotate
+            arrays["largest_angle"] = report[..., REPORT.index("largest_angle")]
+        if self.case.functions:
+            names = tuple(self.case.functions)
+            arrays["law"] = state.extra.law(names, of["expectation"], of["expectation_stderr"])
+        return arrays
