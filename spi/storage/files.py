@@ -109,7 +109,7 @@ def _host() -> str:
 def _alone_in(folder: Path) -> Iterator[None]:
     """Within it no other program of this machine is; where a folder cannot be locked it does nothing."""
     with contextlib.ExitStack() as stack:
-        if fcntl:
+        if "flock" in dir(fcntl):
             with contextlib.suppress(OSError):
                 handle = os.open(folder, os.O_RDONLY)
                 stack.callback(os.close, handle)  # which ends the lock
