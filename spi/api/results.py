@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.axes import Axes
 
-    pass  # MERGED
-
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
     """Draw a quantity of every part against the step size or the time; ValueError if a part has none of that name."""
@@ -278,8 +276,6 @@ class Results:
 
         ValueError if there is nothing to draw, or if a quantity or a look are given without axes.
         """
-        pass  # MERGED
-
         if ax is not None:
             return draw_into(ax, self, quantity, look)
         if ignored := [*("quantity",) * (quantity is not None), *look]:

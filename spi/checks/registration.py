@@ -11,8 +11,7 @@ _OF_PARAMETERS = ("in_kernels", "fault")
 
 def vocabulary(asked):
     """{name: method or trait} of all that a "model" or a "scheme" is asked."""
-    modules = (protocol, protocol, protocol, protocol, protocol, protocol, scheme_protocol)
-    declared = {name: one for module in modules for name, one in vars(module).items()}
+    declared = vars(protocol) | vars(scheme_protocol)
     return {name: one for name, one in declared.items() if hasattr(one, "declared") and one.declared.asked == asked}
 
 

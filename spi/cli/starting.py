@@ -403,8 +403,6 @@ def doctor() -> None:
     The first time a kernel is compiled, which takes some seconds.  Exit code 1 if a test fails.
     """
     from ..printing.text import printable
-
-    pass  # MERGED
     from .terminal import ProgressLine
 
     sound = True

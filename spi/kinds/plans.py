@@ -10,7 +10,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -34,8 +34,6 @@ from spi.storage.stored import Stored
 # What is known so far of a part.
 # ---------------------------------------------------------------------------------------------------------------------
 
-if TYPE_CHECKING:
-    pass  # MERGED
 
 #: More than any machine computes: sums that ask for more were edited.
 _MOST_CHUNKS = 10**7

@@ -6,14 +6,15 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 
 from typing import Any, NamedTuple
 
-from ..ensemble import protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, frozen, pieces
 from ..numerics.elementary import expm1
 from .delegation import answering_as_inner, inner
 
 
-@answering_as_inner("squared_length_is_casimir", *vars(protocol))
+@answering_as_inner(
+    "squared_length_is_casimir", "phases", "drift_phases", "drift_turned", "noise_phases", "noise_turned"
+)
 class Damped(NamedTuple):
     """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
 

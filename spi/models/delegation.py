@@ -6,13 +6,12 @@ from ..compiler.generated import function_of
 from ..compiler.records import field
 from ..ensemble import protocol
 
-_DECLARING = (protocol, protocol, protocol, protocol, protocol, protocol)
-
 #: Where such a model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault"),
+    *("frozen", "has_friction", "friction_time"),
 )
 
 
@@ -32,7 +31,7 @@ def answering_as_inner(*left_out):
     """Decorator for a class with a field ``model``: it answers what it does not say itself as that model does."""
 
     def decorate(cls):
-        for name, asked in (pair for module in _DECLARING for pair in vars(module).items()):
+        for name, asked in vars(protocol).items():
             if hasattr(asked, "declared") and name not in (*vars(cls), *_NOT_FORWARDED, *left_out):
                 setattr(cls, name, _forwarded(asked))
         cls.answers_as_inner = True

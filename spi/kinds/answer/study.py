@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,8 +78,6 @@ from .results import Answer, Chosen, Compared, Levels
 # The answer that sums over paths make: the value, its interval, the check by one step finer, and what to say of it.
 # ---------------------------------------------------------------------------------------------------------------------
 
-if TYPE_CHECKING:
-    pass  # MERGED
 
 _SURE = 2.0  # standard errors by which the check may be off
 _DOUBT = 1.5  # of the consistency, whose bound 1 one of many levels passes now and then
@@ -306,8 +304,6 @@ def _in_the_way(p: "AnswerPlan", state: State, one: Found) -> str:
 # speed, and no clock has a say.
 # ---------------------------------------------------------------------------------------------------------------------
 
-if TYPE_CHECKING:
-    pass  # MERGED
 
 #: Seconds of solving that are not worth a pilot, which has kernels compiled.
 SURE = 3.0
@@ -450,8 +446,6 @@ def _in_seconds(x: float) -> str:
 # What an answer decides next: pilot, a tenth of the work, the whole, checks.
 # ---------------------------------------------------------------------------------------------------------------------
 
-if TYPE_CHECKING:
-    pass  # MERGED
 
 MOST_STAGES = 14  #: after so many the answer is given as it is
 
