@@ -76,7 +76,7 @@ def run(
     from ..running import run as runner
     from ..running import shards
     from ..running.remarks import warnings
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     if part is not None:
         end(INVALID, f"--part is now called --shard; write --shard {part}")
@@ -144,7 +144,7 @@ def verify(
     from .. import storage
     from ..printing import print_safely, verified
     from ..running.verify import verify
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     prepare(threads)
@@ -234,7 +234,7 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
     """Compute each experiment, print the tables of its results, and judge its claims."""
     from .. import storage
     from ..report import views
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     failed = False
     for number, experiment in enumerate(experiments, start=1):
@@ -305,7 +305,7 @@ def answer(
     from ..printing import as_json
     from ..report import views
     from ..running import run as runner
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     with ProgressLine(experiment.name) as line:
         path = runner.run(experiment, out, fresh, line.watch, limits)
@@ -331,7 +331,7 @@ def _predict(experiment: "Experiment") -> None:
     """Run the pilots, and say what the answers would take."""
     from ..printing.text import human_time
     from ..running.predicting import predictions
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     with ProgressLine(experiment.name) as line:
         found = list(predictions(experiment, line.watch))

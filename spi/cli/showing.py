@@ -185,7 +185,7 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
 
 def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
     from ..report import views
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
         moving = views.film(found)
@@ -237,7 +237,7 @@ def report(
     """
     from ..report.page import files
     from ..storage import write_all
-    from .terminal import ProgressLine
+    from .progress import ProgressLine
 
     paths = stored(sources, results, profile, overrides, samples, seed, kind)
     problems: list[str] = []

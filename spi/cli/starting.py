@@ -1,7 +1,5 @@
 """The commands with which a person begins: list, new, doctor."""
 
-import importlib.metadata
-import os
 import re
 import shlex
 import shutil
@@ -11,149 +9,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import numpy as np
 import typer
 
-from .. import CACHE_PROBLEM, KERNEL_DIGEST, __version__, kernels_folder, modules_folder, scratch_folder, storage
-from ..checks.compilable import CompilationError
-from ..compiler import rounding
-from ..ensemble.loop import thread_count
-from ..running.compiling import physical_memory, processors
-from ..running.run import NOBODY, Watch, load, run
-from ..schemes import typical_ns
-from ..storage.records import Group
+from .. import KERNEL_DIGEST, kernels_folder, modules_folder
 from .options import FAILED, INVALID, SPECS, As, complete_spec, end
 from .terminal import tell
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Whether this installation works: what it runs with, where compiled kernels are kept, and a small run.
-# ---------------------------------------------------------------------------------------------------------------------
-
-_PACKAGES = ("numba", "llvmlite", "numpy", "scipy", "h5py")
-
-#: The quick profile of the experiment rigid_body_strong for one scheme, and its strong errors, which depend on the
-#: processor in their last bits only, where it has no fused operations.
-_SPEC = """\
-title: a small run whose numbers are known
-kind: strong
-model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
-initial: [cos(1.1), 0, sin(1.1)]
-final_time: 1
-steps: 2^-4 .. 2^-7
-reference_step: 2^-10
-schemes: [splitting]
-truncate_noise: true
-samples: 64
-seed: 1
-"""
-_ERRORS = (0.0476422936517553, 0.03143293830482381, 0.02082162363269886, 0.013498335308160655)
-_TOLERANCE = 1e-9  #: relative
-_DRIFT = 1e-12  #: of the Casimir function, which the scheme keeps but for rounding
-
-_SLOW = 5.0  #: how many times longer than typical a step may take before that is worth a warning
-_LEAST_MEMORY, _LEAST_ROOM = 2e9, 1e9  #: bytes, of the machine and on the disk of the cache
-
-
-class Finding(NamedTuple):
-    """What was found, and what to do about it; printed as one line."""
-
-    what: str
-    found: str
-    remedy: str = ""  #: nothing if all is well
-    sound: bool = True  #: whether the program can be used all the same
-
-    def __str__(self) -> str:
-        verdict = "ok" if not self.remedy else "warning" if self.sound else "wrong"
-        return f"{verdict:<8} {self.what:<9} {self.found}" + (f": {self.remedy}" if self.remedy else "")
-
-
-def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
-    """What there is to say of this installation, the quick things first; `watch` is told how far the small run is."""
-    about = storage.provenance()
-    yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
-    yield _packages()
-    yield _vectors(about["machine_processor"])
-    yield _threads()
-    yield _memory()
-    yield _cache()
-    yield from _small_run(watch)
-
-
-def _packages() -> Finding:
-    found, missing = [], []
-    for package in _PACKAGES:
-        try:
-            found.append(f"{package} {importlib.metadata.version(package)}")
-        except (ImportError, OSError):
-            missing.append(package)
-    remedy = f"{', '.join(missing)} should be there too, install spi again" if missing else ""
-    return Finding("packages", ", ".join(found), remedy)
-
-
-def _vectors(processor: str) -> Finding:
-    """For which vectors kernels are compiled, and whether results are those of other processors."""
-    found = f"{processor}, {rounding.instruction_set()}: vectors of {rounding.vector_bits()} bits"
-    remedy = "" if rounding.is_fused() else "it has no fused operations, so that last digits differ from other machines"
-    return Finding("processor", found, remedy)
-
-
-def _threads() -> Finding:
-    threads, count = thread_count(), processors()
-    remedy = "" if threads == count else "NUMBA_NUM_THREADS in the environment says how many are used"
-    return Finding("threads", f"{threads}, for {count} processors", remedy)
-
-
-def _memory() -> Finding:
-    size = physical_memory()
-    if size is None:
-        return Finding("memory", "of unknown size")
-    remedy = "" if size >= _LEAST_MEMORY else "see what `spi check` says an experiment needs"
-    return Finding("memory", f"{size / 1e9:.1f} GB", remedy)
-
-
-def _cache() -> Finding:
-    """Where compiled kernels are kept, how many there are and whether there is room for more."""
-    if CACHE_PROBLEM:
-        remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
-        return Finding("kernels", CACHE_PROBLEM, remedy)
-    kernels = len(list(kernels_folder().rglob("*.nbc")))
-    folder = modules_folder().parent
-    size, free = sum(path.stat().st_size for path in folder.rglob("*")), shutil.disk_usage(folder).free
-    found = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
-    return Finding("kernels", found, "" if free >= _LEAST_ROOM else "free some, or set SPI_CACHE_DIR to another folder")
-
-
-def _small_run(watch: Watch) -> Iterator[Finding]:
-    """Whether a strong study gives the numbers that it should, and how long a step takes."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        yield Finding("compiler", "off, by NUMBA_DISABLE_JIT", "unset it, or runs take hundreds of times as long")
-        return
-    experiment = load("doctor", text=_SPEC)
-    try:
-        with scratch_folder() as folder:
-            (group,) = storage.read(run(experiment, folder, watch=watch)).groups
-    except (CompilationError, OSError, storage.StorageError) as error:
-        yield Finding("numbers", f"the small run failed ({error})", "install spi again, in a new environment", False)
-        return
-    yield _numbers(group)
-    (case,) = experiment.cases
-    yield _speed(float(np.min(group.arrays["ns_per_step"])), typical_ns(case.row("splitting"), case.model))
-
-
-def _numbers(group: Group) -> Finding:
-    """Whether the results of the small run are those that are known."""
-    off = float(np.max(np.abs(group.arrays["error"] / np.array(_ERRORS) - 1)))
-    drift = float(np.max(group.arrays["casimir_drift"]))
-    right = off < _TOLERANCE and drift < _DRIFT
-    near = f"to {off:.0e}" if off else "to the last bit"
-    found = f"strong errors as known, {near}; Casimir drift {drift:.0e}"
-    return Finding("numbers", found, "" if right else "too much, so do not trust what spi computes here", sound=right)
-
-
-def _speed(ns: float, typical: float) -> Finding:
-    found = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
-    return Finding("speed", found, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")
-
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The folder of compiled kernels: what it holds, and the removal of kernels of sources that are no longer installed.
@@ -403,7 +263,8 @@ def doctor() -> None:
     The first time a kernel is compiled, which takes some seconds.  Exit code 1 if a test fails.
     """
     from ..printing.text import printable
-    from .terminal import ProgressLine
+    from .doctor import findings
+    from .progress import ProgressLine
 
     sound = True
     with ProgressLine("doctor") as line:

@@ -2,19 +2,14 @@
 
 import codecs
 import io
-import math
 import os
 import signal
 import sys
 import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import typer
-
-from .. import CACHE_PROBLEM
-from ..printing.text import human_time, printable
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Standard output and error, whatever they can take.
@@ -121,112 +116,3 @@ class Stop:
 
 #: There is one set of signals in a program.
 STOP = Stop()
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# How far a run is, on a terminal.
-# ---------------------------------------------------------------------------------------------------------------------
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
-    from rich.progress import TaskID
-
-    from ..running.compiling import Compiling
-    from ..running.run import Cost, Progress, Watch
-
-
-class ProgressLine:
-    """One line on a terminal: paths done, rate, time left, current standard error."""
-
-    def __init__(self, name: str) -> None:
-        self.name = printable(name)
-        self.bar: Bar | None = None
-        self.task: TaskID | None = None
-        self.told: tuple = ()  #: which kernels are compiled
-
-    def __enter__(self) -> "ProgressLine":
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-            from rich.table import Column
-
-            # The count and the time left are never cut, however narrow the terminal is; the text is.
-            whole, cut = Column(no_wrap=True), Column(no_wrap=True, ratio=1, overflow="ellipsis")
-            columns = [
-                MofNCompleteColumn(table_column=whole),
-                TimeRemainingColumn(compact=True, table_column=whole.copy()),
-                BarColumn(10, table_column=whole.copy()),
-                TextColumn("{task.description}", markup=False, table_column=cut),
-            ]
-            self.bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
-            self.bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar:
-            self.bar.stop()
-
-    @property
-    def watch(self) -> "Watch":
-        """What a run is given to tell how far it is."""
-        from ..running.run import Watch
-
-        return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)
-
-    def tell(self, news: str) -> None:
-        """Say something that stays, above the line if there is one."""
-        if self.bar:
-            self.bar.console.print(f"spi: {news}", markup=False, soft_wrap=True)
-        else:
-            tell(f"spi: {news}")
-
-    def report_beginning(self, title: str, cost: "Cost") -> None:
-        """Say what runs and how long it will take; where that is open, what runs."""
-        STOP.check()
-        long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
-        self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
-
-    def report_compiling(self, news: "Compiling") -> None:
-        STOP.check()
-        total, before = len(news.jobs), news.number - 1
-        if self.told is not news.jobs:
-            self.told = news.jobs
-            kept = "" if CACHE_PROBLEM else "; saved for later runs"
-            self.tell(f"{self.name}: compiling {printable(news.told)}{kept}")
-        elif not self.bar:
-            tell(f"spi: {self.name}: compiling {printable(news.title)}, {total - before} of {total} kernels left")
-        if self.bar:
-            self._show(self.bar, None, f"{self.name}: compiling {printable(news.title)}", total, before)
-
-    def report_work(self, number: int, total: int, work: str) -> None:
-        """Say which of how many comes next of some work, such as "drawing NAME"."""
-        STOP.check()
-        if self.bar:
-            self._show(self.bar, None, f"{self.name}: {work}", total, number - 1)
-
-    def report(self, progress: "Progress") -> None:
-        STOP.check()
-        if not self.bar:
-            return
-        part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
-        if progress.work is not None:
-            work = progress.work  # in per cent, as what it takes in all becomes known on the way
-            total = 100.0 if work.total else None
-            self._show(self.bar, work.title, f"{part}: {work.so_far}", total, 100.0 * work.share)
-            return
-        news = "starting"
-        if progress.done:
-            rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            known = "" if math.isnan(progress.stderr) else f"standard error {progress.stderr:.1e}"
-            news = f"{rate}{known}".removesuffix(", ")
-        self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
-
-    def _show(
-        self, bar: "Bar", part: int | str | None, description: str, total: float | None, completed: float
-    ) -> None:
-        """Show how far a part, or work that has a title, is; None for what is neither."""
-        if self.task is None or bar.tasks[-1].fields["part"] != part:
-            if self.task is not None:
-                bar.remove_task(self.task)
-            self.task = bar.add_task(description, part=part, total=total, completed=int(completed))
-        bar.update(self.task, description=description, total=total, completed=completed)

@@ -475,7 +475,7 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
 def test_the_count_and_the_time_left_are_shown_at_any_width(width, monkeypatch):
     from rich.console import Console
 
-    from spi.cli.terminal import ProgressLine
+    from spi.cli.progress import ProgressLine
     from spi.running.compiling import Compiling, Job
     from spi.running.run import Progress
 

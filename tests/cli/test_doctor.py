@@ -7,8 +7,8 @@ import pytest
 from damage import call
 from helpers import COMPILED
 
-from spi.cli import starting
-from spi.cli.starting import Finding
+from spi.cli import doctor
+from spi.cli.doctor import Finding
 from spi.storage import StorageError
 from spi.storage.records import Group
 
@@ -18,7 +18,7 @@ NO_RUN = Finding("numbers", "as known")
 @pytest.fixture
 def without_run(monkeypatch):
     """The command line, but the small run finds nothing wrong and takes no time."""
-    monkeypatch.setattr(starting, "_small_run", lambda watch: [NO_RUN])
+    monkeypatch.setattr(doctor, "_small_run", lambda watch: [NO_RUN])
     return lambda: call("doctor")
 
 
@@ -49,34 +49,32 @@ def group(errors, drift):
 
 
 def test_wrong_numbers_are_noticed():
-    known = np.array(starting._ERRORS)
-    assert str(starting._numbers(group(known * (1 + 1e-13), 1e-14))).startswith("ok       numbers")
+    known = np.array(doctor._ERRORS)
+    assert str(doctor._numbers(group(known * (1 + 1e-13), 1e-14))).startswith("ok       numbers")
     wrong = known * np.array([1, 1, 1 + 1e-8, 1])
     for one in (group(wrong, 1e-14), group(known, 1e-9), group(known * np.nan, 1e-14), group(known, np.nan)):
-        finding = starting._numbers(one)
+        finding = doctor._numbers(one)
         assert not finding.sound and str(finding).startswith("wrong    numbers") and "do not trust" in str(finding)
 
 
-@pytest.mark.parametrize(
-    "error", [StorageError("cannot write /x"), OSError("no room"), starting.CompilationError("no")]
-)
+@pytest.mark.parametrize("error", [StorageError("cannot write /x"), OSError("no room"), doctor.CompilationError("no")])
 @pytest.mark.skipif(not COMPILED, reason="nothing is run")
 def test_a_run_that_fails_is_one_line_and_exit_code_1(monkeypatch, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(starting, "run", fail)
+    monkeypatch.setattr(doctor, "run", fail)
     code, out, err = call("doctor")
     assert (code, err) == (1, "spi: a test failed, see above\n")
     assert out.splitlines()[-1].startswith(f"wrong    numbers   the small run failed ({error})")
 
 
 def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run):
-    monkeypatch.setattr(starting, "CACHE_PROBLEM", "/nowhere: Permission denied")
-    monkeypatch.setattr(starting, "_LEAST_MEMORY", 1e18)
-    monkeypatch.setattr(starting, "_PACKAGES", ("numpy", "no_such_package"))
-    monkeypatch.setattr(starting, "processors", lambda: 1000)
-    monkeypatch.setattr(starting.rounding, "is_fused", lambda: False)
+    monkeypatch.setattr(doctor, "CACHE_PROBLEM", "/nowhere: Permission denied")
+    monkeypatch.setattr(doctor, "_LEAST_MEMORY", 1e18)
+    monkeypatch.setattr(doctor, "_PACKAGES", ("numpy", "no_such_package"))
+    monkeypatch.setattr(doctor, "processors", lambda: 1000)
+    monkeypatch.setattr(doctor.rounding, "is_fused", lambda: False)
     code, out, err = without_run()
     assert (code, err) == (0, "")
     for name, words in (
@@ -90,17 +88,17 @@ def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run)
 
 
 def test_the_room_for_kernels_and_the_speed(monkeypatch):
-    assert str(starting._cache()).startswith("ok       kernels")
-    monkeypatch.setattr(starting, "_LEAST_ROOM", 1e18)
-    assert "SPI_CACHE_DIR" in str(starting._cache())
-    assert str(starting._speed(10.0, 5.5)).startswith("ok ")
-    assert str(starting._speed(100.0, 5.5)).startswith("warning ")
+    assert str(doctor._cache()).startswith("ok       kernels")
+    monkeypatch.setattr(doctor, "_LEAST_ROOM", 1e18)
+    assert "SPI_CACHE_DIR" in str(doctor._cache())
+    assert str(doctor._speed(10.0, 5.5)).startswith("ok ")
+    assert str(doctor._speed(100.0, 5.5)).startswith("warning ")
 
 
 @pytest.mark.parametrize(
     ("features", "bits"), [({"avx2", "sse2", "fma"}, 256), ({"neon"}, 128), ({"avx512f", "avx2", "fma"}, 512)]
 )
 def test_the_width_of_vectors(monkeypatch, features, bits):
-    monkeypatch.setattr(starting.rounding, "WISH", "512")
-    monkeypatch.setattr(starting.rounding, "_features", lambda: features)
-    assert str(starting._vectors("some processor")).endswith(f": vectors of {bits} bits")
+    monkeypatch.setattr(doctor.rounding, "WISH", "512")
+    monkeypatch.setattr(doctor.rounding, "_features", lambda: features)
+    assert str(doctor._vectors("some processor")).endswith(f": vectors of {bits} bits")

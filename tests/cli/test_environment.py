@@ -13,7 +13,7 @@ from damage import call
 from strong_results import strong, strong_group
 
 from spi import cli, storage
-from spi.cli import running, terminal
+from spi.cli import progress, running, terminal
 from spi.running import compiling
 from spi.running.compiling import Compiling, Job, described
 
@@ -222,14 +222,14 @@ JOBS = tuple(
 
 @pytest.mark.parametrize(("problem", "kept"), [("", True), ("/cache: permission denied", False)])
 def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsys, problem, kept):
-    monkeypatch.setattr(terminal, "CACHE_PROBLEM", problem)
-    terminal.ProgressLine("mine").report_compiling(Compiling(1, JOBS, 1))
+    monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
+    progress.ProgressLine("mine").report_compiling(Compiling(1, JOBS, 1))
     told = capsys.readouterr().err
     assert "mine: compiling 3 kernels, about 42 s" in told and ("saved for later runs" in told) == kept
 
 
 def test_it_is_said_which_kernels_compile_how_long_and_how_many_are_left(capsys):
-    line = terminal.ProgressLine("mine")
+    line = progress.ProgressLine("mine")
     for number in (2, 3):  # another process has the first
         line.report_compiling(Compiling(number, JOBS, 2))
     assert capsys.readouterr().err.splitlines() == [

@@ -19,7 +19,7 @@ class Refiner:
 
     known = None
 
-    def __init__(self, first, growth, falls, rough=True):
+    def __init__(self, first, growth, falls, rough=1.4**-2):
         self.costs, self.falls, self.rough = [first * growth**k for k in range(9)], falls, np.array([rough])
 
     def refine(self, number):

@@ -50,7 +50,7 @@ THIRD_PARTY = {
     "distributed": ["running.clusters"],
     "numba": ["compiler.*", "ensemble.loop", "numerics.elementary"],
     "numba.core": ["compiler.*"],
-    "llvmlite": ["compiler.*", "cli.starting"],
+    "llvmlite": ["compiler.*", "cli.doctor"],
 }
 
 

@@ -131,7 +131,7 @@ def test_python_shows_a_line(spec, tmp_path, capsys):
 def test_a_terminal_shows_a_bar(monkeypatch):
     from rich.console import Console
 
-    from spi.cli.terminal import ProgressLine
+    from spi.cli.progress import ProgressLine
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("COLUMNS", "120")
