@@ -18,6 +18,8 @@ class WorkPrecision(Stored):
     Of weak errors, which have one test function, the modulus.
     """
 
+    headline = ("order", "error")
+
     h: Annotated[Array, axis("step size", "time")]
     error: Annotated[Array, array("h", "error without its sign", "state or value")]
     error_stderr: Annotated[Array | None, array("h", "standard error of the error", "state or value")] = None

@@ -12,19 +12,15 @@ from spi.printing.text import (
     error_and_remark,
     error_table,
     human_time,
-    joined,
     lines_of,
     lost_paths,
     new_table,
     order_found,
-    orders,
     power_of_two,
     print_lines,
     print_whole,
     readable,
-    sentence,
     short,
-    whose,
 )
 
 from ..weak.results import cannot_do
@@ -62,39 +58,6 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     if any(one.deviation is not None for one in readings):
         print_whole(console, _budgets(readings))
         console.print()
-
-
-def told(readings: Sequence[WorkPrecision]) -> str:
-    """What came out of a case, in one sentence: which scheme is the cheapest, and the orders.
-
-    That is told of the smallest error that no fewer schemes reach than any other.
-    """
-    fitted = ((whose(reading.about), reading.order, reading.expected_order) for reading in readings)
-    each = [(target, *_fastest(target, readings)) for target in requested(readings)]
-    most = max(each, key=lambda one: sum(cell != "-" for cell in one[3].values()), default=None)
-    return sentence([_comparison(readings, *most) if most else "", orders(readings[0].measure, fitted)])
-
-
-def _comparison(
-    readings: Sequence[WorkPrecision], target: float, best: str | None, point: WorkPoint | None, cells: dict[str, str]
-) -> str:
-    """What a requested error takes the cheapest scheme, and how many times as long it takes the others."""
-    if best is None or point is None:
-        return "no requested error is reached"
-    labels = {reading.about.variant: whose(reading.about, with_eps=True) for reading in readings}
-    time = f"{'at most ' * point.at_most}{duration(point.seconds)} per path"
-    others = [_times(labels[name], cell) for name, cell in cells.items() if name != best and cell != "-"]
-    failing = [labels[name] for name, cell in cells.items() if cell == "-"]
-    told = [f"an error of {_plainly(target)} takes {time} with {labels[best]}", *others]
-    return "; ".join([", ".join(told), *[f"{joined(failing)} did not reach it"] * bool(failing)])
-
-
-def _times(label: str, cell: str) -> str:
-    """What the cell of a scheme that is not the cheapest says."""
-    if cell.startswith("tie"):
-        return f"about as long with {label}"
-    bounded = cell.replace("≤", "at most").replace("≥", "at least").strip("()")
-    return f"{'perhaps ' * cell.startswith('(')}{bounded} times as long with {label}"
 
 
 def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
