@@ -11,7 +11,6 @@ from spi.printing.text import (
     duration,
     error_and_remark,
     error_table,
-    human_time,
     lines_of,
     lost_paths,
     new_table,
@@ -25,14 +24,12 @@ from spi.printing.text import (
 
 from ..weak.results import cannot_do
 from .results import WorkPrecision, requested
-from .work_points import Factor, WorkPoint, best_within, cheapest, work_for
+from .work_points import Factor, WorkPoint, cheapest, work_for
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
-
-_BUDGETS = (1.0, 60.0, 3600.0)  # seconds of one core
 
 _HEADING = 10  # characters of the label of a scheme over a column of factors
 
@@ -55,9 +52,6 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     print_whole(console, table)
     print_lines(console, remarks, style="dim")
     console.print()
-    if any(one.deviation is not None for one in readings):
-        print_whole(console, _budgets(readings))
-        console.print()
 
 
 def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
@@ -132,20 +126,6 @@ def _requested(readings: Sequence[WorkPrecision]) -> tuple["Table", list[str]]:
         "-": "-: not reached at the steps that were run",
     }
     return table, [text for mark, text in remarks.items() if mark in marks]
-
-
-def _budgets(readings: Sequence[WorkPrecision]) -> "Table":
-    """The table of budgets: the scheme and the step with which plain sampling has the least error."""
-    headings = ["budget", "best scheme", "h", "paths", "total error", "of it bias"]
-    table = new_table("best step for a budget of one core, plain sampling", headings, left=2, labels=1)
-    for budget in _BUDGETS:
-        each = ((one, best_within(budget, one.curve, one.deviation)) for one in readings if one.deviation is not None)
-        found = [(point, one.about.label) for one, point in each if point is not None]
-        if found:
-            point, label = min(found)
-            cells = power_of_two(point.h), short(point.paths), short(point.error), short(point.bias)
-            table.add_row(human_time(budget), label, *cells)
-    return table
 
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:
