@@ -62,8 +62,6 @@ class TableModule(Protocol):
     def show(self, console: Any, heading: str, readings: Sequence[Any]) -> None:
         """Print the tables of one case to a ``rich.console.Console``."""
 
-    # told(readings) -> str may be added: what came out of one case, in one sentence
-
 
 class FigureModule(Protocol):
     """``figure``: results as a figure, and as a film where there is a function ``film`` of the same arguments."""

@@ -1,4 +1,4 @@
-"""Tables of what came out over a swept parameter: a line for each value."""
+"""What came out in one line, and tables of what came out over a swept parameter: a line for each value."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
-from .text import add_rows, lines_of, new_table, power_of_two, print_whole, sentence, short, whose, with_interval
+from .text import add_rows, lines_of, new_table, power_of_two, print_whole, short, with_interval
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -100,18 +100,20 @@ def _told(point: Quantity) -> str:
     return with_interval(point.value, (point.high - point.low) / 2)
 
 
-def told(curves: Sequence[Curve]) -> str:
-    """What came out over the parameter, in one sentence: the first quantity at both ends, for each scheme."""
-    return sentence(
-        _ends(curve) for curve in curves if (curve.name, curve.function) == (curves[0].name, curves[0].function)
-    )
+def headline(curves: Sequence[Curve]) -> str:
+    """``Order: 0.504 [0.489, 0.520] with splitting; ... Error at h = 2^-9: ...``, of the first test function."""
+    parts = []
+    for name in dict.fromkeys(curve.name for curve in curves):
+        first, *_ = of_name = [curve for curve in curves if curve.name == name]
+        of = f" of {first.function}" * bool(first.function)
+        members = "; ".join(_ends(curve) for curve in of_name if curve.function == first.function)
+        parts.append(f"{first.label[0].upper()}{first.label[1:]}{of}{_at(curves, name)}: {members}.".replace("\n", " "))
+    return " ".join(parts)
 
 
 def _ends(curve: Curve) -> str:
-    first, last = curve.points[0], curve.points[-1]
-    places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in (first, last)]
-    of = f" of {curve.function}" * bool(curve.function)
-    return (
-        f"{curve.label}{of} with {whose(curve.about)} goes from {_told(first)} at {places[0]} "
-        f"to {_told(last)} at {places[1]}"
-    )
+    """The first and the last value of a curve, with those of the parameter, or the only one."""
+    ends = [curve.points[0], *curve.points[1:][-1:]]
+    places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in ends]
+    values = [f"{_told(one)} at {place}" if place else _told(one) for one, place in zip(ends, places, strict=True)]
+    return f"{' to '.join(values)} with {', '.join(filter(None, (curve.about.label, curve.about.estimator)))}"

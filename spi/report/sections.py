@@ -25,6 +25,7 @@ from ..running import shipped
 from ..running.load import load_as
 from ..specs import text_of
 from ..statistics.claims import VERDICTS
+from ..statistics.curves import curves
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
 
@@ -117,7 +118,7 @@ class Section(NamedTuple):
     kind: str
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
-    told: Facts  #: the title of a case and what came out of it; one without a title if there is one case
+    headlines: Facts  #: the title of a case and what came out of it; one without a title if there is one case
     verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
     complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
     orders: Titled | None
@@ -156,7 +157,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         kind=kind.replace("_", " "),
         paper_figure=attributes.get("figure"),
         asks=attributes.get("asks", ""),
-        told=_told(kind, by_case(read)),
+        headlines=_headlines(kind, read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=printed_claims.complaints(judged),
         orders=_orders(kind, by_case(read)),
@@ -169,12 +170,14 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     )
 
 
-def _told(kind: str, cases: Sequence[Sequence[Stored]]) -> Facts:
-    if over := views.wholes(kind, [one for case in cases for one in case]):
-        return [(whole.title if len(over) > 1 else "", sweeps.told(whole.curves)) for whole in over if whole.curves]
-    say = getattr(KINDS[kind].table, "told", lambda readings: "")
-    told = zip(views.titles(cases), map(say, cases), strict=True)
-    return [(title if len(cases) > 1 else "", text) for title, text in told if text]
+def _headlines(kind: str, read: Sequence[Stored]) -> Facts:
+    """The quantities of each case that the record names as its headline, or of a sweep those that it shows."""
+    cases, names = by_case(read), KINDS[kind].results.Record.headline
+    found = [(whole.title, whole.curves) for whole in views.wholes(kind, read)]
+    if names and not found:
+        each = [curves(KINDS[kind].results.quantities(case), names) for case in cases]
+        found = list(zip(views.titles(cases), each, strict=True))
+    return [(title if len(found) > 1 else "", sweeps.headline(of_case)) for title, of_case in found if of_case]
 
 
 def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> Titled | None:

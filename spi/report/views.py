@@ -46,10 +46,8 @@ def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
 def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
     swept: Any = cases[0][0].about.swept
     quantities = [one for case in cases for one in KINDS[kind].results.quantities(case)]
-    keys = KINDS[kind].keys.Case
-    names = swept.of or keys.shown_over or tuple(keys.quantities)[:1]
-    readings = [reading for case in cases for reading in case]
-    return Whole(owner, swept.title, readings, curves(quantities, names))
+    known = [curve for curve in curves(quantities, swept.of or cases[0][0].headline) if curve.is_known]
+    return Whole(owner, swept.title, [reading for case in cases for reading in case], known)
 
 
 def readings(results: Results) -> list[Stored]:

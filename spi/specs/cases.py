@@ -136,7 +136,6 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     unless_asked: ClassVar[tuple[str, ...] | None] = None  #: without which `accuracy` asks for an answer, where it may
-    shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]

@@ -1,6 +1,5 @@
-"""What came out over a swept parameter: of each quantity a curve for each scheme, estimator and test function."""
+"""What came out, perhaps over a swept parameter: of each quantity a curve for each scheme, estimator and function."""
 
-import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -55,7 +54,7 @@ def _zero(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[float, float]
 
 
 class Curve(NamedTuple):
-    """A quantity over the values of a parameter, or of two, with its 95 % intervals."""
+    """A quantity over the values of a parameter, or of two, with its 95 % intervals; one point if none is swept."""
 
     name: str  #: of the quantity
     function: str  #: the test function that it belongs to, or ""
@@ -98,6 +97,11 @@ class Curve(NamedTuple):
         return (float((away**2).sum()), len(away)) if away.size else None
 
     @property
+    def is_known(self) -> bool:
+        """Whether any of its values is a number."""
+        return not np.isnan(self.of("value")).all()
+
+    @property
     def h(self) -> float | None:
         """The step size of all points; None if it is none, or differs."""
         steps = {point.h for point in self.points}
@@ -117,27 +121,26 @@ class Curve(NamedTuple):
 
 
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
-    """The curves of the quantities of these names, in this order; those of which nothing is known are left out.
+    """The curves of the quantities of these names, in this order.
 
     Of what is known at several step sizes that at the smallest counts, and of several Casimir functions the largest.
     """
-    wanted = [one for one in quantities if one.name in names and one.at]
+    wanted = [one for one in quantities if one.name in names]
     several = _several_eps(wanted)
-    found: dict[tuple, dict[str, Quantity]] = {}
+    found: dict[tuple, dict[tuple, Quantity]] = {}
     for one in wanted:
         about = one.about
         place = several.get((about.case, about.scheme), {}).get(about.eps)
         key = (one.name, one.function, about.scheme, place, about.extrapolate, about.estimator)
-        points = found.setdefault(key, {})
-        if about.case not in points or _before(one, points[about.case]):
-            points[about.case] = one
+        points, at = found.setdefault(key, {}), (about.case, one.swept)
+        if at not in points or _before(one, points[at]):
+            points[at] = one
     listed = []
     for (name, function, _, place, *_), points in found.items():
         first = next(iter(points.values())).about
         if place is None and first.eps is not None:
             first = first._replace(eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
-        if not all(math.isnan(point.value) for point in points.values()):
-            listed.append(Curve(name, function, first, tuple(points.values())))
+        listed.append(Curve(name, function, first, tuple(points.values())))
     return sorted(listed, key=lambda curve: names.index(curve.name))
 
 

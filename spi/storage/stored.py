@@ -142,6 +142,8 @@ class Described:
 class Stored(Described):
     """What one part of an experiment gives, and a group of a results file holds."""
 
+    headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
+
     about: Description
     wall_seconds: Annotated[float, fact("wall-clock time of the part", "s")] = 0.0
     threads: Annotated[int, fact("number of threads")] = 1

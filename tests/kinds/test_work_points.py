@@ -9,7 +9,6 @@ from work_results import H
 from spi.kinds.work_precision.work_points import (
     WorkCurve,
     WorkPoint,
-    best_within,
     cheapest,
     interval_of_median,
     time_factor,
@@ -163,17 +162,3 @@ def test_upper_bounds_decide_nothing():
     surely = time_factor(point(1.0, at_most=True), point(5.0))
     assert surely.high == math.inf and surely.low > 4 and not surely.tie
     assert time_factor(point(1.0, at_most=True), point(5.0, at_most=True)).tie
-
-
-def test_the_best_step_for_a_budget():
-    """bias^2 = h^2 and variance of the mean 1 / (h budget): the derivative vanishes at h^3 = 1 / (2 budget)."""
-    at = curve(H, seconds=1.0 / H)
-    for budget in (1e3, 1e6):
-        found = best_within(budget, at, 1.0)
-        assert found.h == H[np.argmin(H**2 + 1.0 / (H * budget))]
-        assert found.error == pytest.approx(math.hypot(found.bias, 1.0 / math.sqrt(found.h * budget)))
-        assert found.bias == found.h and found.paths == budget * found.h
-    assert best_within(1e9, at, 1.0).h < best_within(1e3, at, 1.0).h
-    doubtful = curve(H, seconds=1.0 / H, half=0.5 * H, resolved=H > 0.05)
-    assert best_within(1e9, doubtful, 1.0).bias == pytest.approx(1.5 * H[-1])
-    assert best_within(1.0, curve(np.full(9, np.nan)), 1.0) is None

@@ -12,7 +12,7 @@ from work_results import H, work_group, work_results
 
 from spi import printing
 from spi.kinds.work_precision.results import WorkPrecision, requested
-from spi.kinds.work_precision.work_points import best_within, interval_of_median
+from spi.kinds.work_precision.work_points import interval_of_median
 from spi.printing.text import duration
 from spi.report import views
 from spi.storage.records import Results
@@ -127,18 +127,6 @@ def test_bounds_are_not_widened(exact, told):
         group.attributes.update(targets=(1e-3,))
     (found,) = answers(printed(Results({"kind": "work_precision"}, tuple(groups))))
     assert found["1e-3"].split("1  ")[-1].strip() == told
-
-
-def test_budgets_are_told_of_weak_errors():
-    groups = [work_group("weak", scheme, "weak", noisy=False) for scheme in ("splitting", "splitting_order2")]
-    assert "best step for a budget" not in printed(Results({"kind": "work_precision"}, tuple(groups)))
-    for group in groups:
-        group.attributes["deviation"] = 0.5
-    text = printed(Results({"kind": "work_precision"}, tuple(groups)))
-    (line,) = [line for line in text[text.index("best step for") :].splitlines() if line.startswith("60 s")]
-    label = "splitting, weak order 2"
-    point = best_within(60.0, WorkPrecision.of(groups[1]).curve, 0.5)
-    assert label in line and f"2^{math.log2(point.h):.0f}" in line and f"{point.error:.1e}".replace("e-0", "e-") in line
 
 
 def test_remarks_only_for_marks_that_occur():

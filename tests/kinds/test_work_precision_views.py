@@ -81,18 +81,6 @@ def test_requested_errors(figure):
         assert across == seen
 
 
-def test_labels_of_steps(figure):
-    one, lost, weak = figure.axes[:3]
-    assert sorted(text.get_text() for text in one.texts) == ["$2^{-11}$"] * 5 + ["$2^{-3}$"] * 5
-    assert "$2^{-6}$" in {text.get_text() for text in lost.texts}
-    assert "$2^{-10}$" in {text.get_text() for text in weak.texts}
-    figure.draw_without_rendering()
-    for ax in (one, lost, weak):
-        boxes = [text.get_window_extent() for text in ax.texts]
-        assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
-        assert all(ax.get_window_extent().contains(*corner) for box in boxes for corner in (box.p0, box.p1))
-
-
 def test_points_of_casimirs(figure):
     casimirs, spoilt = figure.axes[3:5]
     seconds = work_group("one", "splitting").variables["seconds_per_path"][1]

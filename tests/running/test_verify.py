@@ -103,6 +103,15 @@ def test_a_larger_error_is_noticed(copied):
     assert code == 4 and "error does not follow from its paths" in out
 
 
+@pytest.mark.parametrize("factor", [1 + 1e-12, 1 + 1e-6])
+def test_numbers_follow_to_the_last_bit_or_where_a_version_is_another_within_rounding(copied, factor):
+    path = copied()
+    changed(path, lambda name, values: values * factor if name == "order_low" else values)
+    assert [wrong.partition(" does")[0] for wrong in verify(path, 1).wrong] == ["main/euler_maruyama: order_low"]
+    changed(path, lambda name, values: values, machine_numpy="1.0")
+    assert verify(path, 1).sound == (factor - 1 < 1e-9)
+
+
 def test_what_else_is_changed_is_noticed(copied):
     path = copied(sums=False)
     changed(path, lambda name, values: values, samples=(10**6,), expect=None)

@@ -42,6 +42,6 @@ def test_what_says_nothing_is_told_apart():
         ("error", [True]),
         ("order", [True]),
     ]
-    assert curves([lost], ["error"])[0].poor.tolist() == [True] and not curves(
-        [quantity("error", at(1.0), math.nan)], ["error"]
-    )
+    unknown = quantity("error", at(1.0), math.nan)
+    known = [curve.is_known for (curve,) in (curves([one], ["error"]) for one in (lost, unknown))]
+    assert curves([lost], ["error"])[0].poor.tolist() == [True] and known == [True, False]

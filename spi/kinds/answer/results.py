@@ -52,6 +52,8 @@ class Compared(Described):
 class Answer(Stored):
     """Expectations E phi(y(T)) with what is left of errors, and how they were found."""
 
+    headline = ("value",)
+
     functions: Annotated[tuple[str, ...], axis("test function", name="function")]
     value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))")]
     half: Annotated[Array, array("function", "half the width of the 95 % interval, the bias included", "value")]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
-from spi.printing.text import human_time, joined, power_of_two, print_lines, readable, sentence, short, with_interval
+from spi.printing.text import human_time, power_of_two, print_lines, readable, short, with_interval
 
 from .results import Answer
 
@@ -68,13 +68,3 @@ def cost(one: Answer) -> str:
         took += f" (predicted {human_time(one.predicted_seconds)}, of it the pilot {human_time(one.pilot_seconds)})"
     known = np.isfinite(one.half).all() and np.isfinite(one.next_digit_seconds)
     return took + f"; the next digit would take about {human_time(one.next_digit_seconds)}" * bool(known)
-
-
-def told(readings: Sequence[Answer]) -> str:
-    """What came out of a case, in one sentence."""
-    values = [
-        f"E {name} is {with_interval(value, half)}"
-        for one in readings
-        for name, value, half in zip(one.functions, one.value, one.half, strict=True)
-    ]
-    return sentence([joined(values), *dict.fromkeys(how(one) for one in readings)])

@@ -76,7 +76,6 @@ class Case(BaseCase):
         "order": Sort(EQUAL),
     }
     scoping: ClassVar = ("functions",)
-    shown_over: ClassVar = ("casimir_worst", "growth", "law_distance", "average")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
     @property

@@ -133,6 +133,8 @@ class Equilibrium(Stored):
     Errors of the Casimirs are C(y_n) / C(y_0) - 1, or absolute ones if C(y_0) = 0, after several numbers of steps.
     """
 
+    headline = ("casimir_worst", "growth", "law_distance", "average")
+
     h: Annotated[Array, axis("step size", "time")]
     n: Annotated[Array, axis("number of steps")]
     casimir_mean: Annotated[Array, array("h n casimir", "mean error of the Casimir over the paths")]

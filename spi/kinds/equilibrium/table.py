@@ -14,15 +14,12 @@ from spi.printing.text import (
     INTERVAL,
     add_rows,
     decimal,
-    joined,
     lines_of,
     lost_paths,
     new_table,
     power_of_two,
     print_with_remarks,
-    sentence,
     short,
-    whose,
     with_interval,
 )
 
@@ -128,12 +125,6 @@ def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
             found_value = decimal(value[i, f]) if "{}" in text else value[i, f]
             averages_told = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(found_value)
             yield f"{found.functions[f]}, h = {reading.h[i]:g}: {averages_told}"
-
-
-def averages_told(reading: Equilibrium, found: Averages) -> str:
-    """The mean of the first function at the smallest step size."""
-    what = f"the mean of {found.functions[0]} at h = {short(float(reading.h[-1]))} is"
-    return f"{what} {_cell(found.average[-1, 0], found.average_half[-1, 0])}"
 
 
 def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
@@ -258,34 +249,6 @@ def _largest_z(law: Law, i: int) -> tuple[str, str]:
     if np.isnan(z).any():
         return "not finite", ""
     return f"{z.max():.1f}", law.moments[z.argmax()]
-
-
-def told(readings: Sequence[Equilibrium]) -> str:
-    """What came out of a case, in one sentence: errors of the Casimirs after all steps, and the law of the states."""
-    errors, means = [], []
-    for reading in readings:
-        if reading.casimir_count:
-            rms = float(reading.casimir_rms[:, -1].max())
-            errors.append(
-                f"{short(rms) if math.isfinite(rms) else 'diverged'} with {whose(reading.about)}{_grown(reading)}"
-            )
-        if reading.law and np.isfinite(reading.law.z).all():
-            means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")
-    after = f"after {_count(readings[0].steps_each)} steps the root mean square error of the Casimir functions is"
-    law = "the means of the stationary law are off by at most so many standard errors:"
-    found = [f"{averages_told(one, known)} with {whose(one.about)}" for one, known in with_averages(readings)]
-    return sentence(
-        [f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else "", joined(found)]
-    )
-
-
-def _grown(reading: Equilibrium) -> str:
-    """The power of the number of steps by which the errors grow, from the smallest to the largest that is known."""
-    known = reading.growth[np.isfinite(reading.growth)]
-    if not known.size:
-        return ""
-    low, high = (f"{end(known):.2f}" for end in (np.min, np.max))
-    return f" (growing as n^{low}{'' if low == high else f' to n^{high}'})"
 
 
 def chance(count: int) -> float:

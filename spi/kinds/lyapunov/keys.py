@@ -62,7 +62,6 @@ class Case(BaseCase):
         **dict.fromkeys(("largest_exponent", "exponent_sum", "dimension"), Sort(EQUAL)),
         "nonfinite": Sort(AT_MOST),
     }
-    shown_over: ClassVar = ("largest_exponent", "exponent_sum")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another
 

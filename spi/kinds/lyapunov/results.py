@@ -67,6 +67,8 @@ class Pictures(Described):
 class Exponents(Stored):
     """Lyapunov exponents on the Casimir surface, averaged from the warm-up to several times and over the paths."""
 
+    headline = ("largest_exponent", "exponent_sum")
+
     number: Annotated[Array, axis("number of the exponent, the largest first")]
     t: Annotated[Array, axis("time until which is averaged", "time")]
     exponent: Annotated[Array, array("number t", "Lyapunov exponent", "1/time", formula="E log R_kk / (t - warm_up)")]

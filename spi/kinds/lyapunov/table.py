@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Any
 from spi.printing.rows import rows_of
 from spi.printing.text import (
     add_rows,
-    joined,
     lines_of,
     new_table,
     print_with_remarks,
-    sentence,
     short,
-    whose,
     with_interval,
 )
 from spi.statistics.estimators import student
@@ -82,12 +79,3 @@ def _drift(one: Exponents) -> str:
     ends = (_value(one.energy[i], float(student(one.samples - 1)) * one.energy_stderr[i]) for i in (0, -1))
     began, ended = (f"{end} at t = {t:g}" for end, t in zip(ends, one.t[[0, -1]], strict=True))
     return f"no stationary law was found, so that exponents are no limit: the mean of H goes from {began} to {ended}"
-
-
-def told(readings: Sequence[Exponents]) -> str:
-    """What came out of a case, in one sentence."""
-    values = [f"{_value(one.exponent[0, -1], one.exponent_half[0, -1])} with {whose(one.about)}" for one in readings]
-    found = [f"the largest Lyapunov exponent is {joined(values)}"]
-    if not all(one.is_stationary for one in readings):
-        found.append("no stationary law was found, so that this is no limit")
-    return sentence(found)

@@ -59,6 +59,8 @@ class Law(Described):
 class Stability(Stored):
     """What one scheme keeps of the equation at each value of the swept parameter and step size, from large to small."""
 
+    headline = ("error",)
+
     values: Annotated[Array, axis("value of the swept parameter", name="value")]
     h: Annotated[Array, axis("step size", "time")]
     finite: Annotated[Array, array("value h", "fraction of the paths that are finite at the final time")]

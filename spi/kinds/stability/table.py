@@ -9,15 +9,11 @@ import numpy as np
 from spi.printing.rows import rows_of
 from spi.printing.text import (
     add_rows,
-    casimirs,
-    joined,
     lines_of,
     new_table,
     power_of_two,
     print_with_remarks,
-    sentence,
     short,
-    whose,
 )
 
 from .results import CASIMIR_KEPT, REGIMES, Stability, largest_step
@@ -79,24 +75,6 @@ def _summary(reading: Stability) -> Iterator[dict[str, str]]:
             angle = float(reading.largest_angle[i].max(initial=0.0))
             line["angle"] = f"{angle:.2g}" if angle else "< pi/4"
         yield line
-
-
-def told(readings: Sequence[Stability]) -> str:
-    """What came out of a case, in one sentence: how often each scheme is accurate or diverges; the Casimirs."""
-    pairs = readings[0].finite.size
-    lost, accurate = [], []
-    for reading in readings:
-        accurate.append(f"{whose(reading.about, with_eps=True)} at {int(reading.is_accurate.sum())}")
-        count = int((~reading.all_finite).sum())
-        lost += [f"{whose(reading.about, with_eps=True)} at {count}"] if count else []
-    drifts = ((whose(one.about), float(one.casimirs.largest_worst.max())) for one in readings if one.casimirs)
-    return sentence(
-        [
-            f"of {pairs} pairs of {readings[0].word} and h, accurate are {joined(accurate)}",
-            f"paths diverged with {joined(lost)}" if lost else "no path diverged",
-            casimirs(drifts),
-        ]
-    )
 
 
 def _step(h: np.ndarray, good: np.ndarray) -> str:

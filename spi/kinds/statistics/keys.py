@@ -132,7 +132,6 @@ class Case(BaseCase):
     }
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()
-    shown_over: ClassVar = ("mean", "variance", "quantile")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
     @property

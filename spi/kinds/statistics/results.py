@@ -82,6 +82,8 @@ class DensityMap(Described):
 class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
 
+    headline = ("mean", "variance", "quantile")
+
     functions: Annotated[tuple[str, ...], axis("function", name="function")]
     texts: Annotated[tuple[str, ...], fact("what the functions are")]
     t: Annotated[Array, axis("time", "time")]

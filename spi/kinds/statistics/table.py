@@ -10,13 +10,10 @@ from spi.printing.rows import rows_of
 from spi.printing.text import (
     add_rows,
     decimal,
-    joined,
     lines_of,
     new_table,
     print_with_remarks,
-    sentence,
     short,
-    whose,
     with_interval,
 )
 from spi.statistics.claims import WIDEST
@@ -180,20 +177,3 @@ def _map_told(found: DensityMap) -> str:
     times = ", ".join(f"{t:.5g}" for t in found.t)
     told = f"standard errors of {relative:.0%} in the median" if some.any() else "no path is in any of them"
     return f"maps of {of} at t = {times} in {rows} x {columns} cells; {told}"
-
-
-def told(readings: Sequence[Statistics]) -> str:
-    """What came out of a case, in one sentence: the means at the end."""
-    names = readings[0].functions[:3]
-    found = []
-    for f, name in enumerate(names):
-        values = [f"{_mean_told(one, f)} with {whose(one.about)}" for one in readings]
-        found.append(f"the mean of {name} at t = {readings[0].t[-1]:g} is {joined(values)}")
-    return sentence(found)
-
-
-def _mean_told(one: Statistics, f: int) -> str:
-    """The mean at the end, in words where it is not finite."""
-    if one.finite_share[f, -1] < 1.0:
-        return f"not finite (the value is in {_percent(one.finite_share[f, -1])} of the paths)"
-    return _mean_cell(one, f, -1)

@@ -15,7 +15,6 @@ class Case(ErrorCase):
 
     along_paths: ClassVar[bool] = True
     quantities: ClassVar = ORDER | STEPWISE
-    shown_over: ClassVar = ("order", "error")
 
 
 def of_another(given: Given) -> dict[str, Any]:

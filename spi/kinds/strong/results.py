@@ -12,6 +12,8 @@ from spi.storage.stored import Array, Stored, array, axis, fact
 class StrongErrors(Stored):
     """Strong errors of one scheme at several step sizes, from large to small."""
 
+    headline = ("order", "error")
+
     h: Annotated[Array, axis("step size", "time")]
     error: Annotated[Array, array("h", "strong error", "state", "sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2)")]
     error_stderr: Annotated[Array, array("h", "standard error of the strong error", "state")]

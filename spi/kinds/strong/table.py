@@ -8,19 +8,15 @@ from spi.printing.rows import rows_of
 from spi.printing.text import (
     INTERVAL,
     angle_note,
-    casimirs,
     error_and_remark,
     error_table,
     lines_of,
     lost_paths,
     order_found,
-    orders,
     power_of_two,
     print_lines,
     print_whole,
-    sentence,
     short,
-    whose,
 )
 
 from .results import StrongErrors
@@ -52,13 +48,6 @@ def _lines(reading: StrongErrors) -> Iterator[tuple["str | Text", ...]]:
         error, remark = error_and_remark(record, INTERVAL * record["error_stderr"])
         drift, ns = short(record.get("casimir_drift")), short(record.get("ns_per_step"), ".1f")
         yield power_of_two(record["h"]), error, drift, lost_paths(record.get("nonfinite", 0)), ns, remark
-
-
-def told(readings: Sequence[StrongErrors]) -> str:
-    """What came out of a case, in one sentence: orders, and how far the Casimir functions drift."""
-    fitted = ((whose(reading.about), reading.order, reading.expected_order) for reading in readings)
-    drifts = ((whose(one.about), float(one.casimir_drift.max())) for one in readings if one.casimir_drift.size)
-    return sentence([orders("strong", fitted), casimirs(drifts)])
 
 
 def _summary(reading: StrongErrors) -> Iterator[str]:

@@ -21,6 +21,8 @@ class SolverMeans(Described):
 class Trajectory(Stored):
     """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
 
+    headline = ("casimir_drift", "hamiltonian_drift")
+
     t: Annotated[Array, axis("time", "time")]
     y: Annotated[Array, array("t component", "state", "state", column="y_{}")]
     hamiltonian: Annotated[Array, array("t", "Hamiltonian", formula="H(y_n)")]

@@ -3,10 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from spi.printing.rows import rows_of
-from spi.printing.text import casimirs, joined, new_table, power_of_two, print_whole, sentence, short, whose
+from spi.printing.text import new_table, power_of_two, print_whole, short
 
 from .results import Trajectory, losses
 
@@ -56,38 +54,3 @@ def _undefined(readings: Sequence[Trajectory]) -> Iterator[str]:
         for name, values in {"H": reading.hamiltonian, **named}.items():
             if found := losses(reading, values):
                 yield f"{reading.about.label}: {name} is {found}"
-
-
-def told(readings: Sequence[Trajectory]) -> str:
-    """What came out of a case, in one sentence: the Casimir functions, diverged paths, and what the figure is about."""
-    drifts = (
-        (whose(one.about), float(np.max(one.casimir_drift)))
-        for one in readings
-        if one.casimir_drift and losses(one, one.casimirs) is None
-    )
-    lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
-    left = f"the path diverged {joined(lost)}" if lost else ""
-    undefined = joined([_whose(one) for one in readings if losses(one, one.casimirs)])
-    some = f"some Casimir function is not defined all the time with {undefined}" if undefined else ""
-    return sentence([casimirs(drifts), some, left, *_populations(readings), *_energy(readings)])
-
-
-def _whose(reading: Trajectory) -> str:
-    return whose(reading.about, with_eps=True)
-
-
-def _populations(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """Which schemes keep all components positive, where the figure shows populations."""
-    if "populations" not in readings[0].panels:
-        return
-    lowest = {_whose(one): float(one.lowest.min()) for one in readings}
-    positive = [label for label, value in lowest.items() if value > 0]
-    others = [f"{value:.3g} with {label}" for label, value in lowest.items() if not value > 0]
-    yield f"all populations stay positive with {joined(positive)}" if positive else ""
-    yield f"the smallest population is {joined(others)}" if others else ""
-
-
-def _energy(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """From where to where the Hamiltonian goes, if there is one path whose figure shows it."""
-    if len(readings) == 1 and "hamiltonian" in readings[0].panels:
-        yield "the Hamiltonian goes from {:.4g} to {:.4g}".format(*readings[0].hamiltonian[[0, -1]])

@@ -63,7 +63,6 @@ class Case(SampledCase):
     }
     scoping: ClassVar = ("estimators", "functions")
     unless_asked: ClassVar = ("estimators",)
-    shown_over: ClassVar = ("order", "error", "expectation")
 
     @condition("prefixes", "estimators")
     def _check_prefixes(self) -> Self:

@@ -133,6 +133,8 @@ class Quasi(Described):
 class WeakErrors(Stored):
     """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
 
+    headline = ("order", "error", "expectation")
+
     functions: Annotated[tuple[str, ...], axis("test function", name="function")]
     h: Annotated[Array, axis("step size", "time")]
     error: Annotated[Array, array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))")]

@@ -28,7 +28,6 @@ class Case(SampledCase):
     panels: ClassVar[tuple] = ()
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
-    shown_over: ClassVar = ("order", "error")
 
     @property
     def along_paths(self) -> bool:  # type: ignore[override]

@@ -18,6 +18,8 @@ class WorkPrecision(Stored):
     Of weak errors, which have one test function, the modulus.
     """
 
+    headline = ("order", "error")
+
     h: Annotated[Array, axis("step size", "time")]
     error: Annotated[Array, array("h", "error without its sign", "state or value")]
     error_stderr: Annotated[Array | None, array("h", "standard error of the error", "state or value")] = None
@@ -37,9 +39,6 @@ class WorkPrecision(Stored):
     measure: Annotated[str, fact("kind of the errors, strong or weak", column=True)]
     estimator: Annotated[str, fact("estimator of weak errors")] = ""
     functions: Annotated[tuple[str, ...], fact("formula of the test function of weak errors")] = ()
-    deviation: Annotated[
-        float | None, fact("standard deviation of what plain sampling averages, at the largest step", "value")
-    ] = None
     samples: Annotated[int | None, fact("number of paths, where it is given beforehand", column=True)] = None
     repeats: Annotated[int, fact("how often each step size is timed")]
     targets: Annotated[tuple[float, ...], fact("errors for which the cheapest scheme is asked", "state or value")]

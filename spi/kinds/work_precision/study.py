@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import integrate, limited_threads, thread_count
-from spi.kinds.blocks import values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
@@ -31,8 +30,6 @@ from .results import WorkPrecision
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
-
-_DEVIATION_BLOCKS = 64  # of paths, from which the standard deviation of phi is found
 
 
 def parts(case: Any) -> list[Part]:
@@ -71,7 +68,6 @@ class Times(NamedTuple):
     of_errors: Any  #: what the plan of the errors knows besides its paths
     times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
     timing_seconds: float  #: wall clock
-    deviation: np.ndarray  #: (levels of extrapolation,) of what is averaged, of weak errors; NaN until it is known
 
     @property
     def seconds(self) -> float:
@@ -120,8 +116,7 @@ class WorkPlan(Plan):
     def initial_extra(self) -> Times:
         """No time has been measured."""
         times = np.full((self.case.repeats, sum(len(one.h) for one in self.each)), np.nan)
-        unknown = np.full(len(self.each), np.nan)
-        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0, deviation=unknown)
+        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
 
     def path_sets(self, extra: Times) -> Sequence[PathSet]:
         """The paths of the errors."""
@@ -160,8 +155,6 @@ class WorkPlan(Plan):
         began = time.perf_counter()
         jobs = [one.job(h) for one in self.by_level for h in one.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
-        if self.case.functions:
-            extra = extra._replace(deviation=np.array([one.deviation() for one in self.by_level]))
         for repeat in left:
             times = extra.times.copy()
             times[repeat] = _seconds_per_path(jobs)
@@ -181,14 +174,6 @@ class WorkPlan(Plan):
         blocks = max(1, self.path_steps // (LANES * steps))
         scheme, model, start, *others = self._arguments(h, steps, blocks)
         return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
-
-    def deviation(self) -> float:
-        """The standard deviation of phi at the largest step, or of what it is extrapolated to path by path."""
-        h, end = float(self.h[0]), _DEVIATION_BLOCKS * LANES
-        times = self._arguments(h, round(self.case.final_time / h), 1)[3]
-        values, _ = values_of_blocks(self, times, self.stream, 0, _DEVIATION_BLOCKS, end)  # (blocks, steps, F, paths)
-        with np.errstate(all="ignore"):
-            return float(np.einsum("i,bil->bl", self.errors.extrapolation.weights, values[:, :, 0]).std())
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
         """The arguments for steps of size h, and of the larger ones with which these are extrapolated."""
@@ -224,7 +209,6 @@ class WorkPlan(Plan):
             seconds_per_path_low=low,
             seconds_per_path_high=high,
             repeats=case.repeats,
-            deviation=float(state.extra.deviation[self.own_among(lambda one: 1)][0]) if case.functions else None,
             left_out=left_out(case),
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )

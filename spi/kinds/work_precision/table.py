@@ -11,32 +11,25 @@ from spi.printing.text import (
     duration,
     error_and_remark,
     error_table,
-    human_time,
-    joined,
     lines_of,
     lost_paths,
     new_table,
     order_found,
-    orders,
     power_of_two,
     print_lines,
     print_whole,
     readable,
-    sentence,
     short,
-    whose,
 )
 
 from ..weak.results import cannot_do
 from .results import WorkPrecision, requested
-from .work_points import Factor, WorkPoint, best_within, cheapest, work_for
+from .work_points import Factor, WorkPoint, cheapest, work_for
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
-
-_BUDGETS = (1.0, 60.0, 3600.0)  # seconds of one core
 
 _HEADING = 10  # characters of the label of a scheme over a column of factors
 
@@ -59,42 +52,6 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     print_whole(console, table)
     print_lines(console, remarks, style="dim")
     console.print()
-    if any(one.deviation is not None for one in readings):
-        print_whole(console, _budgets(readings))
-        console.print()
-
-
-def told(readings: Sequence[WorkPrecision]) -> str:
-    """What came out of a case, in one sentence: which scheme is the cheapest, and the orders.
-
-    That is told of the smallest error that no fewer schemes reach than any other.
-    """
-    fitted = ((whose(reading.about), reading.order, reading.expected_order) for reading in readings)
-    each = [(target, *_fastest(target, readings)) for target in requested(readings)]
-    most = max(each, key=lambda one: sum(cell != "-" for cell in one[3].values()), default=None)
-    return sentence([_comparison(readings, *most) if most else "", orders(readings[0].measure, fitted)])
-
-
-def _comparison(
-    readings: Sequence[WorkPrecision], target: float, best: str | None, point: WorkPoint | None, cells: dict[str, str]
-) -> str:
-    """What a requested error takes the cheapest scheme, and how many times as long it takes the others."""
-    if best is None or point is None:
-        return "no requested error is reached"
-    labels = {reading.about.variant: whose(reading.about, with_eps=True) for reading in readings}
-    time = f"{'at most ' * point.at_most}{duration(point.seconds)} per path"
-    others = [_times(labels[name], cell) for name, cell in cells.items() if name != best and cell != "-"]
-    failing = [labels[name] for name, cell in cells.items() if cell == "-"]
-    told = [f"an error of {_plainly(target)} takes {time} with {labels[best]}", *others]
-    return "; ".join([", ".join(told), *[f"{joined(failing)} did not reach it"] * bool(failing)])
-
-
-def _times(label: str, cell: str) -> str:
-    """What the cell of a scheme that is not the cheapest says."""
-    if cell.startswith("tie"):
-        return f"about as long with {label}"
-    bounded = cell.replace("≤", "at most").replace("≥", "at least").strip("()")
-    return f"{'perhaps ' * cell.startswith('(')}{bounded} times as long with {label}"
 
 
 def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
@@ -169,20 +126,6 @@ def _requested(readings: Sequence[WorkPrecision]) -> tuple["Table", list[str]]:
         "-": "-: not reached at the steps that were run",
     }
     return table, [text for mark, text in remarks.items() if mark in marks]
-
-
-def _budgets(readings: Sequence[WorkPrecision]) -> "Table":
-    """The table of budgets: the scheme and the step with which plain sampling has the least error."""
-    headings = ["budget", "best scheme", "h", "paths", "total error", "of it bias"]
-    table = new_table("best step for a budget of one core, plain sampling", headings, left=2, labels=1)
-    for budget in _BUDGETS:
-        each = ((one, best_within(budget, one.curve, one.deviation)) for one in readings if one.deviation is not None)
-        found = [(point, one.about.label) for one, point in each if point is not None]
-        if found:
-            point, label = min(found)
-            cells = power_of_two(point.h), short(point.paths), short(point.error), short(point.bias)
-            table.add_row(human_time(budget), label, *cells)
-    return table
 
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:

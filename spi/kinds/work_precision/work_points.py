@@ -27,15 +27,6 @@ class WorkPoint(NamedTuple):
     at_most: bool = False  #: whether a larger step than those run might do, so that all of this is an upper bound
 
 
-class BudgetPoint(NamedTuple):
-    """What a scheme reaches within a budget by plain sampling, and at which step size."""
-
-    error: float  #: the root of the sum of the squares of bias and standard error
-    bias: float
-    h: float
-    paths: float
-
-
 class Factor(NamedTuple):
     """How many times as long another scheme takes, with its 95 % interval."""
 
@@ -104,21 +95,6 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
         interval = weights @ logs + np.array([0.0, -np.hypot(spread, down), np.hypot(spread, up)])
         seconds, low, high = np.exp(interval).tolist()
     return WorkPoint(seconds, low, high, float(np.exp(weights @ np.log(curve.h[pair]))))
-
-
-def best_within(budget: float, curve: WorkCurve, deviation: float) -> BudgetPoint | None:
-    """The least total error of plain sampling within `budget` seconds, of the step sizes that were run.
-
-    With the time t of a path and the standard deviation s of phi that is (bias^2 + s^2 t / budget)^(1/2).  The bias of
-    a step size that is not resolved is taken at the upper end of its interval.  None if no step size is finite.
-    """
-    bias = np.where(curve.resolved, curve.error, curve.error + curve.half)
-    with np.errstate(invalid="ignore"):
-        total = np.hypot(bias, deviation * np.sqrt(curve.seconds / budget))
-    if not np.isfinite(total).any():
-        return None
-    i = int(np.nanargmin(np.where(np.isfinite(total), total, np.nan)))
-    return BudgetPoint(*(float(x) for x in (total[i], bias[i], curve.h[i], budget / curve.seconds[i])))
 
 
 def time_factor(one: WorkPoint, other: WorkPoint) -> Factor:
