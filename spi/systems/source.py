@@ -17,7 +17,7 @@ from .generators import Generator, Moving, generators, motions, rate
 from .motion_code import Motion, motion
 from .spectrum import Inseparable
 from .splitting import Flow, commute
-from .system import System, brackets_of, factors_of, flows_of, poisson_bracket
+from .system import System, poisson_bracket
 from .system import lines as lines_of_solvable
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -267,7 +267,7 @@ class _Generator:
         lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
-        body += self.joint_words() + self.bracket_words()
+        body += self.joint_words()
         tables = Tables(self.world, self.names, self.numbers)
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided or self.tables(tables, drift, noise)
@@ -371,21 +371,6 @@ class _Generator:
         groups = "".join(f"{family.noises!r}, " for family in found)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
-
-    def bracket_words(self) -> list[str]:
-        """What is known of the brackets of noises: ``bracket_flow``, ``bracket_angle`` and ``bracket_factors``."""
-        brackets = brackets_of(self.system)
-        calls: list[Call] = []
-        pairs: list[tuple[int, int]] = []
-        for pair, flow in flows_of(brackets, self.world).items():
-            key, rates = self.moved(flow)
-            if not isinstance(key, str):
-                calls.append(Call(len(calls), key, [("t", rates)], [flow]))
-                pairs.append(pair)
-        rest = {pair: bracket for pair, bracket in brackets.items() if pair not in pairs}
-        lines = factors_of(rest, len(self.system.noises), self.names, self.world)
-        heads = "def bracket_flow(model, k, t, y, angles):", "def bracket_angle(model, k, t, y):"
-        return [*lines, "", f"bracket_flows = {tuple(pairs)!r}", *self.writer.words(heads, calls)] if calls else lines
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
