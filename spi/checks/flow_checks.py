@@ -115,10 +115,6 @@ class NotedAngles(NamedTuple):
         angles.largest[0] = max(angles.largest[0], abs(x))
         return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
 
-    def sinc_versinc(angles, square):
-        s, v = NotedAngles.sin_versine(angles, x := math.sqrt(square))
-        return (s / x - 1.0, v / square) if square else (0.0, 0.5)
-
     def adding_to_zero(angles, p0, p1, p2):
         angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
         return p0, p1, p2

@@ -19,7 +19,6 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from .brackets import NOTHING, precise
-from .spectrum import axes, clusters
 from .splitting import Term, connected, single
 from .symbolics import Entries, NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
 
@@ -83,25 +82,13 @@ def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) ->
 
 
 def _is_kept(term: Term, world: Symbolics) -> bool:
-    """Whether the flow of a term keeps all that it is a function of, and is known where that does not commute."""
+    """Whether the flow of a term keeps all that it is a function of: all of these commute."""
     bracket, moving = world.bracket, [u for u in term.inner.values() if u.fields]
-    if not all(unmoved(f, u) for f in term.functionals for u in moving):
-        return False
-    if not all(commuting(u, other, bracket.dimension) for u, other in itertools.combinations(moving, 2)):
-        return False
-    fields = [bracket.field(f) for f in term.functionals]
-    apart = clusters(fields)
-    if not apart:
-        return True
-    if not all(world.keeps(term.whole, f) for f in term.functionals):
-        return False
-    parts = [connected([p for n in cluster for p in fields[n]]) for cluster in apart]
-    if any(axes(fields, cluster, part) is None for cluster, part in zip(apart, parts, strict=True)):
-        return False
-    others = [p for n, field in enumerate(fields) if all(n not in cluster for cluster in apart) for p in field]
-    others += [p for u in moving for _, entries in u.fields for p in entries]
-    several = [set().union(*part) for part in parts] + [{i for p in others for i in p}]
-    return not any(a & b for a, b in itertools.combinations(several, 2))
+    return (
+        all(bracket.commuting(f, g) for f, g in itertools.combinations(term.functionals, 2))
+        and all(unmoved(f, u) for f in term.functionals for u in moving)
+        and all(commuting(u, other, bracket.dimension) for u, other in itertools.combinations(moving, 2))
+    )
 
 
 class _Search:

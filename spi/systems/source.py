@@ -3,14 +3,14 @@
 import itertools
 import keyword
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
 from .brackets import DIGITS, Bracket, precise
-from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
+from .code import Formula, Numbers, as_tuple, case, signed, written_sum
 from .driving import Coefficients
 from .flow_code import Call, Tables, Writer, divided_words, families, has_tables, motion_functions, phases_of
 from .generators import Generator, Moving, generators, motions, rate
@@ -186,21 +186,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spi.numerics.angles import {angles}
+from spi.numerics.angles import sin_versine
 from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.numerics.motions import {motions}
+from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
-
-
-_IMPORTED = {
-    "angles": ("sin_versine", "sinc_versinc"),
-    "motions": ("larger", "sinh_coshm1", "times", "turning"),
-}
-_ALWAYS = ("sin_versine", "larger", "sinh_coshm1", "times")
 
 
 def head(
@@ -209,14 +202,12 @@ def head(
     variables: Sequence[str],
     sizes: Mapping[str, int],
     inexact: str,
-    used: Collection[str],
     numbers: Numbers,
 ) -> str:
-    """What stands before the functions, which have `used` some words: imports, the system, numbers of two parts."""
+    """Imports, the system, and numbers of two parts: all that stands before the functions."""
     listed = textwrap.fill(", ".join(variables), 110)
-    imported = {key: ", ".join(n for n in known if n in used or n in _ALWAYS) for key, known in _IMPORTED.items()}
     what = {"kind": kind, "name": name, "names": variables, "sizes": dict(sizes), "inexact": inexact}
-    text = _HEAD.format(variables=listed, **what, **imported)
+    text = _HEAD.format(variables=listed, **what)
     pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in numbers.pairs.items()]
     return "\n".join([text, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])])
 
@@ -276,9 +267,8 @@ class _Generator:
         body = [*self.facts(lacking), *body]
         functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         functions += tables.functions()
-        used = words_in("\n".join(line for lines in functions for line in lines))
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
-        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
+        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
