@@ -22,7 +22,7 @@ from .driving import TIME, Data, driving_of, split_in_time
 from .keys import KEYS, MOST, DefinitionError
 from .quadratics import by_invariants, by_quadratics
 from .source import Generated, generate
-from .splitting import Constants, Flow, Term, merged, powers, single, split, without_flow
+from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import (
     NoExactFlow,
     NowhereFinite,
@@ -219,13 +219,7 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(
-                    parts,
-                    world,
-                    constants,
-                    lambda addend: self.by_invariants(addend, world, formulas),
-                    lambda lacking: powers(lacking, world, lambda: self.known(world, formulas)),
-                )
+                found = split(parts, world, constants, lambda addend: self.by_invariants(addend, world, formulas))
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(found) > MOST:
