@@ -171,9 +171,9 @@ class Flow(NamedTuple):
         return reduced([f for term in self.terms for f in term.functionals])
 
 
-def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingProxyType({})) -> Term:
-    """The term that an expression is; NoExactFlow if it is none.  For `kept` see :class:`Term`."""
-    functionals, pivots = functionals_of(expression, world, kept)
+def single(expression: Any, world: Symbolics) -> Term:
+    """The term that an expression is; NoExactFlow if it is none."""
+    functionals, pivots = functionals_of(expression, world)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
@@ -182,7 +182,7 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     if world.bracket.higher and not ends(world.bracket, functionals):
         raise NoExactFlow(f"'{shortened(world.name(expression))}' moves by a Lie series that does not end")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
-    return Term(expression, functionals, pivots, varying, kept)
+    return Term(expression, functionals, pivots, varying)
 
 
 def split(

@@ -276,7 +276,7 @@ def form_text(functional: Functional, names: Sequence[str]) -> str:
 class Quadratic(NamedTuple):
     """A quadratic function u, in one of two ways.
 
-    Either u = Q(s) + C with a quadratic form in linear functions that u keeps and a Casimir function C; or its field is
+    Either u = Q(s) + C with Q of degree 2 in linear functions that u keeps and a Casimir function C; or its field is
     sum_c y_c M_c y with components y_c that commute with everything, or y_d = 1.
     """
 
