@@ -13,7 +13,7 @@ from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary
 
 #: The methods of a model that return one number; all but ``casimirs`` of the others return a vector.
-_NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "bracket_angle", "hamiltonian")
+_NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "hamiltonian")
 
 
 class CompilationError(Exception):

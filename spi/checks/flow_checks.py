@@ -10,9 +10,6 @@ import numpy as np
 from ..compiler.dispatch import answers
 from ..ensemble.fields import noise_field, noise_field_derivative
 from ..ensemble.protocol import (
-    bracket_angle,
-    bracket_flow,
-    bracket_flows,
     casimirs,
     commuting_noises,
     drift_angle,
@@ -118,10 +115,6 @@ class NotedAngles(NamedTuple):
         angles.largest[0] = max(angles.largest[0], abs(x))
         return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
 
-    def sinc_versinc(angles, square):
-        s, v = NotedAngles.sin_versine(angles, x := math.sqrt(square))
-        return (s / x - 1.0, v / square) if square else (0.0, 0.5)
-
     def adding_to_zero(angles, p0, p1, p2):
         angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
         return p0, p1, p2
@@ -212,19 +205,6 @@ def _fields_commuting(model, y, pair):
     back = noise_field_derivative(model, other, y, noise_field(model, k, y))
     if differ(there, back, EXACT, y):
         yield f"commuting_noises has {pair}, but their fields do not commute"
-
-
-def flows_of_brackets(model, y):
-    """That they solve the equations of the commutators of two noises, and are flows of Poisson systems."""
-    known = bracket_flows(model)
-    for flow in _flows_of(model, "bracket", range(len(known)), bracket_flow, bracket_angle):
-        k, j = known[flow.k]
-        there = noise_field_derivative(model, j, y, noise_field(model, k, y))
-        field = np.subtract(there, noise_field_derivative(model, k, y, noise_field(model, j, y)))
-        rate = flow.rate(y, field)
-        if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
-            yield f"{flow} does not solve its equation: its derivative at t = 0 is not that of the bracket"
-        yield from _one_flow(model, flow, y, rate)
 
 
 def joint_flows(model, y):

@@ -407,7 +407,7 @@ def flows_lacking(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model is asked whose pieces and noises have flows in common, and whose noises have brackets that do.
+# What a model is asked whose pieces and noises have flows in common, or whose noises have brackets in common.
 #
 # See ``protocol.py`` for all else.  Compositions make use of it in stages of joint flows and of areas.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -458,24 +458,6 @@ def joint_flow(model, k, t, s, y, angles):
 @method(optional=True)
 def joint_angle(model, k, t, s, y):
     """The largest |angle| whose sine ``joint_flow(model, k, t, s, y, ...)`` takes; 0 for a flow without angles."""
-
-
-@trait(tuple, default=())
-def bracket_flows(model):
-    """Pairs (k, l), k < l, of noises for which :func:`bracket_flow` is known."""
-
-
-@method(optional=True)
-def bracket_flow(model, k, t, y, angles):
-    """exp(t Y_G)(y), the exact flow of G = {Ĥ_j, Ĥ_i} for the pair (i, j) number k of :func:`bracket_flows`.
-
-    As operators Y_G = [Y_i, Y_j], and {f, g} = grad f . B grad g.
-    """
-
-
-@method(optional=True)
-def bracket_angle(model, k, t, y):
-    """The largest |angle| whose sine ``bracket_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
 
 
 @method(optional=True)

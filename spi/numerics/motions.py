@@ -1,11 +1,6 @@
 """What generated models call, besides the elementary functions."""
 
-from typing import Any
-
-import numpy as np
-
 from ..compiler.dispatch import device
-from .angles import sinc_versinc
 from .elementary import expm1
 
 
@@ -28,13 +23,3 @@ def sinh_coshm1(x: float) -> tuple[float, float]:
     f = e / (1.0 + e)
     s = 0.5 * (e + f)
     return (s if x >= 0.0 else -s), 0.5 * e * f
-
-
-@device
-def turning(angles: Any, square: float) -> tuple[float, float]:
-    """(sin x / x - 1, (1 - cos x) / x^2) given x^2, which may be negative: then with hyperbolic functions of |x|."""
-    s, v = sinc_versinc(angles, larger(square, 0.0))
-    below = larger(-square, 0.0) + 1e-300
-    x = np.sqrt(below)
-    sinh, coshm1 = sinh_coshm1(x)
-    return (s if square >= 0.0 else (sinh - x) / x), (v if square >= 0.0 else coshm1 / below)

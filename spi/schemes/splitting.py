@@ -16,7 +16,7 @@ from ..ensemble.protocol import bracket_factors, inexact_noises, inexact_pieces,
 from ..numerics.rng import LANES
 from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
-from .stages import PARTS, Bracket, Symmetric, Together, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
+from .stages import PARTS, Symmetric, Together, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
 from .sweeps import LoopTime, ShareOfWhole, friction_times, report_angle, sweep, sweeps
 
 
@@ -150,9 +150,6 @@ def _step(sweeps, inexact, most):
         elif isinstance(time, LoopTime):
             lines += _loop_time(time)
             time = "work"
-        elif part == "bracket":
-            lines += _in_lanes(0, coin, _lacking_time(time))
-            time = "work"
         elif part == "joint":
             for place, moved in enumerate(time):
                 lines += _in_lanes(place, coin, _noise_time(*moved) if moved else "0.0")
@@ -182,7 +179,7 @@ def _step(sweeps, inexact, most):
         "Together": Together,
         "bracket_factors": bracket_factors,
     }
-    names |= PARTS | {"bracket": Bracket()}
+    names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     return function_of(lines, names)
 

@@ -21,8 +21,8 @@ acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence a b is that factor, wit
 both, so that the terms of order h^(3/2), odd in (a, b), have the mean 0.  Noises that commute need no loops.
 
 A stage of **areas** supplies the same by fewer flows where the model says so.  [Y_k, Y_l] is the field of the bracket
-{Ĥ_l, Ĥ_k}: where that has an exact flow, ``protocol.bracket_flow``, this flow takes the place of the loop.  Where the
-brackets are multiples of one function, ``protocol.bracket_factors``, one loop has the sum of all.
+{Ĥ_l, Ĥ_k}: where these brackets are multiples of one function, ``protocol.bracket_factors``, one loop has the sum of
+all.
 """
 
 import math
@@ -32,8 +32,6 @@ from ..compiler.dispatch import INDICES, method
 from ..compiler.records import class_of, field
 from ..ensemble.protocol import (
     area_pairs,
-    bracket_angle,
-    bracket_flow,
     drift_angle,
     drift_flow,
     drift_phases,
@@ -188,16 +186,6 @@ class Loops(NamedTuple):
 
 class Areas(NamedTuple):
     """The same by the fewest flows that are known, see the head of ``stages.py``."""
-
-
-class Bracket(NamedTuple):
-    """What moves the lanes where the bracket of two noises has an exact flow."""
-
-    def flow(part, model, k, t, y, angles):
-        return bracket_flow(model, k, t, y, angles)
-
-    def angle(part, model, k, t, y):
-        return bracket_angle(model, k, t, y)
 
 
 class Forwards(NamedTuple):

@@ -16,7 +16,6 @@ from ..compiler.vectors import WIDTH, load, store
 from ..ensemble.lanes import aligned, load_lane, store_lane
 from ..ensemble.protocol import (
     bracket_factors,
-    bracket_flows,
     drift_tables,
     friction_after,
     friction_rate,
@@ -429,8 +428,8 @@ def sweeps(stages, model):
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
     depend on the coin, which moves flows of different processes.  Of a joint flow it is a tuple, (noise, time) for
-    each of its noises, None for one that is off.  The flows of loops are noise flows with a :class:`LoopTime`;
-    a "bracket" is the flow number k of ``joint.bracket_flows``, with what is :class:`Lacking`.
+    each of its noises, None for one that is off.  The flows of loops are noise flows with a
+    :class:`LoopTime`.
 
     Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
@@ -440,7 +439,8 @@ def sweeps(stages, model):
         acting = [flow for flow in every if flow[0] == i]
         if stage.part in ("loops", "areas"):
             lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
-            found += _loops(i, [(one,) for one in lacking]) if stage.part == "loops" else _areas(i, lacking, model)
+            is_one = stage.part == "areas" and len(lacking) > 1 and answers(bracket_factors, class_of(model))
+            found += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
             continue
         if stage.coin:
             first, last = acting[:-1], acting[-1:]
@@ -464,15 +464,6 @@ def _loops(i, groups):
         for group in groups
         for place, k in enumerate(2 * group[0].noises)
     ]
-
-
-def _areas(i, lacking, model):
-    """The flows of brackets, where they are known, and the loops of stage i."""
-    known = bracket_flows(model)
-    flows = [(i, "bracket", known.index(one.noises), 1.0, 0, one) for one in lacking if one.noises in known]
-    rest = tuple(one for one in lacking if one.noises not in known)
-    together = len(rest) > 1 and answers(bracket_factors, class_of(model))
-    return [*flows, *_loops(i, [rest] if together else [(one,) for one in rest])]
 
 
 def _shares(every):

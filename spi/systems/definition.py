@@ -20,9 +20,9 @@ from .brackets import Bracket, BracketError, Given, Linear, checked, simplified
 from .casimirs import LARGEST_DENOMINATOR, counted, named, squares_first
 from .driving import TIME, Data, driving_of, split_in_time
 from .keys import KEYS, MOST, DefinitionError
-from .quadratics import by_invariants, by_quadratics
+from .quadratics import by_quadratics
 from .source import Generated, generate
-from .splitting import Constants, Flow, Term, merged, powers, single, split, without_flow
+from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import (
     NoExactFlow,
     NowhereFinite,
@@ -219,13 +219,7 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(
-                    parts,
-                    world,
-                    constants,
-                    lambda addend: self.by_invariants(addend, world, formulas),
-                    lambda lacking: powers(lacking, world, lambda: self.known(world, formulas)),
-                )
+                found = split(parts, world, constants, lambda addend: self.by_quadratics(addend, world, formulas))
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(found) > MOST:
@@ -250,12 +244,12 @@ class _Reader(Data):
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
         return found
 
-    def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
-        """The term of a function of Casimir functions and of linear ones, if it is one."""
-        known, (factor, rest) = self.known(world, formulas), split_in_time(function, world.time)
+    def by_quadratics(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
+        """The term of a function of quadratic functions that its flow keeps and of linear ones, if it is one."""
+        factor, rest = split_in_time(function, world.time)
         if world.time in rest.free_symbols:
             return None
-        found = by_invariants(rest, world, known) or by_quadratics(rest, world, known)
+        found = by_quadratics(rest, world, self.known(world, formulas))
         return found and found._replace(expression=factor * found.expression, original=factor * found.whole)
 
     def known(self, world: Symbolics, formulas: Symbols) -> list[Any]:
@@ -284,7 +278,7 @@ class _Reader(Data):
             return found[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = self.by_invariants(function, world, formulas)
+        term = self.by_quadratics(function, world, formulas)
         return Flow((term,)) if term else without_flow(function, str(reason), world)
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:

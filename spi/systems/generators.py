@@ -11,12 +11,12 @@ import mpmath
 import sympy
 
 from .brackets import Bracket
-from .spectrum import Axis, Block, axes, blocks, clusters
-from .splitting import Field, Flow, Series, connected, constant_rates, series
+from .spectrum import Block, blocks
+from .splitting import Field, Flow, Series, constant_rates, series
 from .symbolics import Entries, Symbolics, form_text
 
 #: What moves block by block, what moves by series, and the variables whose logarithms are coordinates.
-Moving = tuple[list[Block | Axis], dict[int, Series], frozenset[int]]
+Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
 
 
 class Generator(NamedTuple):
@@ -69,16 +69,8 @@ def _added(found: Sequence[Generator]) -> list[Generator]:
 
 
 def motions(found: Sequence[Generator], bracket: Bracket) -> Moving:
-    """By matrices that commute, block by block, then about axes, and by series."""
+    """By matrices that commute, block by block, and by series."""
     if any(one.curved for one in found):
         return [], series([one.curved or bracket.as_field(one.entries) for one in found]), bracket.logarithmic
     steady, matrices = constant_rates([one.entries for one in found], bracket.dimension)
-    apart = clusters(matrices)
-    turning = {n for cluster in apart for n in cluster}
-    moving: list[Block | Axis] = [*blocks([{} if n in turning else entries for n, entries in enumerate(matrices)])]
-    for cluster in apart:
-        parts = connected([place for n in cluster for place in matrices[n]])
-        turned = axes(matrices, cluster, parts)
-        assert turned is not None  # or the term was none
-        moving += turned
-    return moving, steady, bracket.logarithmic
+    return blocks(matrices), steady, bracket.logarithmic

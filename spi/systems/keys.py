@@ -6,7 +6,7 @@ from typing import Any
 #: Names that generated modules give other meanings than their class.
 USED = (
     *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
-    *("sinc_versinc", "sinh_coshm1", "times", "turning"),
+    *("sinh_coshm1", "times"),
 )
 MOST = 64  #: components, flows, noises
 KEYS = MappingProxyType(

@@ -8,7 +8,7 @@ import mpmath
 
 from .brackets import NOTHING
 from .code import Numbers, forms, total, written_sum
-from .spectrum import Axis, Block, Near, Space
+from .spectrum import Block, Near, Space
 from .splitting import Series
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -23,7 +23,6 @@ class Shears:
         self.count, self.numbers, self.depends = count, numbers, depends
         self.lines: list[str] = []
         self.phases: list[tuple[mpmath.mpf, ...]] = []
-        self.squares: list[str] = []  # of angles about axes that depend on y
         self.kinds: list[str] = []
         self.left = 0
         self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
@@ -49,16 +48,6 @@ class Shears:
             self.phases.append(phase)
             self.taken[angle] = s, v
         return self.taken[angle]
-
-    def about_axis(self, square: str, definite: bool) -> tuple[str, str]:
-        """Names of (sin r)/r - 1 and (1 - cos r)/r^2 from the code of r^2, which may be negative if not `definite`."""
-        if square not in self.taken:
-            s, v = self.name("s"), self.name("v")
-            function = "sinc_versinc" if definite else "turning"
-            self.lines.append(f"{s}, {v} = {function}(angles, {square})")
-            self.squares.append(square if definite else f"larger({square}, 0.0)")
-            self.taken[square] = s, v
-        return self.taken[square]
 
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
@@ -199,7 +188,7 @@ class Motion(NamedTuple):
 
 
 def motion(
-    blocks: Sequence[Block | Axis],
+    blocks: Sequence[Block],
     series: Mapping[int, Series],
     logarithmic: frozenset[int],
     count: int,
@@ -231,10 +220,8 @@ def motion(
 
 
 class _Writer(Shears):
-    def block(self, block: Block | Axis) -> None:
-        if isinstance(block, Axis):
-            self.axis(block)
-        elif block.turn and self._turns(block):
+    def block(self, block: Block) -> None:
+        if block.turn and self._turns(block):
             self.turn(block)
         elif self._is_plane(block):
             self.plane(block)
@@ -243,14 +230,6 @@ class _Writer(Shears):
 
     def angle(self) -> str:
         """See :attr:`Motion.angle`."""
-        text = self._angle()
-        for square in self.squares:
-            root = f"np.sqrt({square})"
-            text = f"larger({text}, {root})" if text else root
-        return text
-
-    def _angle(self) -> str:
-        """Of what turns about axes that do not depend on y."""
         single = {n for phase in self.phases for n, c in enumerate(phase) if c}
         if all(sum(bool(c) for c in phase) == 1 for phase in self.phases) and len(single) <= 8:
             factors = {n: max(abs(phase[n]) for phase in self.phases) for n in sorted(single)}
@@ -306,30 +285,6 @@ class _Writer(Shears):
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
             else:
                 self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
-
-    # ---- matrices that do not commute ----------------------------------------------------------------------------
-
-    def axis(self, block: Axis) -> None:
-        """y + sin(r)/r A y + (1 - cos r)/r^2 A^2 y with A = sum_j a_j M_j and r^2 a quadratic form of the a_j."""
-        terms = [self.numbers.times(c, f"a{i + 1} * a{j + 1}", self.depends) for (i, j), c in block.square.items()]
-        s, v = self.about_axis(written_sum(terms), block.definite)
-        first = self._acted(block, {i: f"y{i + 1}" for i in block.components})
-        named = {i: self.let("m", code) for i, code in first.items()}
-        for i, code in self._acted(block, named).items():
-            self.lines.append(f"z{i + 1} = y{i + 1} + ({named[i]} + {s} * {named[i]} + {v} * ({code}))")
-        self.kinds.append("rotation" if block.definite else "rotation or hyperbolic rotation")
-
-    def _acted(self, block: Axis, y: Mapping[int, str]) -> dict[int, str]:
-        """Code of A y by component."""
-        rows: dict[int, list[tuple[str, str]]] = {i: [] for i in block.components}
-        for n, entries in block.matrices.items():
-            for i in block.components:
-                parts = [self.numbers.times(c, y[k], self.depends) for (r, k), c in entries.items() if r == i]
-                if len(parts) == 1:
-                    rows[i].append((parts[0][0], f"a{n + 1} * {parts[0][1]}"))
-                elif parts:
-                    rows[i].append(("+", f"a{n + 1} * ({written_sum(parts)})"))
-        return {i: written_sum(terms) for i, terms in rows.items()}
 
     # ---- a rotation of two components -------------------------------------------------------------------------------
 

@@ -1,12 +1,12 @@
-"""Functions of Casimir functions, and of quadratic functions whose flows are linear: x.y of two spins, q^2 + p^2.
+"""Functions of quadratic functions whose flows are linear, as y_1^2 + y_2^2 on so(3) and q^2 + p^2.
 
 Where {u, f} = 0 for all the u and linear l that f = F(u_1, ..., l_1, ...) is a function of, the flow of f keeps them,
 and its field is the sum of theirs with the numbers dF/du, dF/dl.  Two kinds of quadratic u move y by constant matrices:
 
 * {y_i, u} = sum_c y_c (M_c y)_i with components y_c that commute with everything.  On heisenberg(n), where there is
   one such component, these are all quadratic functions, and so they are where all brackets are constants.
-* u = Q(s) + C with a quadratic form in linear functions s_1, s_2, ... that u keeps and a Casimir function C: the field
-  is that of the s_j with the numbers dQ/ds_j.  On so(3)^2, x.y = (|x + y|^2 - |x|^2 - |y|^2)/2 turns both about x + y.
+* u = Q(s) + C with a polynomial of degree 2 in linear functions s_1, s_2, ... that u keeps and a Casimir function C:
+  the field is that of the s_j with the numbers dQ/ds_j.  On so(3), y_1^2 + y_2^2 = C - y_3^2 turns about axis 3.
 """
 
 import contextlib
@@ -19,48 +19,11 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from .brackets import NOTHING, precise
-from .spectrum import axes, clusters
-from .splitting import Term, connected, single
+from .splitting import Term, connected
 from .symbolics import Entries, NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
 
-_MOST = 12  # variables that are tried in the place of v, over all Casimir functions
 _MOST_TERMS = 200  # of a polynomial that is factored
 _MOST_KEPT = 20  # linear functions s
-
-
-def by_invariants(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Term | None:
-    """The term that a function is when the values of Casimir functions are numbers; None if there is no such term.
-
-    Where C = c v^2 + rest is a Casimir function and f is even in the variable v, f = g(C, l_1, ..., l_r) with
-    v^2 = (C - rest)/c, as (y1^2 + y2^2)^2 on so(3).  The flow of f is that of g with the value of C as a number.
-    """
-    places = itertools.islice(_squares(expression, world, casimirs), _MOST)
-    for n, (casimir, variable, factor) in enumerate(places):
-        kept = sympy.Symbol(f"γ{n + 1}", real=True)
-        rest = sympy.expand(casimir - factor * variable**2)
-        root = sympy.Symbol("ρ", positive=True)
-        even = expression.xreplace({variable: root})
-        if sympy.expand(even - expression.xreplace({variable: -root})) != 0:
-            continue
-        found = even.subs(root, sympy.sqrt((kept - rest) / factor))
-        for form in (found, sympy.expand(found)):
-            if variable not in form.free_symbols and len(world.used(form)) < len(world.used(expression)):
-                with contextlib.suppress(NoExactFlow):
-                    return single(form, world, {kept: casimir})._replace(original=expression)
-    return None
-
-
-def _squares(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Iterator[tuple[Any, Any, Any]]:
-    """(Casimir function, variable v, factor of v^2) where the function is quadratic and v occurs as v^2 alone."""
-    for casimir in casimirs:
-        if not casimir.is_polynomial(*world.variables) or casimir.free_symbols & set(world.parameters):
-            continue
-        poly = sympy.Poly(casimir, *world.variables)
-        for i in world.used(casimir):
-            powers = {monomial[i]: sum(monomial) for monomial in poly.monoms() if monomial[i]}
-            variable = world.variables[i]
-            if powers == {2: 2} and variable in expression.free_symbols:
-                yield casimir, variable, poly.coeff_monomial(variable**2)
 
 
 def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Term | None:
@@ -83,25 +46,13 @@ def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) ->
 
 
 def _is_kept(term: Term, world: Symbolics) -> bool:
-    """Whether the flow of a term keeps all that it is a function of, and is known where that does not commute."""
+    """Whether the flow of a term keeps all that it is a function of: all of these commute."""
     bracket, moving = world.bracket, [u for u in term.inner.values() if u.fields]
-    if not all(unmoved(f, u) for f in term.functionals for u in moving):
-        return False
-    if not all(commuting(u, other, bracket.dimension) for u, other in itertools.combinations(moving, 2)):
-        return False
-    fields = [bracket.field(f) for f in term.functionals]
-    apart = clusters(fields)
-    if not apart:
-        return True
-    if not all(world.keeps(term.whole, f) for f in term.functionals):
-        return False
-    parts = [connected([p for n in cluster for p in fields[n]]) for cluster in apart]
-    if any(axes(fields, cluster, part) is None for cluster, part in zip(apart, parts, strict=True)):
-        return False
-    others = [p for n, field in enumerate(fields) if all(n not in cluster for cluster in apart) for p in field]
-    others += [p for u in moving for _, entries in u.fields for p in entries]
-    several = [set().union(*part) for part in parts] + [{i for p in others for i in p}]
-    return not any(a & b for a, b in itertools.combinations(several, 2))
+    return (
+        all(bracket.commuting(f, g) for f, g in itertools.combinations(term.functionals, 2))
+        and all(unmoved(f, u) for f in term.functionals for u in moving)
+        and all(commuting(u, other, bracket.dimension) for u, other in itertools.combinations(moving, 2))
+    )
 
 
 class _Search:
@@ -223,7 +174,7 @@ class _Search:
     # ---- the second kind -----------------------------------------------------------------------------------------
 
     def by_kept(self, u: Any) -> Quadratic | None:
-        """The function as Q(s) + C; exact, so that all factors must be fractions."""
+        """The function as Q(s) + C, Q of degree 2; exact, so that all factors must be fractions."""
         unit = {len(self.world.variables)}
         linked = connected([{*pair, *linear} - unit for pair, linear in self.world.bracket.constants.items()])
         within = sorted(set().union(*(group for group in linked if group & set(self.world.used(u)))))
@@ -231,7 +182,8 @@ class _Search:
             kept = list(self._kept(u, within))
             if not 0 < len(kept) <= _MOST_KEPT:
                 return None
-            products = [sympy.expand(a * b) for a, b in itertools.combinations_with_replacement(kept, 2)]
+            pairs = itertools.combinations_with_replacement(kept, 2)
+            products = [*(sympy.expand(a * b) for a, b in pairs), *kept]
             functions = [sympy.expand(c) for c in self.casimirs if {*self.world.used(c)} <= {*within}]
             factors = _combination(u, [*functions, *products], self.world.variables)
         except (sympy.CoercionFailed, ValueError):

@@ -3,21 +3,21 @@
 import itertools
 import keyword
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
 from .brackets import DIGITS, Bracket, precise
-from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
+from .code import Formula, Numbers, as_tuple, case, signed, written_sum
 from .driving import Coefficients
 from .flow_code import Call, Tables, Writer, divided_words, families, has_tables, motion_functions, phases_of
 from .generators import Generator, Moving, generators, motions, rate
 from .motion_code import Motion, motion
 from .spectrum import Inseparable
 from .splitting import Flow, commute
-from .system import System, brackets_of, factors_of, flows_of, poisson_bracket
+from .system import System, poisson_bracket
 from .system import lines as lines_of_solvable
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -186,21 +186,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spi.numerics.angles import {angles}
+from spi.numerics.angles import sin_versine
 from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.numerics.motions import {motions}
+from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
-
-
-_IMPORTED = {
-    "angles": ("sin_versine", "sinc_versinc"),
-    "motions": ("larger", "sinh_coshm1", "times", "turning"),
-}
-_ALWAYS = ("sin_versine", "larger", "sinh_coshm1", "times")
 
 
 def head(
@@ -209,14 +202,12 @@ def head(
     variables: Sequence[str],
     sizes: Mapping[str, int],
     inexact: str,
-    used: Collection[str],
     numbers: Numbers,
 ) -> str:
-    """What stands before the functions, which have `used` some words: imports, the system, numbers of two parts."""
+    """Imports, the system, and numbers of two parts: all that stands before the functions."""
     listed = textwrap.fill(", ".join(variables), 110)
-    imported = {key: ", ".join(n for n in known if n in used or n in _ALWAYS) for key, known in _IMPORTED.items()}
     what = {"kind": kind, "name": name, "names": variables, "sizes": dict(sizes), "inexact": inexact}
-    text = _HEAD.format(variables=listed, **what, **imported)
+    text = _HEAD.format(variables=listed, **what)
     pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in numbers.pairs.items()]
     return "\n".join([text, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])])
 
@@ -267,7 +258,7 @@ class _Generator:
         lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
-        body += self.joint_words() + self.bracket_words()
+        body += self.joint_words()
         tables = Tables(self.world, self.names, self.numbers)
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided or self.tables(tables, drift, noise)
@@ -276,9 +267,8 @@ class _Generator:
         body = [*self.facts(lacking), *body]
         functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         functions += tables.functions()
-        used = words_in("\n".join(line for lines in functions for line in lines))
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
-        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
+        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
@@ -371,21 +361,6 @@ class _Generator:
         groups = "".join(f"{family.noises!r}, " for family in found)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
-
-    def bracket_words(self) -> list[str]:
-        """What is known of the brackets of noises: ``bracket_flow``, ``bracket_angle`` and ``bracket_factors``."""
-        brackets = brackets_of(self.system)
-        calls: list[Call] = []
-        pairs: list[tuple[int, int]] = []
-        for pair, flow in flows_of(brackets, self.world).items():
-            key, rates = self.moved(flow)
-            if not isinstance(key, str):
-                calls.append(Call(len(calls), key, [("t", rates)], [flow]))
-                pairs.append(pair)
-        rest = {pair: bracket for pair, bracket in brackets.items() if pair not in pairs}
-        lines = factors_of(rest, len(self.system.noises), self.names, self.world)
-        heads = "def bracket_flow(model, k, t, y, angles):", "def bracket_angle(model, k, t, y):"
-        return [*lines, "", f"bracket_flows = {tuple(pairs)!r}", *self.writer.words(heads, calls)] if calls else lines
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 

@@ -83,22 +83,6 @@ class Symbolics(NamedTuple):
                 tried += 1
         return tried > 0
 
-    def keeps(self, function: Any, functional: Mapping[int, Any]) -> bool:
-        """Whether a linear function commutes with a function, so that its flow keeps it: likewise."""
-        field, d = self.bracket.field(functional), len(self.variables)
-        tried = 0
-        with mpmath.workdps(DIGITS):
-            for n in range(6):
-                point = [mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8 for j in range(d)]
-                gradient = self.gradient_at(function, point)
-                if len(gradient) < len(self.used(function)):
-                    continue  # not defined there
-                terms = [gradient[i] * c * [*point, 1][k] for (i, k), c in field.items() if i in gradient]
-                if abs(mpmath.fsum(terms)) > NOTHING * (1 + max(map(abs, terms), default=0)):
-                    return False
-                tried += 1
-        return tried > 0
-
 
 def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
@@ -292,7 +276,7 @@ def form_text(functional: Functional, names: Sequence[str]) -> str:
 class Quadratic(NamedTuple):
     """A quadratic function u, in one of two ways.
 
-    Either u = Q(s) + C with a quadratic form in linear functions that u keeps and a Casimir function C; or its field is
+    Either u = Q(s) + C with Q of degree 2 in linear functions that u keeps and a Casimir function C; or its field is
     sum_c y_c M_c y with components y_c that commute with everything, or y_d = 1.
     """
 

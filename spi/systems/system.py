@@ -1,16 +1,13 @@
 """What is known of a system of which a model is generated."""
 
-import contextlib
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
-from .code import Formula
 from .driving import Driving
-from .splitting import Flow, NoExactFlow, commute, single
+from .splitting import Flow
 from .symbolics import Symbolics
 
 
@@ -36,32 +33,6 @@ class System(NamedTuple):
     driving: Driving | None = None  #: how time enters; None where nothing depends on it
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Brackets of noises that do not commute: which have exact flows, and whether they are multiples of one function.
-#
-# What the Lévy area of two noises contributes is along the field of {Ĥ_l, Ĥ_k}, see ``schemes/stages.py``.
-# ---------------------------------------------------------------------------------------------------------------------
-
-#: The most pairs of noises that are looked at; each flow is a function of its own in the generated module.
-MOST = 16
-
-Brackets = dict[tuple[int, int], Any]  #: (k, l), k < l -> {Ĥ_l, Ĥ_k}
-
-
-def brackets_of(system: System) -> Brackets:
-    """Those of all pairs that do not commute; none where there are more than MOST."""
-    noises = list(enumerate(system.noises))
-    pairs = [
-        (k, other)
-        for (k, a), (other, b) in itertools.combinations(noises, 2)
-        if not commute(a.terms, b.terms, system.world.bracket)
-    ]
-    if len(pairs) > MOST:
-        return {}
-    of = [flow.expression for flow in system.noises]
-    return {(k, other): poisson_bracket(of[other], of[k], system.world) for k, other in pairs}
-
-
 def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
     """{f, g} = sum_ij df/dy_i {y_i, y_j} dg/dy_j, expanded."""
     bracket, y = world.bracket, world.variables
@@ -75,41 +46,6 @@ def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
         turned = slopes_f.get(i, 0) * slopes_g.get(j, 0) - slopes_f.get(j, 0) * slopes_g.get(i, 0)
         terms.append(factor[i] * factor[j] * entry * turned)
     return sympy.expand(sympy.Add(*terms))
-
-
-def flows_of(brackets: Brackets, world: Symbolics) -> dict[tuple[int, int], Flow]:
-    """The flows of those brackets that have an exact one."""
-    found = {}
-    for pair, expression in brackets.items():
-        with contextlib.suppress(NoExactFlow):
-            if world.used(expression):
-                found[pair] = Flow((single(expression, world),))
-    return found
-
-
-def factors_of(brackets: Brackets, count: int, names: Any, world: Symbolics) -> list[str]:
-    """The method ``bracket_factors`` of so many noises, where all brackets are multiples of one of them."""
-    if len(brackets) < 2:
-        return []
-    first = sympy.Poly(next(iter(brackets.values())), *world.variables).terms() if _polynomial(brackets, world) else []
-    found: dict[tuple[int, int], Any] = {}
-    for pair, expression in brackets.items() if first else ():
-        terms = sympy.Poly(expression, *world.variables).terms()
-        ratios = {sympy.cancel(c / d) for (_, c), (_, d) in zip(terms, first, strict=False)}
-        if [monomial for monomial, _ in terms] != [monomial for monomial, _ in first] or len(ratios) != 1:
-            return []
-        found[pair] = ratios.pop()
-    if not found or any(world.time in ratio.free_symbols for ratio in found.values()):
-        return []
-    codes = [
-        Formula(names, ()).code(found.get(pair, sympy.Integer(0))) for pair in itertools.combinations(range(count), 2)
-    ]
-    return ["", "def bracket_factors(model):", f"    return {', '.join(codes)}"]
-
-
-def _polynomial(brackets: Brackets, world: Symbolics) -> bool:
-    """Whether all are polynomials other than 0."""
-    return all(e != 0 and e.is_polynomial(*world.variables) for e in brackets.values())
 
 
 # ---------------------------------------------------------------------------------------------------------------------

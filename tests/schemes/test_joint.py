@@ -23,9 +23,7 @@ from scipy.integrate import solve_ivp
 from yaml_cases import SYSTEMS, made
 
 from spi.checks.model_checks import check_model
-from spi.compiler.dispatch import answers
-from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import area_pairs, bracket_factors, bracket_flows, joint_noises, joint_parts, noises
+from spi.ensemble.protocol import area_pairs, joint_noises, joint_parts, noises
 from spi.ensemble.scheme_protocol import needs_areas
 from spi.exact.kolmogorov import exact_expectations, expectations
 from spi.models import MaxwellBloch, RigidBody
@@ -200,23 +198,22 @@ def test_loops_and_areas_supply_what_is_lacking_at_second_order(scheme, p, linea
         assert distances[wrong, 0.05] > 5 * distances[1, 0.05]
 
 
-QUADRATIC = "{algebra: so(3), parameters: {J: 3}, hamiltonian: y1^2, noises: [y1^2/2, y2^2, y3^2/J]}"
-
-
-def test_systems_know_the_brackets_of_their_noises():
-    """Those that have exact flows, and those that are multiples of one function; the generic checks compare them."""
-    linear, quadratic = made(LINEAR).record, made(QUADRATIC).record
-    assert bracket_flows(linear) == PAIRS and bracket_flows(quadratic) == ()
-    with uncompiled():
-        assert np.allclose(bracket_factors(quadratic), np.array([1.0, -1 / 3, 2 / 3]), rtol=1e-15)
-    assert not answers(bracket_factors, linear)
-    assert bracket_flows(made(SYSTEMS["heavy top"][0]).record) in (((0, 1),), ())
-    for record in (linear, quadratic):
-        assert check_model(record, [INITIAL, (0.3, -0.8, 0.4)], written=False) == []
-    counts = [len(sweeps(JOINT_AREAS.stages, record)) for record in (linear, quadratic, RIGID_BODY)]
-    flows_of_halves = [2 * len(joint_parts(record)) for record in (linear, quadratic, RIGID_BODY)]
-    assert np.subtract(counts, flows_of_halves).tolist() == [3, 4, 4]
+def test_areas_take_one_loop_where_brackets_are_multiples_of_one_function():
+    """Those of the rigid body are; a system in YAML does not say so, and has a loop for each pair."""
+    counts = [len(sweeps(JOINT_AREAS.stages, record)) for record in (RIGID_BODY, made(LINEAR).record)]
+    flows_of_halves = [2 * len(joint_parts(record)) for record in (RIGID_BODY, made(LINEAR).record)]
+    assert np.subtract(counts, flows_of_halves).tolist() == [4, 12]
     assert len(sweeps(JOINT_LOOPS.stages, RIGID_BODY)) == 6 + 12
+    assert check_model(RIGID_BODY, [INITIAL, (0.3, -0.8, 0.4)], written=False) == []
+
+
+def test_wrong_factors_of_brackets_are_found():
+    class Wrong(RigidBody):
+        def bracket_factors(model):
+            return 1.0, 2.0, 3.0
+
+    (first, *_) = check_model(Wrong(*RIGID_BODY), [(0.3, -0.8, 0.4)], written=False)
+    assert "bracket_factors: the brackets of the pairs (0, 1) and (0, 2) are no such multiples" in first
 
 
 # --- stages as data --------------------------------------------------------------------------------------------------
@@ -319,9 +316,9 @@ def test_families_of_the_gallery():
     "scheme", [pytest.param(JOINT_COIN, marks=pytest.mark.slow), JOINT_AREAS], ids=["coin", "areas"]
 )
 def test_kernels(scheme, generator):
-    """Of one piece that goes with two noises and another with one, in an order that a coin decides; of a bracket."""
+    """Of one piece that goes with two noises and another with one, in an order that a coin decides."""
     record = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5, noises: [y4, y1, y5^2, y3]}").record
-    assert joint_noises(record) == ((0, 1), (2,)) and bracket_flows(record) == ((1, 3),)
+    assert joint_noises(record) == ((0, 1), (2,))
     pairs = len(area_pairs(record)) if needs_areas(scheme) else 0
     y, coins = random_states(generator, 6), tosses(generator)
     dW = 0.3 * generator.standard_normal((1, 4 + pairs, LANES))

@@ -157,6 +157,7 @@ def test_what_is_wrong_is_refused_by_name(text, keys, message):
             {"P1^2 + P2^2": "'P1^2 + P2^2' depends on P1 and P2, which do not commute"},
         ),
         (TOP + "pieces: [P1*P2, G3]}", {"P1*P2": "'P1*P2' depends on P1 and P2, which do not commute"}),
+        (spin("y3", "y1*y2*y3"), {"y1*y2*y3": "'y1*y2*y3' depends on y1 and y2, which do not commute"}),
         (spin("y3", "cos(y1*y2)"), {"cos(y1*y2)": "'cos(y1*y2)' depends on y1 and y2, which do not commute"}),
         # all of them are one piece, which gives the reason of the first
         (
