@@ -1,10 +1,18 @@
 """A spec of kind statistics, and what comes of it."""
 
+import importlib
+import sys
+from pathlib import Path
+
 from states import finished
 
 from spi.kinds.statistics import study
 from spi.running.load import load
 from spi.storage.records import Part
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+#: P(|drift t + W(t)| < pi/2 at all looks until t), without sampling: of (looks, between, drift).
+staying = importlib.import_module("intervals").staying
 
 BODY = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 #: A body with y_3 = 1 turns about its third axis by the angle W(t); with such moments and strengths nothing

@@ -14,11 +14,9 @@ from typing import Annotated, Any, NamedTuple
 import annotated_types
 import numpy as np
 
-from ..compiler.dispatch import device, kernel
-from ..numerics.elementary import exp, log_normal, sin_cos
-from ..numerics.rng import DRIVERS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_words
+from ..compiler.dispatch import kernel
+from ..numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
 from .given import Given, draw_all_coins, draw_paths
-from .lanes import aligned
 from .protocol import Positive, noises
 from .scheme_protocol import substeps, tosses
 
@@ -113,52 +111,6 @@ def move_coloured(xi, z, loss, gain, spread, rest, tau, dX):
             normal, before = dX[n, i], xi[i]
             xi[i] = before - loss * before + (gain * normal + spread * z[n, i])
             dX[n, i] = of_xi * before + (rest * normal - of_z * z[n, i])
-
-
-class Levy(NamedTuple):
-    """A symmetric alpha-stable Lévy process: E exp(i u X(t)) = exp(-t |u|^alpha / 2), for alpha = 2 Brownian motion."""
-
-    alpha: Annotated[float, annotated_types.Ge(0.5), annotated_types.Le(2), "index of stability"]
-
-    def draw(self, asked, memory):
-        dX = np.empty((asked.count, asked.paths, asked.noises))
-        scale = (0.5 * asked.h) ** (1.0 / self.alpha)
-        draw_stable(asked.stream, self.alpha, scale, asked.first, asked.first_path, dX)
-        return dX
-
-
-@kernel
-def draw_stable(noise, alpha, scale, first, first_path, dX):
-    """Fill `dX` (steps, paths, noises) with `scale` times numbers S, E exp(i u S) = exp(-|u|^alpha).
-
-    By the method of Chambers, Mallows and Stuck (J. Amer. Statist. Assoc. 71, 1976): with V uniform on (-pi/2, pi/2)
-    and E exponential S = sin(alpha V) / cos(V)^(1/alpha) (cos((1 - alpha) V) / E)^((1 - alpha)/alpha).
-    """
-    steps, paths, noises = dX.shape
-    size = STEPS_PER_DRAW * LANES
-    angles, waits = aligned(size).view(np.uint64), aligned(size).view(np.uint64)
-    numbers, others = aligned(size), noise.stream + np.uint64(DRIVERS)
-    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
-        lanes = block * LANES - first_path
-        for draw in range(first // STEPS_PER_DRAW, (first + steps - 1) // STEPS_PER_DRAW + 1):
-            begin, where = draw * STEPS_PER_DRAW - first, (np.uint64(draw), np.uint64(block))
-            for k in range(noises):
-                draw_words(noise.seed, noise.stream, np.uint64(k), *where, angles)
-                draw_words(noise.seed, others, np.uint64(k), *where, waits)
-                for i in range(size):
-                    v = np.pi * (_uniform(angles[i]) - 0.5)
-                    turned = log_normal(sin_cos((1.0 - alpha) * v)[1] / -log_normal(_uniform(waits[i])))
-                    power = ((1.0 - alpha) * turned - log_normal(sin_cos(v)[1])) / alpha
-                    numbers[i] = scale * (sin_cos(alpha * v)[0] * exp(power))
-                for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
-                    for path in range(max(lanes, 0), min(lanes + LANES, paths)):
-                        dX[n, path, k] = numbers[(n - begin) * LANES + path - lanes]
-
-
-@device
-def _uniform(word):
-    """A number in (0, 1) from 32 bits, never 0 or 1."""
-    return np.float64(np.int64(word)) * 2.0**-32 + 2.0**-33
 
 
 class Fractional(NamedTuple):

@@ -25,7 +25,7 @@ FUNCTIONALS = {
     "maximum": "the largest value until t",
     "minimum": "the smallest value until t",
     "integral": "the integral from 0 to t, by the trapezoidal rule",
-    "passage": "1 once a condition such as y1 > 0.5 has been met, 0 before: its mean is the law of the first time",
+    "passage": "1 once a condition such as y1 > 0.5 has been seen, 0 before: its mean is the law of the first time",
     "start": "the value at t = 0, whose covariance with others tells how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
@@ -38,7 +38,6 @@ class PathFunction(NamedTuple):
     functional: str  #: one of FUNCTIONALS, or "" for the value at that time
     text: str  #: the function of the state in its least text, or "H", "C1", ..., or the condition of a passage
     values: Callable[[Array], Array]  #: of states (d, ...)
-    every: int = 1  #: a passage looks at every so many of the times
 
     @property
     def told(self) -> str:
@@ -65,7 +64,6 @@ class PathFunction(NamedTuple):
         match self.functional:
             case "passage":
                 met = np.where(np.isfinite(values), values > 0, np.nan)
-                met[:, np.arange(met.shape[1]) % self.every > 0] = 0.0
                 return np.maximum.accumulate(met, axis=1)
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)

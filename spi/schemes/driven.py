@@ -4,23 +4,18 @@ Those of compositions of exact flows follow from what such a step lacks: half a 
 increment, and dX_k dX_l / 2 - A_kl times that of two noises, of which palindromes lack A_kl alone.
 """
 
-from ..ensemble.drivers import Fractional, Levy, OrnsteinUhlenbeck
+from ..ensemble.drivers import Fractional, OrnsteinUhlenbeck
 from . import has_theory
 from .stages import acting_flows, indices_of, is_reversed_by_coin, needs_coins
 
 
 def strong_order(law, entry, model, commuting):
-    """The strong order for noises that commute or do not; None where it is not known.
-
-    Of a stable process in the mean square of bounded functions, and up to a logarithm for noises that do not commute.
-    """
+    """The strong order for noises that commute or do not; None where it is not known."""
     if entry.composition is None or not has_theory(entry, model):
         return None
     balanced = _is_palindrome(entry, model, commuting)
     if isinstance(law, OrnsteinUhlenbeck):
         return 2.0 if balanced else 1.5 if is_reversed_by_coin(entry.composition) else 1.0
-    if isinstance(law, Levy):
-        return 1.0 if commuting else 0.5
     if isinstance(law, Fractional):
         even = balanced or needs_coins(entry.composition)
         order = law.hurst + 0.5 if commuting else 2.0 * law.hurst - 0.5
@@ -34,8 +29,6 @@ def weak_order(law, entry, model):
         return None
     if isinstance(law, OrnsteinUhlenbeck):
         return 2.0 if _is_palindrome(entry, model, True) else 1.0
-    if isinstance(law, Levy) and (entry.weak_order == 1.0 or needs_coins(entry.composition)):
-        return entry.weak_order  # that of products of semigroups; halves of one jump are none
     return None
 
 

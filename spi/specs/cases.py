@@ -121,7 +121,9 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    noise: key_of(Noise, "what drives the noises, as in {kind: levy, alpha: 1.5}; default: Brownian motion") = None
+    noise: key_of(Noise, "what drives the noises, as in {kind: fractional, hurst: 0.7}; default: Brownian motion") = (
+        None
+    )
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own

@@ -2,7 +2,6 @@
 
     noise: {kind: ornstein_uhlenbeck, tau: 0.1}
     noise: {kind: fractional, hurst: 0.7}
-    noise: {kind: levy, alpha: 1.5}
     noise: {file: increments.npz}
 
 What stands there becomes a law of ``spi.ensemble.drivers``, None for Brownian motion.  The increments of a file are
@@ -14,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Gt, Lt
 
-from ..ensemble.drivers import Driver, Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_once
+from ..ensemble.drivers import Driver, Fractional, OrnsteinUhlenbeck, Recorded, at_once
 from ..ensemble.increments import brownian
-from ..ensemble.protocol import Positive, area_pairs, flows_lacking, noises
+from ..ensemble.protocol import Positive, area_pairs, noises
 from ..ensemble.scheme_protocol import needs_areas, substeps
 from .checks import ROUNDING
 from .document import SpecError
@@ -43,11 +42,6 @@ class _Fractional(Keys):
     hurst: key_of(Annotated[float, Gt(0), Lt(1)], "Hurst index, between 0 and 1; 1/2 is that of Brownian motion")
 
 
-class _Levy(Keys):
-    kind: Literal["levy"]
-    alpha: key_of(Annotated[float, Ge(0.5), Le(2)], "index of stability, 0.5 to 2; 2 is that of Brownian motion")
-
-
 class _File(Keys):
     """Increments in a file."""
 
@@ -57,13 +51,8 @@ class _File(Keys):
     )
 
 
-_KEYS: dict[str, Any] = {
-    "brownian": _Brownian,
-    "ornstein_uhlenbeck": _OrnsteinUhlenbeck,
-    "fractional": _Fractional,
-    "levy": _Levy,
-}
-_LAWS: dict[str, Any] = {"ornstein_uhlenbeck": OrnsteinUhlenbeck, "fractional": Fractional, "levy": Levy}
+_KEYS: dict[str, Any] = {"brownian": _Brownian, "ornstein_uhlenbeck": _OrnsteinUhlenbeck, "fractional": _Fractional}
+_LAWS: dict[str, Any] = {"ornstein_uhlenbeck": OrnsteinUhlenbeck, "fractional": Fractional}
 _EXAMPLE = "must be a mapping such as {kind: fractional, hurst: 0.7} or {file: increments.npz}"
 
 
@@ -96,15 +85,13 @@ def told(law: Any) -> str:
         return ""
     if isinstance(law, Recorded):
         return f"increments of a file, over steps of {quantity(law.step)}"
-    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck, tau", Fractional: "fractional, H", Levy: "stable Lévy, alpha"}
+    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck, tau", Fractional: "fractional, H"}
     return f"{name[type(law)]} = {law[0]:.12g}"
 
 
 Noise = Annotated[
     Any,
-    pydantic.WrapValidator(
-        _read, json_schema_input_type=_Brownian | _OrnsteinUhlenbeck | _Fractional | _Levy | _File | None
-    ),
+    pydantic.WrapValidator(_read, json_schema_input_type=_Brownian | _OrnsteinUhlenbeck | _Fractional | _File | None),
     pydantic.PlainSerializer(plain),
 ]
 
@@ -165,7 +152,7 @@ def check_noise(case: Any) -> None:
     if not case.driven:
         raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
     for name in case.schemes_used:
-        if obstacle := _obstacle(law, case.row(name), case.model):
+        if obstacle := _obstacle(law, case.row(name)):
             has, where = ("has", "schemes") if name in case.schemes else ("is", "reference_scheme")
             raise wrong(f"{has} '{name}', which {obstacle[0]}", obstacle[1], where)
     others = [name for name in getattr(case, "estimators", None) or () if name != "plain"]
@@ -182,11 +169,10 @@ def check_noise(case: Any) -> None:
         _check_step(case, law, h / parts_of(case))
 
 
-def _obstacle(law: Any, row: Any, model: Any) -> tuple[str, str] | None:
+def _obstacle(law: Any, row: Any) -> tuple[str, str] | None:
     """What of a scheme does not go with a law, and what would."""
-    splittings = "use splittings without Lévy areas"
     if needs_areas(row.record):
-        return "needs Lévy areas, which are known for Brownian motion", splittings
+        return "needs Lévy areas, which are known for Brownian motion", "use splittings without Lévy areas"
     if isinstance(law, Recorded):
         return None
     if row.multiscale:
@@ -196,8 +182,6 @@ def _obstacle(law: Any, row: Any, model: Any) -> tuple[str, str] | None:
         )
     if row.left_out is not None:
         return "has an Itô correction, which belongs to Brownian motion", "use splittings or the midpoint rules"
-    if isinstance(law, Levy) and law.alpha < 2 and (row.composition is None or flows_lacking(model)):
-        return "follows jumps only where these are small; those of the equation are exact flows", splittings
     return None
 
 

@@ -322,7 +322,7 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
         ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
         ("step: 1/8", "step: is not a known key; did you mean 'steps'"),
         ("accuracy: 0", "accuracy"),
-        ("noise: {kind: levy, alpha: 1.5}", "noise: is given, but this kind of experiment is for Brownian"),
+        ("noise: {kind: fractional, hurst: 0.7}", "noise: is given, but this kind of experiment is for Brownian"),
         ("accuracy: 1e-18", "accuracy: is 1e-18, below what float64 knows of such values"),
     ],
 )

@@ -24,7 +24,6 @@ LONG = "kind: equilibrium\nsamples: 70\nsteps: [1/8]\nstep_count: 640\n" + KEYS
 PATH = "kind: trajectory\npath: 65\nfinal_time: 4\nstep: 2^-6\npanels: [components]\n" + KEYS
 COLOURED = "{kind: ornstein_uhlenbeck, tau: 1/4}"
 FRACTIONAL = "{kind: fractional, hurst: 0.7}"
-STABLE = "{kind: levy, alpha: 1.5}"
 
 
 @pytest.fixture
@@ -61,7 +60,6 @@ def test_orders_are_those_of_the_driver(plan_of):
         ("splitting_joint", FRACTIONAL, 0.9),
         ("splitting", "{kind: fractional, hurst: 0.9}", 1.0),
         ("splitting_joint", "{kind: fractional, hurst: 0.9}", 1.3),
-        ("splitting", STABLE, 0.5),
     ],
 )
 def test_orders_of_other_schemes(plan_of, scheme, noise, expected):
@@ -88,7 +86,7 @@ def test_from_wherever_a_run_goes_on_the_same_bits_follow(plan_of, text, noise):
 
 
 def test_more_paths_go_on_from_fewer(plan_of):
-    fewer, more = (plan_of(STATISTICS, STABLE, f"samples={n}") for n in (64, 140))
+    fewer, more = (plan_of(STATISTICS, COLOURED, f"samples={n}") for n in (64, 140))
     with chunks_of(1):
         assert same_numbers(resumed(more, finished(fewer).plain()), finished(more))
 

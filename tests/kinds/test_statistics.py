@@ -7,7 +7,7 @@ import pytest
 from helpers import INITIAL, RIGID_BODY, compiled_only
 from scipy import stats
 from states import check_going_on, chunks_of, finished, same_numbers
-from statistics_cases import AXIS, results_of, study_of, written
+from statistics_cases import AXIS, results_of, staying, study_of, written
 from weak_cases import stderr_by_hand
 
 import spi
@@ -181,21 +181,21 @@ def check_wrapped(found, samples):
 @compiled_only
 @pytest.mark.parametrize("drift", [0.0, 1.0])
 def test_first_passages_of_an_angle(case_of, drift):
-    """Of drift t + W(t) out of (-pi/2, pi/2): what is monitored at some times comes too late, by order 1/2."""
+    """Of drift t + W(t) out of (-pi/2, pi/2), seen at 64 looks; paths that are watched all the time pass earlier."""
     inertia = f"[1e12, 1e12, {1 / drift if drift else 1e12}]"
     about = f"model={AXIS.replace('[1e12, 1e12, 1e12]', inertia)}", "initial=[1, 0, 1]", "samples=40000", "step=2^-5"
-    functions = "functions={turned: {passage: y1 < 0}}", "statistics=[mean]"
+    functions = "functions={turned: {passage: y1 < 0}}", "statistics=[mean, histogram]", "bins=8"
     found = results_of(case_of(*about, *functions, "final_time=2", "every=1"))
-    b = (2 * np.arange(40) + 1)[:, np.newaxis]
-    coefficients = 4 / math.pi * np.sin(b * math.pi / 2) * b * math.cosh(drift * math.pi / 2) / (b**2 + drift**2)
-    inside = (coefficients * np.exp(-(b**2 + drift**2) * np.maximum(found.t, 1e-3) / 2)).sum(axis=0)
-    passages = found.passages
-    off = passages.share[0, ::2] + inside[::2] - 1
-    assert (np.abs(off) < 4 * passages.share_stderr[0, ::2] + 0.008).all()  # of order 1 in the time between two looks
-    assert 1 - inside[-1] - found.mean[0, -1] > 9 * found.mean_stderr[0, -1]
-    assert abs(passages.order[0] - 0.5) < 4 * passages.order_stderr[0] + 0.1 and passages.order_stderr[0] < 0.2
-    mean = np.trapezoid(inside, found.t)
-    assert abs(passages.time[0] - mean) < 4 * passages.time_stderr[0] + 0.008 and passages.time_stderr[0] < 0.02
+    inside, passages = staying(64, 2**-5, drift), found.passages
+    assert (np.abs(found.mean[0] + inside - 1) <= 4.5 * found.mean_stderr[0]).all() and passages.between == 2**-5
+    time = inside[:-1].sum() * 2**-5
+    assert abs(passages.time[0] - time) < 4 * passages.time_stderr[0] and passages.time_stderr[0] < 0.01
+    assert passages.from_t.tolist() == [0, *passages.until_t[:-1]] and np.allclose(np.diff(passages.until_t), 0.25)
+    density = -np.diff(inside[::8]) / 0.25
+    assert (np.abs(passages.density[0] - density) < 4 * passages.density_stderr[0]).all() and density.max() > 0.3
+    watched = staying(64 * 16, 2**-9, drift)  # at 16 times as many looks
+    assert inside[-1] - watched[-1] > 9 * found.mean_stderr[0, -1]
+    assert passages.time[0] - watched[:-1].sum() * 2**-9 > 9 * passages.time_stderr[0]
 
 
 @pytest.mark.parametrize(

@@ -329,7 +329,10 @@ def test_an_infinite_temperature_is_what_is_there_without(load_text):
         (["temperature=0"], r"temperature: is 0, .* for selective decay at the rate gamma take a small one"),
         (["temperature=warm"], "temperature: is 'warm' .*; must be a number"),
         (["damping=0.1"], "temperature: is given beside damping, with which no law is stationary"),
-        (["noise={kind: levy, alpha: 1.5}"], "temperature: is given beside noise, and friction belongs to Brownian"),
+        (
+            ["noise={kind: fractional, hurst: 0.7}"],
+            "temperature: is given beside noise, and friction belongs to Brownian",
+        ),
         (["model.sigma=[0, 0, 0]"], "temperature: is given to a model without noise"),
         (["schemes=[ap_splitting]", "eps=0.1"], "schemes: has 'ap_splitting', whose noise is a fast process"),
         (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, multivariate_normal, norm
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 intervals = importlib.import_module("intervals")
@@ -35,6 +35,15 @@ def test_small_steps_tend_to_the_moments_of_the_equation():
         intervals.limit(1.0), *map(intervals.euler_maruyama, (1e-3, 5e-4), (1, 1)), strict=True
     ):
         assert np.allclose(exact, 2 * half - near, atol=1e-6) and not np.allclose(exact, near, atol=1e-6)
+
+
+def test_paths_that_stay_at_two_looks_are_those_of_the_normal_law_of_both():
+    edge, mean = np.full(2, np.pi / 2), 0.5 * np.array([1, 2])
+    both = multivariate_normal.cdf(edge, mean, [[1, 1], [1, 2]], lower_limit=-edge)
+    assert np.allclose(intervals.staying(2, 1.0, 0.5)[1:], [intervals.staying(1, 1.0, 0.5)[1], both], atol=1e-7)
+    assert np.isclose(
+        intervals.staying(1, 1.0, 0.5)[1], norm.cdf(np.pi / 2 - 0.5) - norm.cdf(-np.pi / 2 - 0.5), atol=1e-12
+    )
 
 
 def test_what_is_held_is_counted():

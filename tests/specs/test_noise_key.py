@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import spi
-from spi.ensemble.drivers import Fractional, Levy, OrnsteinUhlenbeck
+from spi.ensemble.drivers import Fractional, OrnsteinUhlenbeck
 from spi.running.load import load
 from spi.running.remarks import remarks
 from spi.specs import SpecError
@@ -53,7 +53,6 @@ def test_what_it_means(loaded):
     for text, law in (
         ("{kind: ornstein_uhlenbeck, tau: 1/8}", OrnsteinUhlenbeck(0.125)),
         ("{kind: fractional, hurst: 0.7}", Fractional(0.7)),
-        ("{kind: levy, alpha: 3/2}", Levy(1.5)),
     ):
         found = loaded(text)
         assert found.cases[0].noise == law and found.hash != brownian.hash
@@ -72,31 +71,34 @@ def test_what_it_means(loaded):
     ("noise", "change", "message"),
     [
         ("0.1", (), "noise: is '0.1'; must be a mapping such as {kind: fractional, hurst: 0.7}"),
-        ("{kind: levi, alpha: 1}", (), "noise.kind: is 'levi'; did you mean 'levy'?"),
-        ("{kind: levy, alpha: 3}", (), "noise.alpha: is '3'; must be at most 2"),
+        ("{kind: fractal, hurst: 1}", (), "noise.kind: is 'fractal'; did you mean 'fractional'?"),
+        ("{kind: fractional, hurst: 3}", (), "noise.hurst: is '3'; must be less than 1"),
         ("{kind: fractional}", (), "noise.hurst: missing key 'hurst'"),
         ("{kind: fractional, hurst: 0.2}", (), "noise.hurst: is 0.2, where splittings have no limit"),
-        ("{kind: levy, alpha: 1}", ("splitting]", "midpoint]"), "schemes: has 'midpoint', which follows jumps only"),
         (
             "{kind: fractional, hurst: 0.7}",
             ("splitting]", "euler_maruyama]"),
             "schemes: has 'euler_maruyama', which has",
         ),
         ("{file: a.npz}", ("splitting]", "splitting_areas]"), "schemes: has 'splitting_areas', which needs Lévy areas"),
-        ("{kind: levy, alpha: 1}", ("splitting]", "ap_splitting]\neps: 1"), "schemes: has 'ap_splitting', which has a"),
         (
-            "{kind: levy, alpha: 1}",
+            "{kind: ornstein_uhlenbeck, tau: 1}",
+            ("splitting]", "ap_splitting]\neps: 1"),
+            "schemes: has 'ap_splitting', which has a",
+        ),
+        (
+            "{kind: ornstein_uhlenbeck, tau: 1}",
             ("samples", "truncate_noise: true\nsamples"),
             "truncate_noise: is true, whose bound",
         ),
         (
-            "{kind: levy, alpha: 1}",
+            "{kind: ornstein_uhlenbeck, tau: 1}",
             ("samples", "temperature: 2\nsamples"),
             "temperature: is given beside noise, and friction belongs to Brownian motion",
         ),
-        ("{kind: levy, alpha: 1}", ("strong", "work_precision"), "noise: is given, but this kind"),
+        ("{kind: ornstein_uhlenbeck, tau: 1}", ("strong", "work_precision"), "noise: is given, but this kind"),
         (
-            "{kind: levy, alpha: 1}",
+            "{kind: ornstein_uhlenbeck, tau: 1}",
             ("kind: strong", "kind: weak\nfunctions: y1\nestimators: [kolmogorov]"),
             "estimators: has kolmogorov, which is for Brownian motion",
         ),
@@ -125,9 +127,12 @@ def test_increments_in_python():
     later = spi.increments(5, 3, 0.25, 2, noises=2, noise=law, first_step=4, final_time=2)
     assert np.array_equal(later, dX[4:6])
     body = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
-    one = spi.Integrator(body, "splitting", 0.25, initial=[1, 0, 0], noise={"kind": "levy", "alpha": 1.5})
+    one = spi.Integrator(body, "splitting", 0.25, initial=[1, 0, 0], noise=law)
     y = one.start(3)
     assert np.array_equal(one.sample(y, 4, seed=2), one.steps(y, *one.noise(3, 4, seed=2)))
-    for wrong, message in (({"kind": "levy"}, "noise.alpha: missing key 'alpha'"), ({"file": "a"}, "noise: is a file")):
+    for wrong, message in (
+        ({"kind": "fractional"}, "noise.hurst: missing key 'hurst'"),
+        ({"file": "a"}, "noise: is a file"),
+    ):
         with pytest.raises(spi.SpecError, match=message):
             spi.increments(5, 3, 0.25, 8, noise=wrong)

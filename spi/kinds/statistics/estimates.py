@@ -1,6 +1,5 @@
 """What follows from the sums over paths, with standard errors by the jackknife over groups of paths."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -24,8 +23,8 @@ from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
 # ---------------------------------------------------------------------------------------------------------------------
 # What is summed up: functions of the state or of the path, and what else stands beside them, column by column.
 #
-# The functions of the case; for each passage those that look at fewer times; for each autocorrelation the value at its
-# first time; and differences from finer paths on the same noise.
+# The functions of the case; for each autocorrelation the value at its first time; and differences from finer paths on
+# the same noise.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Map = Callable[..., Iterator[Any]]  #: as the function ``map``
@@ -44,7 +43,7 @@ def in_threads() -> Iterator[Map]:
 class Columns(NamedTuple):
     """The columns of a case."""
 
-    functions: tuple[PathFunction, ...]  #: those of the case, and for each passage those that look at fewer times
+    functions: tuple[PathFunction, ...]  #: those of the case
     origins: np.ndarray  #: (F, 1) what they are at t = 0: values are less that, so that variances do not cancel
     since: list[tuple[int, int]]  #: the functions with autocorrelations, and the times from which these count
     compared: list[int]  #: the functions whose means are compared with those of finer paths
@@ -56,9 +55,7 @@ class Columns(NamedTuple):
     @classmethod
     def of(cls, case: Any, levels: int) -> "Columns":
         """Those of a case."""
-        found, names = case.path_functions, list(case.functions)
-        passages = [one for one in found if one.functional == "passage"]
-        functions = *found, *(one._replace(every=every) for every in COARSER for one in passages)
+        functions, names = case.path_functions, list(case.functions)
         return cls(
             functions=functions,
             origins=np.array([[origin_of(function, case.initial)] for function in functions]),
@@ -290,8 +287,6 @@ def _directions(y: np.ndarray) -> np.ndarray:
 
 Array = np.ndarray
 
-#: Passages are also looked for at every so many of the times, which tells the bias of looking at some times only.
-COARSER = 2, 4
 _DRAWS = 4000  # for the factor of simultaneous bands
 _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
@@ -369,55 +364,31 @@ class Moments(NamedTuple):
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
-    def passages(self, functions: list[int], count: int, t: Array, looks: Array, bins: int, random: bool) -> Passages:
-        """What the shares of paths tell that have met a condition, (F, T) or (F,), NaN for other functions.
+    def passages(self, functions: list[int], count: int, t: Array, between: float, bins: int) -> Passages:
+        """First times at which conditions are seen to be met, for `functions` among `count`; NaN for the others.
 
-        Looking at some times only makes shares too small by an amount of order 1/2 in the time between two looks, of
-        which those that look at every second and fourth time, the columns from `count` on, show the order.  `looks`
-        are the numbers of looks at a path until t, at t = 0 not counted.  With `bins` also the density of the first
-        times, in so many intervals or fewer.  `random` says whether initial states are.
-
-        Where all paths tell the same, an error is the most that one is wrong by if as many paths as the rule of three
-        allows tell something else.
+        N, the first of the times t at which the share of paths that have passed includes a path, has the mean
+        E min(N, t_n) = t_0 + sum_k (1 - share_k) (t_(k+1) - t_k).  The states are looked at every `between`; whoever
+        meets the condition between two looks only is not seen.  With `bins` also the density of N, in so many
+        intervals of t or fewer, counted as in a histogram.
         """
-        even, fourth = np.flatnonzero(looks % 2 == 0), np.flatnonzero(looks % 4 == 0)
-        share, share_stderr = np.full((2, count, len(t)), np.nan)
-        order, order_stderr, mean, mean_stderr = np.full((4, count), np.nan)
-        edges = even[np.unique(np.linspace(0, len(even) - 1, bins + 1).round().astype(int))] if bins else even[:0]
+        time, time_stderr = np.full((2, count), np.nan)
+        edges = np.unique(np.linspace(0, len(t) - 1, bins + 1).round().astype(int)) if bins else np.zeros(0, int)
         density, density_stderr = np.full((2, count, max(len(edges) - 1, 0)), np.nan)
-        unseen, width = _LARGEST * self.unseen, np.diff(t[edges])
-        for i, f in enumerate(functions):
-            columns = [f, count + i, count + len(functions) + i]
-
-            def told(
-                of_shares: Callable[[Array], Array], most: Array | float, columns: list[int] = columns
-            ) -> Estimate:
-                value = of_shares(self.mean[columns])
-                error = self.stderr(value, of_shares(self.mean_without[:, columns]))
-                return Estimate(value, np.where(error <= _SAME * np.abs(value), most, error))
-
-            most = np.where((looks[even] == 0) & (not random), 0.0, unseen)
-            share[f, even], share_stderr[f, even] = told(lambda shares: _extrapolated(shares[..., even]), most)
-            if len(fourth):
-                order[f], order_stderr[f] = told(lambda shares: _order(shares[..., fourth[-1]]), np.nan)
-            if len(even) > 1:
-                mean[f], mean_stderr[f] = told(
-                    lambda shares: _mean_time(_extrapolated(shares[..., even]), t[even]), unseen * t[even[-1]]
-                )
-            if len(edges) > 1:
-                density[f], density_stderr[f] = told(
-                    lambda shares: np.diff(_extrapolated(shares[..., edges]), axis=-1) / width, unseen / width
-                )
-        return Passages(
-            share=share,
-            share_stderr=share_stderr,
-            order=order,
-            order_stderr=order_stderr,
-            time=mean,
-            time_stderr=mean_stderr,
-            **({"from_t": t[edges[:-1]], "until_t": t[edges[1:]]} if len(edges) > 1 else {}),
-            **({"density": density, "density_stderr": density_stderr} if len(edges) > 1 else {}),
-        )
+        whole, without = (one[..., functions, :] for one in (self.mean, self.mean_without))
+        mean, mean_without = (t[0] + (1 - share[..., :-1]) @ np.diff(t) for share in (whole, without))
+        error = self.stderr(mean, mean_without)
+        time[functions] = mean
+        time_stderr[functions] = np.where(error <= _SAME * np.abs(mean), self.unseen * np.ptp(t), error)
+        found: dict[str, Any] = {"time": time, "time_stderr": time_stderr, "between": between}
+        if len(edges) > 1:
+            width = np.diff(t[edges])
+            share = np.round(np.diff(whole[:, edges]) * self.samples) / self.samples
+            density[functions] = share / width
+            density_stderr[functions] = share_stderr(share, self.samples) / width
+            found |= {"from_t": t[edges[:-1]], "until_t": t[edges[1:]]}
+            found |= {"density": density, "density_stderr": density_stderr}
+        return Passages(**found)
 
     @property
     def unseen(self) -> float:
@@ -427,26 +398,6 @@ class Moments(NamedTuple):
     def band(self, count: int) -> Array:
         """(count,) of the first columns the factor of :func:`simultaneous`."""
         return simultaneous(self.mean_without[:, :count])
-
-
-_LARGEST = 2 + math.sqrt(2)  #: the largest weight of :func:`_extrapolated`
-
-
-def _extrapolated(shares: Array) -> Array:
-    """Shares without time between two looks, (..., T), from those with some, with 2 and 4 times that, (..., 3, T)."""
-    return shares[..., 0, :] + (1 + math.sqrt(2)) * (shares[..., 0, :] - shares[..., 1, :])
-
-
-def _order(shares: Array) -> Array:
-    """The order of the bias, (...,), of such shares (..., 3) at a time that all look at."""
-    fine, middle, rough = np.moveaxis(shares, -1, 0)
-    with np.errstate(all="ignore"):
-        return np.log2((middle - rough) / (fine - middle))
-
-
-def _mean_time(share: Array, t: Array) -> Array:
-    """The mean of the first time or, where that is later, of the last: the integral of 1 - share from 0 to there."""
-    return t[0] * (1 - 0.5 * share[..., 0]) + np.trapezoid(1 - share, t, axis=-1)
 
 
 def simultaneous(without: Array) -> Array:

@@ -41,7 +41,7 @@ def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.P
     """Those of each function, of which its share of paths that have passed has no law, and of correlations."""
     first = readings[0]
     every = range(len(first.functions))
-    of_values = [f for f in every if first.passages is None or np.isnan(first.passages.share[f]).all()]
+    of_values = [f for f in every if first.passages is None or np.isnan(first.passages.time[f])]
     passages = [f for f in every if f not in of_values]
     shown: dict[str, tuple[Callable[..., None], Sequence[int]]] = {
         "mean": (_over_time, every),
@@ -89,9 +89,6 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
     if (quantiles := readings[0].quantiles) is not None:
         levels = ", ".join(f"{level:g}" for level in quantiles.level)
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle=":"), f"quantiles {levels}"))
-    if readings[0].passages:
-        text = "passages, corrected for looking at given times only"
-        found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), text))
     if readings[0].reference is not None:
         finer = readings[0].reference_step
         text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "reference mean"
@@ -113,8 +110,6 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         look, t = _look(reading, looks), reading.t
         half = reading.band[f] * reading.mean_stderr[f]
         ax.plot(t, reading.mean[f], linewidth=1.1, **look)
-        if reading.passages and (known := np.isfinite(reading.passages.share[f])).any():
-            ax.plot(t[known], reading.passages.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
         with np.errstate(invalid="ignore"):
             ends = reading.mean[f] - half, reading.mean[f] + half
         ax.fill_between(t, *ends, color=look["color"], alpha=0.3, linewidth=0)

@@ -43,21 +43,14 @@ class Histogram(Described):
 
 
 class Passages(Described):
-    """First times at which conditions are met, up to the last time of the statistics; NaN for other functions."""
+    """First times at which conditions are seen to be met, up to the last time; NaN for other functions."""
 
-    share: Annotated[
-        Array, array("function t", "share that has passed, corrected for looking at given times; NaN where not known")
-    ]
-    share_stderr: Annotated[Array, array("function t", "standard error of the corrected share")]
-    order: Annotated[Array, array("function", "order of that correction in the time between two looks, as observed")]
-    order_stderr: Annotated[Array, array("function", "standard error of this order")]
-    time: Annotated[Array, array("function", "mean time of passage, the last time where it has not come", "time")]
-    time_stderr: Annotated[Array, array("function", "standard error of the mean time of passage", "time")]
+    time: Annotated[Array, array("function", "mean of the first time, the last time where it has not come", "time")]
+    time_stderr: Annotated[Array, array("function", "standard error of the mean of the first time", "time")]
+    between: Annotated[float | None, fact("time between two looks at a path", "time")] = None
     from_t: Annotated[Array | None, array("until_t", "beginning of an interval of first times", "time")] = None
     until_t: Annotated[Array | None, axis("end of an interval of first times", "time", name="until_t")] = None
-    density: Annotated[
-        Array | None, array("function until_t", "density of the first time in the interval, from the corrected shares")
-    ] = None
+    density: Annotated[Array | None, array("function until_t", "density of the first time in the interval")] = None
     density_stderr: Annotated[Array | None, array("function until_t", "standard error of this density")] = None
 
 

@@ -226,24 +226,23 @@ class StatisticsPlan(MeansPlan):
         names, count = tuple(case.functions), len(case.functions)
         found = Moments.of(sums.values, sums.products, self.samples)
         bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
-        of_values = [function.functional != "passage" for function in functions[:count]]
+        of_values = [function.functional != "passage" for function in functions]
         passages = [f for f in range(count) if not of_values[f]]
-        of_passages = self._passages(found, passages) if passages else None
-        mean = (found.mean[: len(functions)] + self.columns.origins)[:count]
+        mean = found.mean[:count] + self.columns.origins
         stderr, alike = self._stderr(found, np.array(of_values))
         low, high = self._ends(found, mean, stderr[:count], passages)
         return Statistics(
             **self.whole(state),
             functions=names,
-            texts=tuple(function.told for function in functions[:count]),
+            texts=tuple(function.told for function in functions),
             t=case.t,
             mean=mean,
             mean_stderr=stderr[:count],
             mean_low=low,
             mean_high=high,
-            finite=(self.samples - sums.lost[:, :count].sum(axis=-1).T) / self.samples,
+            finite=(self.samples - sums.lost.sum(axis=-1).T) / self.samples,
             band=found.band(count),
-            passages=of_passages,
+            passages=self._passages(found, passages) if passages else None,
             **self._second_moments(found, alike[:count]),
             **self._counted(sums, bins, of_values),
             density_map=self._map(sums.cells, names),
@@ -257,9 +256,9 @@ class StatisticsPlan(MeansPlan):
         )
 
     def _passages(self, found: Moments, functions: list[int]) -> Passages:
-        case, random = self.case, isinstance(self.initial, RandomState)
+        case = self.case
         bins = case.bins if "histogram" in case.statistics else 0
-        return found.passages(functions, len(case.functions), case.t, case.places, bins, random)
+        return found.passages(functions, len(case.functions), case.t, self.columns.between, bins)
 
     def _counted(self, sums: Sums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
         """What follows from the counts in bins, as far as it is asked for."""
@@ -288,7 +287,7 @@ class StatisticsPlan(MeansPlan):
 
     def _not_random(self) -> np.ndarray:
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
-        case, functions = self.case, self.columns.functions[: len(self.case.functions)]
+        case, functions = self.case, self.columns.functions
         random = isinstance(self.initial, RandomState)
         always = np.array([[one.is_constant or not self.is_random] for one in functions])
         at_start = np.array([[one.functional == "start"] for one in functions]) | (case.t == 0)

@@ -16,7 +16,6 @@ from spi.printing.text import (
     short,
     with_interval,
 )
-from spi.statistics.claims import WIDEST
 
 from .results import LEAST_GROUPS, DensityMap, Passages, Quantiles, Statistics
 
@@ -89,7 +88,7 @@ def _mean_cell(reading: Statistics, f: int, i: int) -> str:
 
 
 def _is_share(reading: Statistics, f: int) -> bool:
-    return reading.passages is not None and bool(np.isfinite(reading.passages.share[f]).any())
+    return reading.passages is not None and bool(np.isfinite(reading.passages.time[f]))
 
 
 def _percent(share: float) -> str:
@@ -155,17 +154,13 @@ def _quantiles_told(found: Quantiles) -> str:
 
 
 def _passages_told(one: Statistics, found: Passages) -> Iterator[str]:
-    """Of each passage the share of the paths until the last time, with its bias, and the mean time."""
-    for f in np.flatnonzero(np.isfinite(found.share).any(axis=1)):
-        last = np.flatnonzero(np.isfinite(found.share[f]))[-1]
-        share, error = found.share[f, last], found.share_stderr[f, last]
-        end, half = f"{one.t[last]:.5g}", one.interval * found.order_stderr[f]
-        told = f"observed order {_cell(one, found.order[f], found.order_stderr[f])} in the time between two looks"
-        order = f" ({told})" if np.isfinite(found.order[f]) and half < WIDEST else ""
-        passed = f"{one.functions[f]}: {_cell(one, share, error)} of the paths until t = {end}"
-        yield f"    {passed}, the others never by then,"
-        yield f"        corrected for looking at given times only{order};"
-        yield f"        mean time, {end} where it has not come: {_cell(one, found.time[f], found.time_stderr[f])}"
+    """How late passages are seen, and of each the mean time."""
+    if found.between is not None:
+        yield f"    passages are seen at looks only, every {found.between:.5g}:"
+        yield "        shares are too small, and first times late, of paths with noise by about order 1/2 of that"
+    for f in np.flatnonzero(np.isfinite(found.time)):
+        mean = _cell(one, found.time[f], found.time_stderr[f])
+        yield f"    {one.functions[f]}: mean time, {one.t[-1]:.5g} where it has not come: {mean}"
 
 
 def _map_told(found: DensityMap) -> str:
