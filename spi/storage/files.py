@@ -16,6 +16,11 @@ from pathlib import Path
 
 import h5py
 
+try:
+    import fcntl
+except ImportError:  # where it does not exist, as on Windows
+    fcntl = None  # type: ignore[assignment]
+
 #: HDF5 reports damage in a file by any of these.
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError)
 
@@ -103,16 +108,12 @@ def _host() -> str:
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
     """Within it no other program of this machine is; where a folder cannot be locked it does nothing."""
-    if os.name != "posix":
-        yield
-        return
-    import fcntl  # here, since it is not there elsewhere
-
     with contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):
-            handle = os.open(folder, os.O_RDONLY)
-            stack.callback(os.close, handle)  # which ends the lock
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        if "flock" in dir(fcntl):
+            with contextlib.suppress(OSError):
+                handle = os.open(folder, os.O_RDONLY)
+                stack.callback(os.close, handle)  # which ends the lock
+                fcntl.flock(handle, fcntl.LOCK_EX)
         yield
 
 
