@@ -100,9 +100,9 @@ def our_rows(finest):
         "munthe_kaas_areas",
     )
     for scheme in schemes:
-        first, *others = our_states(scheme, finest, PATHS, (0, *(finest - k for k in reversed(EXPONENTS))))
-        reference = first if scheme == "munthe_kaas_areas" else reference
-        states = dict(zip(reversed(EXPONENTS), others, strict=True))  # of the same increments, which need not be fed
+        *others, last = our_states(scheme, finest, PATHS, (*(finest - k for k in EXPONENTS), 0))
+        reference = last if scheme == "munthe_kaas_areas" else reference
+        states = dict(zip(EXPONENTS, others, strict=True))  # of the same increments, which need not be fed
         final = lambda dW, states=states: states[round(math.log2(len(dW)))]  # noqa: E731
         rows.append(Row("spi", SCHEMES[scheme].label, final, partial(our_work, scheme)))
     return rows, reference

@@ -52,7 +52,7 @@ def jobs():
         "rigid_body splitting": (usual, our_work(SPLITTING, body, top, STEPS)),
         "  every angle reduced": (usual, our_work(SPLITTING, body, top, STEPS, h=16.0)),
         "  truncated noise": (usual, our_work(SPLITTING, body, top, STEPS, truncate=True)),
-        "  strong study, 9 coarser steps": (usual, strong_work(body, top, (0, *range(3, 12)))),
+        "  strong study, 9 coarser steps": (usual, strong_work(body, top, (*range(11, 2, -1), 0))),
         "  paths of 256 steps": (short, our_work(SPLITTING, body, top, few, blocks=many)),
         "  the same with the weak study": (short, weak_work(body, top, many, few)),
     }

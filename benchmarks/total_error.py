@@ -106,10 +106,10 @@ def plain(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
 
 
 def level_of(p: Any, w: np.ndarray, exponent: int, stream: Any) -> Sample:
-    """The steps 2^-exponent and, with extrapolation, 2 and more times as large ones on common paths."""
+    """With extrapolation also 2 and more times as large steps as 2^-exponent, on common paths, the largest first."""
     steps = 2**exponent
-    times = grid(1 / steps, steps, doublings=range(len(w)), by_reference=(0,) * len(w))
-    return Sample(times, stream, w[np.newaxis], sum(steps >> i for i in range(len(w))))
+    times = grid(1 / steps, steps, doublings=range(len(w) - 1, -1, -1), by_reference=(0,) * len(w))
+    return Sample(times, stream, w[np.newaxis, ::-1], sum(steps >> i for i in range(len(w))))
 
 
 class Doubled(NamedTuple):

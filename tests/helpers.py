@@ -170,28 +170,38 @@ def simulate(
     """
     d, levels, counts = type(model).dimension, len(doublings), np.array([steps >> s for s in doublings])
     assert all(count << s == steps for count, s in zip(counts, doublings, strict=True))
-    times = grid(h, steps, doublings, truncate, reversals, area_terms=area_terms)
+    times = grid(h, steps, *from_large_to_small(doublings, truncate, reversals), area_terms=area_terms)
     each = counts // (snapshots or counts)
     kept = np.array([snapshots] * levels if snapshots else counts)
     places = np.cumsum(kept) - kept
     rows = np.full((blocks, kept.sum(), d * LANES), np.nan)
     observer = last_states_only(times)._replace(
-        rows=rows, holds=STATES, levels=np.stack([places, each, counts], axis=1).astype(np.int64)
+        rows=rows, holds=STATES, levels=np.stack([places, each, counts], axis=1)[::-1].astype(np.int64)
     )
     end = (first_block + blocks) * LANES if samples is None else samples
     noise = RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
     _, report = integrated(scheme, model, initial, times, noise, first_block, blocks, end, observer)
     states = rows.reshape(blocks, -1, d, LANES).transpose(1, 2, 0, 3).reshape(-1, d, blocks * LANES)
     of_levels = [states[place : place + count] for place, count in zip(places, kept, strict=True)]
-    return (np.stack(of_levels) if snapshots else of_levels), report
+    return (np.stack(of_levels) if snapshots else of_levels), report[:, ::-1]
+
+
+#: What :func:`final_states` takes of the paths of a grid.
+PATHS = {"doublings": (0,), "truncate": False, "reversals": None}
+
+
+def from_large_to_small(doublings, truncate, reversals):
+    """The paths of a grid in its order: tests name them from the reference on."""
+    return doublings[::-1], truncate, None if reversals is None else reversals[::-1]
 
 
 def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, seed=1, stream=BROWNIAN, **options):
     """The last states alone, an array [level, component, path]; `options` are grid's."""
     initial, noise = options.pop("initial", INITIAL), RandomStream(np.uint64(seed), np.uint64(stream))
-    times, end = grid(h, steps, **options), (first_block + blocks) * LANES
+    shape = from_large_to_small(*(options.pop(name, no) for name, no in PATHS.items()))
+    times, end = grid(h, steps, *shape, **options), (first_block + blocks) * LANES
     states, _ = integrated(scheme, model, initial, times, noise, first_block, blocks, end)
-    return paths_of(states, dimension(model))
+    return paths_of(states, dimension(model))[::-1]
 
 
 @contextlib.contextmanager

@@ -64,7 +64,7 @@ def expectations(
     count = whole("samples", samples, 2)
     keys = {"initial": initial, "final_time": final_time, "seed": seed} | options
     each = _plans(model, scheme, keys, np.atleast_1d(np.asarray(steps, dtype=object)).tolist())
-    finest = each[0]
+    finest = each[-1]
     phis = _callables(functions, finest)
     doublings = [_doublings(one.case.step, finest.case.step) for one in each]
     state = State(_means_plan(finest, doublings, phis, count))
@@ -73,7 +73,7 @@ def expectations(
         workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
     h = [one.case.step for one in each]
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
-    return _dataset(state.total(), list(phis), h, about).isel(h=slice(None, None, -1))  # the largest step first
+    return _dataset(state.total(), list(phis), h, about)
 
 
 def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[str, Phi], samples: int) -> Any:
@@ -85,10 +85,10 @@ def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[st
 
 
 def _plans(model: Any, scheme: str, keys: dict[str, Any], steps: list[Any]) -> list[TrajectoryPlan]:
-    """The plans of paths with each step size, from small to large."""
+    """The plans of paths with each step size, from large to small."""
     if not steps:
         raise SpecError("steps: is an empty list; give a step size, or several")
-    return sorted((plan_of(model, scheme, keys | {"step": h}) for h in steps), key=lambda one: one.case.step)
+    return sorted((plan_of(model, scheme, keys | {"step": h}) for h in steps), key=lambda one: -one.case.step)
 
 
 def _callables(functions: Any, ready: TrajectoryPlan) -> dict[str, Phi]:

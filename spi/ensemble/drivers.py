@@ -246,4 +246,4 @@ class Driver:
 
     def _unit(self, times):
         """Of how many steps the loop can make a multiple at a time."""
-        return math.lcm(STEPS_PER_TOSS, 1 << int(times.doublings[-1]))
+        return math.lcm(STEPS_PER_TOSS, 1 << int(times.doublings[0]))

@@ -33,18 +33,19 @@ AS_TOSSED, COINS_TURNED, PAIRS_REVERSED = range(3)
 
 
 class Grid(NamedTuple):
-    """The times of one run, and its paths: number 0 is the reference, number l has the step 2^doublings[l] h_ref.
+    """The times of one run, and its paths from large steps to small ones: number l has the step 2^doublings[l] h_ref.
 
-    Several may have the same step.  One with ``reversals[l]`` = COINS_TURNED tosses every coin to the other side; one
-    with PAIRS_REVERSED also makes its steps in pairs, the second of a pair before the first, so that with a scheme that
-    is symmetric up to its coins all flows of a pair act in reversed order.
+    The last path is the reference, with which others are compared.  Several may have the same step.  One with
+    ``reversals[l]`` = COINS_TURNED tosses every coin to the other side; one with PAIRS_REVERSED also makes its steps in
+    pairs, the second of a pair before the first, so that with a scheme that is symmetric up to its coins all flows of
+    a pair act in reversed order.
     """
 
     reference_step: float
     reference_steps: int
-    doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
+    doublings: np.ndarray  #: int64, from large to small, the last is 0
     truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
-    first_level: np.ndarray  #: int64: the number of the first level with at least s doublings, s = 0, ..., most + 1
+    coarser: np.ndarray  #: int64: how many paths have at least s doublings, s = 0, ..., most + 1
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
@@ -64,18 +65,18 @@ def grid(
     area_terms=0,
     first_step=0,
 ):
-    """A :class:`Grid`, by default with one step size, and path number 0 made by the reference scheme."""
+    """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme."""
     doublings = np.array(doublings, np.int64)
     count = len(doublings)
     reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
-    by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
-    first_level = np.searchsorted(doublings, np.arange(doublings[-1] + 2))
+    by_reference = np.array([0] * (count - 1) + [1] if by_reference is None else by_reference, np.int64)
+    coarser = (doublings >= np.arange(doublings[0] + 2)[:, np.newaxis]).sum(axis=1)
     return Grid(
         step,
         steps,
         doublings,
         truncate,
-        first_level,
+        coarser,
         reversals,
         by_reference,
         reference_scheme,
@@ -85,8 +86,8 @@ def grid(
 
 
 def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, area_terms=0):
-    """The grid of a study of errors until `final_time`: the reference and `steps`, which go from large to small."""
-    doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
+    """The grid of a study of errors until `final_time`: `steps`, which go from large to small, and the reference."""
+    doublings = [*(round(np.log2(h / reference_step)) for h in steps), 0]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
 
@@ -110,7 +111,7 @@ def paths_of(states, d):
 def integrate_block(scheme, model, states, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
     scheme, model, grid, observer, report = without_refcount((scheme, model, grid, observer, report))
-    last, first_level = grid.doublings[-1], grid.first_level
+    last, coarser, reference = grid.doublings[0], grid.coarser, len(grid.doublings) - 1
     kept = kept_of_steps(grid.reference_scheme, scheme, model)
     # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
     first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
@@ -137,7 +138,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
         s, h = 0, grid.reference_step
         while True:
             second_half = (n >> s) & 1
-            for level in range(first_level[s], first_level[s + 1]):
+            for level in range(coarser[s] - 1, coarser[s + 1] - 1, -1):  # of the smallest steps the reference first
                 reversal = grid.reversals[level]
                 if reversal == PAIRS_REVERSED and not second_half:
                     continue
@@ -164,7 +165,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         work,
                         report[level],
                     )
-                observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
+                observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[reference])
             if s == last or not second_half:
                 break
             join(kept, model, dW[drawn], dW[first + s])

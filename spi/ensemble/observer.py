@@ -90,7 +90,7 @@ class Observer(NamedTuple):
     component after component.
 
     ``extremes[block, level, c, lane]`` is the largest |C_c(y) - C_c(y_0)| over all steps of a level; of the reference,
-    level 0, it is that of the last step.  With damping C_c(y) counts exp(k gamma t) times, see ``invariants.py``.
+    the last level, it is that of the last step.  With damping C_c(y) counts exp(k gamma t) times.
     Behind the Casimir functions may stand the largest |y|^2 / |y_0|^2 and, of populations, the smallest component.
     """
 
@@ -119,9 +119,9 @@ def state_recorder(times, rows, every, lane=0):
     """
     nothing = last_states_only(times)
     steps = nothing.levels[:, 2]
-    stored = steps[-1] // every
+    stored = steps[0] // every
     places = 1 + np.arange(len(steps)) * (stored + 1) - times.first_step // every  # steps are counted from t = 0 on
-    levels = np.stack([places, every * (steps // steps[-1]), steps], axis=1)
+    levels = np.stack([places, every * (steps // steps[0]), steps], axis=1)
     return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
 
@@ -130,9 +130,9 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
     nothing = last_states_only(times)
     levels, steps = nothing.levels, nothing.levels[:, 2]
     count, (first, rates) = len(steps), (casimirs(model, initial), decay_rates(model))
-    places = int(steps[1:].sum()) if squares else 0
+    places = int(steps[:-1].sum()) if squares else 0
     if squares:
-        levels[1:, 0], levels[1:, 1] = np.cumsum(steps[1:]) - steps[1:], 1
+        levels[:-1, 0], levels[:-1, 1] = np.cumsum(steps[:-1]) - steps[:-1], 1
     start = np.empty((1, len(first) + 1, LANES))
     start[0] = np.reshape((*first, 1.0 / (math.hypot(*initial) or 1.0)), (-1, 1))  # sizes of those at 0 are absolute
     decay = np.multiply.outer(times.reference_step * 2.0**times.doublings, rates or np.zeros(len(first)))
@@ -156,7 +156,7 @@ def beginning_at(observer, model, initial, states):
 
 @device(by_type=True)
 def observe(observer, model, row, paths, level, n, y, reference):
-    """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of level 0 then.
+    """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of the last level then.
 
     Of the lanes the first `paths` count, since the last block may be partly idle.
     """
@@ -175,7 +175,7 @@ def _observe(observer, model, row, paths, level, n, y, reference):
             _add_squares(model, observer.rows[row, place], paths, y, reference)
         else:
             _keep_states(model, observer.rows[row, place], observer.lane, y)
-    if observer.extremes.shape[2] > 0 and (level > 0 or n == observer.levels[level, 2]):
+    if observer.extremes.shape[2] > 0 and (level < len(observer.levels) - 1 or n == observer.levels[level, 2]):
         start = observer.start[row if len(observer.start) > 1 else 0]
         _watch(model, observer.extremes[row, level], start, observer.rates[level], n, paths, y)
 

@@ -224,10 +224,6 @@ def _fitting(like: Any, value: Any) -> Any:
     return value
 
 
-#: Of what is known at each step size of a grid: results go from the largest to the smallest, without the reference.
-DOWN = slice(None, 0, -1)
-
-
 class Cost(NamedTuple):
     """What a part would cost."""
 
@@ -375,7 +371,7 @@ class Plan:
 
     def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
-        shortest = times._replace(reference_steps=1 << int(times.doublings[-1]))  # a step of each size
+        shortest = times._replace(reference_steps=1 << int(times.doublings[0]))  # a step of each size
         what = self.scheme, self.model, np.array(self.initial), shortest, stream.for_a_trial
         step = arguments_of(*what, 0, 1, LANES)
         calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
@@ -388,7 +384,7 @@ class Plan:
         With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
         """
         case, reference = self.case, self.case.reference_record(self.part.eps)
-        paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
+        paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
         paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
         times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
         observer = path_observer(self.model, self.initial, times, blocks) if observed else None
@@ -452,7 +448,7 @@ class PathsPlan(Plan):
 
     @property
     def steps(self) -> np.ndarray:
-        """(levels,) how many steps each step size of the grid takes."""
+        """(levels,) how many steps each step size of the grid takes, the reference last."""
         return self.grid.reference_steps >> self.grid.doublings
 
     def kernel_calls(self) -> list[KernelCall]:

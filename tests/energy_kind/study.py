@@ -66,7 +66,7 @@ class EnergyPlan(BlocksPlan):
         return Done(state.tally().paths, self.samples, float("nan"))
 
     def results(self, state: State) -> Energies:
-        energy = state.total().energy[:0:-1]
+        energy = state.total().energy[:-1]
         return Energies(
             about=self.description(),
             h=np.array(self.case.steps),

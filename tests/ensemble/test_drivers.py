@@ -93,7 +93,7 @@ def test_larger_steps_are_sums(law):
 @compiled_only
 @by_law
 def test_states_do_not_depend_on_how_much_is_made_at_a_time(law, monkeypatch):
-    scheme, times = SCHEMES["splitting"].record, grid(2**-8, 512, (0, 2))
+    scheme, times = SCHEMES["splitting"].record, grid(2**-8, 512, (2, 0))
     driver = Driver(law, brownian(1), 2.0)
 
     def states(first, blocks, end):

@@ -110,8 +110,8 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
         np.testing.assert_allclose(found.arrays["ns_per_step"], 1e9 * times[1] / counts)
         _, _, _, timed, _, last, *_ = p.kernel_calls()[-1].arguments
         assert (
-            timed.doublings.tolist() == list(range(levels + 1))
-            and last.levels[:, 2].tolist() == [4, 2, 1][-levels - 1 :]
+            timed.doublings.tolist() == list(range(levels, -1, -1))
+            and last.levels[:, 2].tolist() == [1, 2, 4][: levels + 1]
         )
 
 

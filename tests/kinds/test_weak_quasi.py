@@ -44,7 +44,7 @@ def gains(sigma, scheme=SCHEME, points=4096):
     case = quasi(sigma=sigma, samples=64 * points)
     plan = plan_of(case, scheme, "quasi")
     total = finished(plan).total()
-    mean = total.values[:, 0] / group_counts(64 * points)  # of each scramble
+    mean = total.values[:, -1] / group_counts(64 * points)  # of the reference, of each scramble
     variance = (mean[1] - mean[0] ** 2).mean(axis=-1)
     return variance / points / mean[0].var(axis=-1, ddof=1)
 

@@ -57,14 +57,14 @@ def paths_of_set(case: Any, row: Any, number: int) -> Sample:
     shape: dict[str, Any] = {"doublings": (0,)}
     weights = [[1.0]]
     if not alone and has_antithetic_path(record):
-        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
-        weights = [[0.5, 0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]]
+        shape = {"doublings": (1, 1, 0, 0), "reversals": (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)}
+        weights = [[-0.5, -0.5, 0.5, 0.5], [0.0, 0.0, 1.0, 0.0]]
     elif own >= AGAINST:
-        shape = {"doublings": (0, 1)}
-        weights = [[1.0, 0.0, -1.0, 0.0], [1.0, -1.0, -1.0, 1.0]]
+        shape = {"doublings": (1, 0)}
+        weights = [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
     elif not alone:
-        shape = {"doublings": (0, 1)}
-        weights = [[1.0, -1.0], [1.0, 0.0]]
+        shape = {"doublings": (1, 0)}
+        weights = [[-1.0, 1.0], [0.0, 1.0]]
     steps, h = 2**level, case.final_time / 2.0**level
     records = [record, case.row(case.reference_scheme).record] if own >= AGAINST and case.reference_scheme else [record]
     terms = fourier_terms(case.model, records, h, areas=case.areas)

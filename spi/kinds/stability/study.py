@@ -25,7 +25,7 @@ from spi.exact.kolmogorov import SOLVING, can_solve_equation, exact_expectations
 from spi.exact.work import work
 from spi.expressions import as_numpy, canonical, functions_of
 from spi.kinds.blocks import BlocksPlan, reported
-from spi.kinds.plans import DOWN, Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import stderr_of_mean
@@ -128,10 +128,10 @@ class ValuePlan(BlocksPlan):
         scale = np.where(first > 0, first, 1.0)
         size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            worse = np.nan_to_num(paths.casimir[DOWN] / scale, nan=np.inf, posinf=np.inf)
+            worse = np.nan_to_num(paths.casimir[:-1] / scale, nan=np.inf, posinf=np.inf)
             median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
-            norm = np.nan_to_num(np.sqrt(paths.square[DOWN]), nan=np.inf, posinf=np.inf)
-            y, reference = paths.y[DOWN], paths.y[:1]
+            norm = np.nan_to_num(np.sqrt(paths.square[:-1]), nan=np.inf, posinf=np.inf)
+            y, reference = paths.y[:-1], paths.y[-1:]
             squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
             error = np.sqrt(squares.mean(axis=1))
             stderr = stderr_of_mean(squares) / (2 * error)
@@ -141,7 +141,7 @@ class ValuePlan(BlocksPlan):
             "casimir_worst": worse.max(axis=2, initial=0.0),
             "casimir_median": median,
             "largest_norm": norm.max(axis=1),
-            "positive": (paths.smallest[DOWN] > 0.0).mean(axis=1),
+            "positive": (paths.smallest[:-1] > 0.0).mean(axis=1),
             "error": error,
             "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
             "expectation": expectation,
@@ -346,7 +346,7 @@ class StabilityPlan(Plan):
         totals = [state.total(i) for i in range(len(self.points))]
         each = [point.summary(total) for point, total in zip(self.points, totals, strict=True)]
         of = {name: np.array([summary[name] for summary in each]) for name in each[0]}
-        report = np.array([total.report[DOWN] for total in totals])
+        report = np.array([total.report[:-1] for total in totals])
         arrays: dict[str, Any] = {name: of[name] for name in _PER_POINT} | reported(report)
         if populations(self.model):
             arrays["positive"] = of["positive"]

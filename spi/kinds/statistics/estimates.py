@@ -49,7 +49,7 @@ class Columns(NamedTuple):
     compared: list[int]  #: the functions whose means are compared with those of finer paths
     places: np.ndarray  #: (T,) which of the stored states have statistics
     between: float  #: the time between two stored states
-    levels: int  #: 2 with finer paths, which come first
+    levels: int  #: 2 with finer paths, which come last
     stored: int  #: states of a level, with the initial one
 
     @classmethod
@@ -72,7 +72,7 @@ class Columns(NamedTuple):
         """How many columns there are."""
         return len(self.functions) + len(self.since) + len(self.compared)
 
-    def states(self, y: np.ndarray, level: int = -1) -> np.ndarray:
+    def states(self, y: np.ndarray, level: int = 0) -> np.ndarray:
         """States (d, blocks, stored, LANES) of a level among all of blocks, (blocks, levels * stored, d * LANES)."""
         return np.moveaxis(y.reshape(len(y), self.levels, self.stored, -1, LANES)[:, level], 2, 0)
 
@@ -83,7 +83,7 @@ class Columns(NamedTuple):
         list(each(lambda piece: self._evaluate(y[piece], values[piece]), pieces))
 
     def _evaluate(self, y: np.ndarray, values: np.ndarray) -> None:
-        count, own, finer = len(self.functions), self.states(y), self.states(y, 0)
+        count, own, finer = len(self.functions), self.states(y), self.states(y, -1)
         for f, origin in enumerate(self.origins):
             np.subtract(self._along(f, own), origin, out=values[:, :, f])
         for column, (f, place) in enumerate(self.since, count):

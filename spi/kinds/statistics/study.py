@@ -81,7 +81,7 @@ def parts(case: Any) -> list[Part]:
 def plan(case: Any, part: Part) -> "StatisticsPlan":
     """The plan for one scheme of a case."""
     finest = case.reference_step or case.step
-    doublings = (0, round(np.log2(case.step / finest))) if case.reference_step else (0,)
+    doublings = (round(np.log2(case.step / finest)), 0) if case.reference_step else (0,)
     return StatisticsPlan(case=case, part=part, grid=path_grid(case, part, finest, doublings), samples=case.samples)
 
 
@@ -180,7 +180,7 @@ class StatisticsPlan(MeansPlan):
         recorder = state_recorder(self.grid, y, self.case.stride)
         what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
         _, report = integrated(*what)
-        return Rows(y, report[:, -1, :SUMMED])
+        return Rows(y, report[:, 0, :SUMMED])
 
     def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
         """The sums with the rows `at`, of which the first is that of block `first`.
@@ -198,7 +198,9 @@ class StatisticsPlan(MeansPlan):
                 some = states[begin : begin + few]
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
-        lost = np.logical_not(np.isfinite(states[:, -1]).reshape(len(states), -1, LANES).all(axis=1))
+        lost = np.logical_not(
+            np.isfinite(states[:, self.columns.stored - 1]).reshape(len(states), -1, LANES).all(axis=1)
+        )
         diverged = sums.nonfinite + lost_among(lost, first, end)
         return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
 

@@ -20,7 +20,7 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, noise_groups, noise_indices
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan, reported
-from spi.kinds.plans import DOWN, Cost, Done, State
+from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme, driven, has_theory, typical_ns
 from spi.statistics.estimators import (
@@ -64,7 +64,7 @@ class Totals(NamedTuple):
     paths: int
     seconds: float  #: wall clock
     cpu_seconds: float
-    squares: np.ndarray  #: (GROUPS, points)
+    squares: np.ndarray  #: (GROUPS, points), those of the largest step first
     drift: np.ndarray  #: (levels, casimirs)
     nonfinite: np.ndarray  #: (levels,)
     report: np.ndarray  #: (levels, len(REPORT))
@@ -100,7 +100,7 @@ class StrongPlan(BlocksPlan):
     @property
     def points(self) -> int:
         """Grid points of all step sizes but the reference."""
-        return int(self.steps[1:].sum())
+        return int(self.steps[:-1].sum())
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -190,14 +190,16 @@ class StrongPlan(BlocksPlan):
             return Done(0, self.samples, float("nan"))
         counts = group_counts(tally.paths)
         # of one time alone: sums over all of them are large, and this is asked after each batch
-        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in tally.each], axis=0), counts)
+        value, without = root_mean_square(
+            np.sum([sums.squares[:, self.steps[0] - 1] for sums in tally.each], axis=0), counts
+        )
         return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def results(self, state: State) -> StrongErrors:
         """The results of one scheme of a case, from its final state."""
         case, totals, times = self.case, state.total(), state.extra.ns_per_step
         h, counts = np.array(case.steps), group_counts(totals.paths)
-        error = errors(totals.squares, counts, self.steps[1:])
+        error = errors(totals.squares, counts, self.steps[:-1])
         stderr = jackknife_stderr(error.sup, error.sup_without, counts)
         resolved = is_resolved(error.sup, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
@@ -211,19 +213,19 @@ class StrongPlan(BlocksPlan):
             error_time=(error.at + 1) * h,
             error_final=error.final,
             error_final_stderr=jackknife_stderr(error.final, error.final_without, counts),
-            casimir_drift=totals.drift[DOWN],
-            nonfinite=totals.nonfinite[DOWN],
+            casimir_drift=totals.drift[:-1],
+            nonfinite=totals.nonfinite[:-1],
             resolved=resolved,
-            seconds=times * 1e-9 * self.steps[DOWN] * self.samples if self.timed_steps else None,
+            seconds=times * 1e-9 * self.steps[:-1] * self.samples if self.timed_steps else None,
             ns_per_step=times if self.timed_steps else None,
-            **reported(totals.report[DOWN]),
+            **reported(totals.report[:-1]),
             order=fit_order(h, error.sup, error.sup_without, counts, resolved & together, own_reference),
             expected_order=expected_order(self.row, case),
             samples=case.samples,
             reference_step=case.reference_step,
             reference_scheme=case.reference_scheme,
-            reference_nonfinite=int(totals.nonfinite[0]),
-            reference_casimir_drift=tuple(totals.drift[0].tolist()),
+            reference_nonfinite=int(totals.nonfinite[-1]),
+            reference_casimir_drift=tuple(totals.drift[-1].tolist()),
             note=note(error.sup, stderr, resolved, case.samples),
         )
 
@@ -249,11 +251,11 @@ class Errors(NamedTuple):
 def errors(squares: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> Errors:
     """The errors from sums of squares (GROUPS, points) over `counts` (GROUPS,) paths.
 
-    Step size after step size, from small to large, has as many points as `steps` (S,).
+    Step size after step size, from large to small, has as many points as `steps` (S,).
     """
     value, without = root_mean_square(squares, counts)
     value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)  # a diverged path makes the mean square infinite
-    ends, steps = np.cumsum(steps)[::-1], steps[::-1]
+    ends = np.cumsum(steps)
     at = np.array([np.argmax(value[end - n : end]) for end, n in zip(ends, steps, strict=True)], dtype=int)
     first = ends - steps
     return Errors(

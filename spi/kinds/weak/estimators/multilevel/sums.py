@@ -62,12 +62,12 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
     """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if antithetic:
-        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
-        return shape, [[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]]
+        shape = {"doublings": (1, 1, 0, 0), "reversals": (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)}
+        return shape, [[0.5, 0.5, -0.5, -0.5], [0.0, 0.0, 0.5, 0.5]]
     if limit is not None:
-        shape = {"doublings": (0, 0, 1, 1), "by_reference": (0, 1, 0, 1)}
-        return shape, [[-1.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
-    return {"doublings": (0, 1)}, [[-1.0, 1.0], [1.0, 0.0]]
+        shape = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
+        return shape, [[1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, -1.0]]
+    return {"doublings": (1, 0)}, [[1.0, -1.0], [0.0, 1.0]]
 
 
 def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:

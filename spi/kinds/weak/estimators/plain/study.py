@@ -14,7 +14,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, nested_grid
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan, values_of_blocks
-from spi.kinds.plans import DOWN, Cost, Done, State
+from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import (
@@ -98,7 +98,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
     @property
     def own(self) -> slice:
-        """Where the reference and the step sizes of this level of extrapolation stand among all."""
+        """Where the step sizes of this level of extrapolation and their reference stand among all."""
         return self.own_among(lambda one: 1 + len(one.h))
 
     def cost(self) -> Cost:
@@ -135,7 +135,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         """The totals with the rows `at`, of which the first is that of block `first`."""
         values = rows.values[at]
         with np.errstate(invalid="ignore", over="ignore"):
-            differences = np.concatenate([v - v[:, :1] for v in (values[:, one.own] for one in self.by_level)], axis=1)
+            differences = np.concatenate([v - v[:, -1:] for v in (values[:, one.own] for one in self.by_level)], axis=1)
         lanes = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
         lost = ~np.isfinite(values).all(axis=2) & lanes
         of_prefixes = sums.prefix_differences.copy()
@@ -188,18 +188,18 @@ class PlainPlan(WeakPlan, BlocksPlan):
             state.seconds,
             **fields,
             expectation=expectation,
-            nonfinite=totals.nonfinite[DOWN],
+            nonfinite=totals.nonfinite[:-1],
             prefixes=self._of_prefixes(totals) if self.prefixes else None,
             sampled=Sampled(
                 **sampled,
                 expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
-                reference=mean[0],
-                sd=standard_deviation(*totals.values[:, -1].sum(axis=-1) / self.samples),
+                reference=mean[-1],
+                sd=standard_deviation(*totals.values[:, 0].sum(axis=-1) / self.samples),
                 samples=self.samples,
                 ns_per_step=float(1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples)),
             ),
             cpu_seconds=totals.cpu_seconds,
-            reference_nonfinite=int(totals.nonfinite[0]),
+            reference_nonfinite=int(totals.nonfinite[-1]),
         )
 
     def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -227,7 +227,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, 1 + S, F, LANES)."""
         weights, smallest = self.extrapolation.weights.tolist(), self.case.reference_step
         sizes = (smallest * 2.0**self.grid.doublings).tolist()
-        wanted = [smallest, *reversed(self.h.tolist())]
+        wanted = [*self.h.tolist(), smallest]
         if not self.part.extrapolate:
             return values[:, [sizes.index(h) for h in wanted]]
         with np.errstate(invalid="ignore", over="ignore"):
@@ -251,5 +251,5 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
 
 def _by_step(x: np.ndarray) -> np.ndarray:
-    """(..., L, F) as (..., F, S): without the reference, from the largest step to the smallest."""
-    return np.moveaxis(x, -1, -2)[..., DOWN]
+    """(..., L, F) as (..., F, S): without the reference."""
+    return np.moveaxis(x, -1, -2)[..., :-1]

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.given import Points, dimensions_of, points_of
-from spi.kinds.plans import DOWN, State
+from spi.kinds.plans import State
 from spi.numerics.rng import POINTS
 from spi.numerics.sobol import SCRAMBLES
 from spi.statistics.estimators import standard_deviation
@@ -44,7 +44,7 @@ class QuasiPlan(PlainPlan):
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        found, values = super().results(state), self._of_own(state.total()).values[:, DOWN].sum(axis=-1)
+        found, values = super().results(state), self._of_own(state.total()).values[:, :-1].sum(axis=-1)
         sd = standard_deviation(*values / self.samples).T
         sampled: Any = found.sampled
         with np.errstate(divide="ignore", invalid="ignore"):
