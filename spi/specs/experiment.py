@@ -22,7 +22,6 @@ from pydantic_core import PydanticCustomError
 from ..statistics import claims
 from . import sweep
 from .cases import BaseCase
-from .conversion import converted
 from .document import Document, Faults, Location, SpecError, about, override, text_of
 from .files import Files
 from .keys import attempt, suggestion
@@ -30,7 +29,7 @@ from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 from .models import check_overrides
 from .naming import results_name
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
 
 Layer = tuple[Document, Location]  #: a mapping that overrides others: where it stands in a document
 Owner = tuple[Location, str]  #: of a case: where it stands in the file, and its title
