@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from .. import storage
 from ..specs.document import SpecError, text_of
+from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
-from ..specs.layers import PROFILES
 from ..specs.naming import results_name
 from ..storage import StorageError
 from ..storage.results import read_root

@@ -17,8 +17,8 @@ from ..kinds.plans import Plan
 from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import Document, override, text_of
+from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
-from ..specs.layers import ANSWER, Heading, heading
 from ..storage.results import read_root
 from . import remarks, shipped
 
@@ -198,7 +198,7 @@ def _is_here(name: str, text: str) -> bool:
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.layers."""
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.experiment."""
     found: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .cases import BaseCase
     from .document import SpecError, text_of
-    from .experiment import Experiment, load
-    from .layers import PROFILES, Layers
+    from .experiment import PROFILES, Experiment, Layers, load
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
 

@@ -7,9 +7,8 @@ from typing import Any
 
 from spi.specs.cases import BaseCase
 from spi.specs.document import Document, SpecError
-from spi.specs.experiment import Experiment
+from spi.specs.experiment import ANSWER, ONLY_IN_FILES, Experiment, laid_over
 from spi.specs.files import Files
-from spi.specs.layers import ANSWER, ONLY_IN_FILES, laid_over
 from spi.specs.naming import as_yaml
 from spi.specs.sweep import versions
 
