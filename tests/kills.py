@@ -18,7 +18,7 @@ import numpy as np
 
 from spi import storage
 from spi.running import run as runner
-from spi.running.load import load_as
+from spi.running.load import load_answer
 from spi.running.run import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -45,7 +45,7 @@ def experiment(kind):
     """The experiment of a kind."""
     name, overrides = RUNS[kind]
     path = EXPERIMENTS / f"{name}.yaml"
-    return load_as(kind, path, "quick", overrides) if kind == "answer" else load(path, "quick", overrides)
+    return load_answer(path, "quick", overrides) if kind == "answer" else load(path, "quick", overrides)
 
 
 def numbers(path):

@@ -31,8 +31,8 @@ from spi.running.checkpoint import Keys
 from spi.running.load import plans
 from spi.running.verify import TIMES
 from spi.specs import SpecError
+from spi.specs.experiment import ONLY_IN_FILES
 from spi.specs.files import array_text, as_text
-from spi.specs.layers import ONLY_IN_FILES
 
 BODY = "model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 SCHEMES = "schemes: [splitting, splitting_order2]"

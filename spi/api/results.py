@@ -306,13 +306,12 @@ def load(
     path: str | Path,
     *,
     profile: str = "laptop",
-    as_: str | None = None,
     results: str | Path = "results",
     **overrides: Any,
 ) -> Results:
     """The results in a file that a run wrote, or those of an experiment by its name, in the folder `results`.
 
-    `profile`, `as_` and overrides are those of the run, as ``spi.run`` takes them, and choose among the results of the
+    `profile` and overrides are those of the run, as ``spi.run`` takes them, and choose among the results of the
     name, ``<results>/<name>.h5``, ``<results>/<name>.quick.h5`` and so on.
 
     StorageError if there is no such file, or if it cannot be read; SpecError if `path` can be neither.
@@ -321,7 +320,7 @@ def load(
     if "out" in overrides:
         raise SpecError(f"out: is now called results; write results={str(overrides['out'])!r}")
     with in_python():
-        wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})), as_)
+        wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
         file = finding.found(Path(path), Path(results), wanted)
         return Results(storage.read(file), file)
 

@@ -23,7 +23,6 @@ def run(
     *,
     name: str | None = None,
     profile: str | None = None,
-    as_: str | None = None,
     out: str | Path | None = "results",
     fresh: bool = False,
     threads: int | None = None,
@@ -43,9 +42,6 @@ def run(
     mapping overrides only what it names: ``model={"sigma": [1, 0, 0]}`` keeps the other parameters, and
     ``cases={"strong": {"seed": 7}}`` changes one case.
 
-    ``as_="weak"`` converts the experiment in a file to another kind, as ``--as`` does, with suitable
-    defaults; its name is then ``<name>.weak``.
-
     Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``; a profile and overrides
     are added to the name, as in ``<name>.quick.seed=2.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
     ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
@@ -60,7 +56,7 @@ def run(
     """
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
-    experiment = experiment_of(what, name, profile, overrides, as_, trust_code)
+    experiment = experiment_of(what, name, profile, overrides, trust_code)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
         stack.enter_context(_threads(threads))

@@ -21,7 +21,7 @@ from ..storage import StorageError
 
 _AS_ARGUMENT = {
     **{"--fresh": "fresh=True", "--out": "out=", "--results": "results=", "--set ": ""},
-    **{"--profile": "profile", "--as": "as_"},
+    "--profile": "profile",
 }
 
 
@@ -30,27 +30,23 @@ def experiment_of(
     name: str | None,
     profile: str | None,
     overrides: Mapping[str, Any],
-    kind: str | None = None,
     trust_code: bool = False,
 ) -> Experiment:
     """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
 
-    That in a file, of results too, may be made into one of another `kind`.  SpecError if anything is wrong; of a
-    mapping it names no lines.
+    SpecError if anything is wrong; of a mapping it names no lines.
     """
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
     check_type("spec", what, (str, Path, Mapping), right)
     if "kind" in overrides:
-        raise SpecError("kind: cannot be overridden; as_='...' makes an experiment into one of another kind")
-    if kind is not None and isinstance(what, Mapping):
-        raise SpecError("as_: is for experiments in files; give the mapping the kind that you want")
+        raise SpecError("kind: cannot be overridden; give a spec of the kind that you want")
     arrays: dict[str, str] = {}
     texts = as_overrides(overrides, arrays)
     with in_python():
         if isinstance(what, Mapping):
             return of_mapping(what, name or "experiment", profile or "laptop", texts, arrays=arrays)
         added = tuple(arrays.items())
-        found = load_any(what, profile, texts, kind, added, trust_code)
+        found = load_any(what, profile, texts, added, trust_code)
     return found if name is None else found._replace(name=name)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
+from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 app = typer.Typer(
@@ -56,11 +56,10 @@ def check(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    kind: As = None,
     trust_code: TrustCode = False,
 ) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
+    experiments = load(specs, profile, overrides, samples, seed, trust_code)
     from ..printing import cost_line, print_safely
     from ..running.remarks import remarks
     from ..running.run import cost, reports, to_compile
@@ -77,7 +76,7 @@ def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, tr
     """Print the Python source of the models of experiments."""
     from ..running.run import sources
 
-    for experiment in load(specs, profile, overrides, None, None, trust_code=trust_code):
+    for experiment in load(specs, profile, overrides, None, None, trust_code):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 

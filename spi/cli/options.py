@@ -26,7 +26,6 @@ def stored(
     overrides: Iterable[str] | None,
     samples: str | None,
     seed: str | None,
-    kind: str | None,
     unfinished: bool = False,
 ) -> list[Path]:
     """The files of results that a person means: files, spec files, or names of experiments; without any, all.
@@ -36,7 +35,7 @@ def stored(
     """
     from ..running.finding import Wanted, every, found
 
-    wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)), kind)
+    wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)))
     return [found(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
 
 
@@ -56,12 +55,6 @@ def complete_results(incomplete: str) -> list[str]:
 def complete_profile(incomplete: str) -> list[str]:
     """The profiles of a spec, without what reads them: that takes a while."""
     return [name for name in ("laptop", "paper", "quick") if name.startswith(incomplete)]
-
-
-def complete_kind(incomplete: str) -> list[str]:
-    """The kinds of experiments: each is a folder of ``spi/kinds``, which is quicker to look at than to import."""
-    kinds = sorted(path.parent.name for path in Path(__file__).parents[1].glob("kinds/*/__init__.py"))
-    return [name for name in kinds if name.startswith(incomplete)]
 
 
 def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
@@ -110,15 +103,6 @@ Profile = Annotated[
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
 Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
 Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
-As = Annotated[
-    str | None,
-    typer.Option(
-        "--as",
-        metavar="KIND",
-        help="Convert the experiment to another kind, e.g. strong.",
-        autocompletion=complete_kind,
-    ),
-]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 ResultsFolder = Annotated[Path, typer.Option("--results", help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
@@ -139,10 +123,9 @@ def load(
     overrides: list[str] | None,
     samples: str | None,
     seed: str | None,
-    kind: str | None = None,
     trust_code: bool = False,
 ) -> list["Experiment"]:
-    """All experiments, before anything runs; converted to another kind if that is given.
+    """All experiments, before anything runs.
 
     Raises SpecError with the mistakes of all of them; StorageError if results cannot be read, or may not be run.
     """
@@ -154,13 +137,13 @@ def load(
     problems: list[str] = []
     for path in specs:
         try:
-            experiments.append(load_any(path, profile, overrides, kind, trust_code=trust_code))
-            if not (profile or overrides or kind) and means_another(path, experiments[-1]):
+            experiments.append(load_any(path, profile, overrides, trust_code=trust_code))
+            if not (profile or overrides) and means_another(path, experiments[-1]):
                 tell(f"spi: {path}: its spec means something else to this version of spi, so numbers will differ")
         except SpecError as error:
             problems += error.messages
     if problems:
-        raise SpecError(*dict.fromkeys(problems))  # what is wrong with an option is so for each of them
+        raise SpecError(*problems)
     return experiments
 
 

@@ -14,7 +14,6 @@ from .options import (
     CLAIM_FAILED,
     INVALID,
     RESULTS,
-    As,
     Fresh,
     Out,
     Overrides,
@@ -26,6 +25,7 @@ from .options import (
     Stored,
     Threads,
     TrustCode,
+    assignments,
     complete_spec,
     end,
     load,
@@ -65,14 +65,13 @@ def run(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
-    kind: As = None,
     trust_code: TrustCode = False,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
     Exit code 4 if a claim of a spec failed.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
+    experiments = load(specs, profile, overrides, samples, seed, trust_code)
     from ..running import run as runner
     from ..running import shards
     from ..running.remarks import warnings
@@ -104,7 +103,6 @@ def merge(
     samples: Samples = None,
     seed: Seed = None,
     threads: Threads = None,
-    kind: As = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
     trust_code: TrustCode = False,
@@ -113,7 +111,7 @@ def merge(
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
+    experiments = load(specs, profile, overrides, samples, seed, trust_code)
     from ..running import shards
 
     prepare(threads)
@@ -126,7 +124,6 @@ def verify(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    kind: As = None,
     results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
@@ -146,7 +143,7 @@ def verify(
     from ..running.verify import verify
     from .progress import ProgressLine
 
-    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
+    (file,) = stored([source], results, profile, overrides, samples, seed)
     prepare(threads)
     with ProgressLine(file.stem) as line:
 
@@ -293,9 +290,11 @@ def answer(
     The program chooses scheme, steps, extrapolation and samples, or solves without sampling where it can; it checks
     the bias, and writes <out>/<name>.answer.h5.
     """
+    from ..running.load import load_answer
+
     asked = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
     named = [f"{key}={value}" for key, value in asked.items() if value is not None]
-    (experiment,) = load([spec], profile, [*named, *(overrides or ())], None, seed, "answer", trust_code)
+    experiment = load_answer(spec, profile, assignments([*named, *(overrides or ())], None, seed), trust_code)
     limits = limits_of(max_time, checkpoint)
     prepare(threads)
     if dry:

@@ -14,7 +14,6 @@ from .options import (
     FAILED,
     INVALID,
     RESULTS,
-    As,
     Overrides,
     Profile,
     ResultsFolder,
@@ -58,7 +57,6 @@ def show(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    kind: As = None,
     results: ResultsFolder = RESULTS,
     format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
     trust_code: TrustCode = False,
@@ -74,7 +72,7 @@ def show(
     if source is None:
         _list(results)
         return
-    (file,) = stored([source], results, profile, overrides, samples, seed, kind, unfinished=True)
+    (file,) = stored([source], results, profile, overrides, samples, seed, unfinished=True)
     found = so_far.read(file, trust_code)
     _tell_of_more(file, results)
     with _about(file):
@@ -113,7 +111,6 @@ def plot(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    kind: As = None,
     results: Annotated[Path | None, typer.Option(help="Folder of results.", show_default="results")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: beside the results).")] = None,
     style: Annotated[
@@ -159,7 +156,7 @@ def plot(
         if film:
             _write_film(path, found, out or folder, stem)
 
-    _each(draw, stored(sources, results or RESULTS, profile, overrides, samples, seed, kind, unfinished=True))
+    _each(draw, stored(sources, results or RESULTS, profile, overrides, samples, seed, unfinished=True))
 
 
 def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
@@ -225,7 +222,6 @@ def report(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    kind: As = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
     latex: Annotated[Path | None, typer.Option(help=_OF_LATEX)] = None,
@@ -239,7 +235,7 @@ def report(
     from ..storage import write_all
     from .progress import ProgressLine
 
-    paths = stored(sources, results, profile, overrides, samples, seed, kind)
+    paths = stored(sources, results, profile, overrides, samples, seed)
     problems: list[str] = []
     with ProgressLine(out.name) as line:
 

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from .. import KERNEL_DIGEST, kernels_folder, modules_folder
-from .options import FAILED, INVALID, SPECS, As, complete_spec, end
+from .options import FAILED, INVALID, SPECS, complete_spec, end
 from .terminal import tell
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -153,7 +153,6 @@ def new(
             autocompletion=complete_spec,
         ),
     ] = None,
-    kind: As = None,
     system: Annotated[bool, typer.Option("--system", help="For a custom system, written in YAML.")] = False,
 ) -> None:
     """Write a commented experiment as a starting point: NAME.yaml.
@@ -166,7 +165,7 @@ def new(
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
     which = "system" if system else "experiment"
-    files = _template(which, target, kind) if source is None else _copies(source, target, kind)
+    files = _template(which, target) if source is None else _copies(source, target)
     written = _write(files, target)
     for path in written:
         tell(f"wrote {path}")
@@ -175,42 +174,33 @@ def new(
     tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
 
-def _template(which: str, target: Path, kind: str | None) -> dict[Path, bytes]:
-    """The template, or that of another kind which is made of it, without its comments."""
+def _template(which: str, target: Path) -> dict[Path, bytes]:
+    """The text that a new experiment begins with, by the path at which it is to stand."""
     from ..running import shipped
-    from ..running.load import load_as
 
-    text = shipped.template(which)
-    if kind is not None:
-        text = load_as(kind, shipped.path_of_template(which)).text
-    text = text.replace("NAME.yaml", shlex.quote(target.as_posix())).replace("NAME", target.stem)
+    text = shipped.template(which).replace("NAME.yaml", shlex.quote(target.as_posix())).replace("NAME", target.stem)
     return {target: text.encode()}
 
 
-def _copies(source: str, target: Path, kind: str | None) -> dict[Path, bytes]:
+def _copies(source: str, target: Path) -> dict[Path, bytes]:
     """An experiment and the files that it names, by the paths at which copies are to stand."""
-    from ..running.load import STORED, load, load_as
+    from ..running.load import STORED, load
     from ..specs.files import content
 
     if Path(source).suffix in STORED:
-        text, files = _from_results(source, target, kind)
+        text, files = _from_results(source, target)
     else:
-        experiment = load(source) if kind is None else load_as(kind, source)
+        experiment = load(source)
         text, files = experiment.text, experiment.files
     return {target: text.encode(), **{target.parent / path: content(text) for path, text in files}}
 
 
-def _from_results(source: str, target: Path, kind: str | None) -> tuple[str, Sequence[tuple[str, str]]]:
+def _from_results(source: str, target: Path) -> tuple[str, Sequence[tuple[str, str]]]:
     """The spec and the files in a file of results, which are not run; says with which options they were."""
     from ..running.finding import Wanted
     from ..running.load import stored_spec
 
     stored = stored_spec(source)
-    if kind is not None:
-        end(
-            INVALID,
-            f"--as: write the copy first, then `spi new NAME --from {shlex.quote(target.as_posix())} --as {kind}`",
-        )
     options = Wanted(stored.profile, stored.overrides).options
     if options:
         tell(f"spi: the results are those of `{shlex.join(['spi', 'run', target.as_posix(), *options])}`")

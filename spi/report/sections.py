@@ -22,7 +22,6 @@ from ..printing import sweeps
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
-from ..running.load import load_as
 from ..specs import text_of
 from ..statistics.claims import VERDICTS
 from ..statistics.curves import curves
@@ -237,11 +236,8 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _from_spec(name: str, attributes: dict[str, Any]) -> str:
     """The command that repeats results from their spec, by its name if it came with the program as it stands there."""
-    source, _, kind = name.rpartition(".")
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]
-    elif source in shipped.names() and kind in KINDS and load_as(kind, source).text == attributes.get("spec"):
-        words = ["spi", "run", source, "--as", kind]
     else:
         words = ["spi", "run", f"{name}.yaml"]
     if (profile := attributes.get("profile", "laptop")) != "laptop":

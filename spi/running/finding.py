@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import storage
-from ..kinds import KINDS
 from ..specs.document import SpecError, text_of
+from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
-from ..specs.layers import PROFILES
-from ..specs.naming import of_kind, results_name
+from ..specs.naming import results_name
 from ..storage import StorageError
 from ..storage.results import read_root
 from . import shipped
-from .load import STORED, SUMS, load_any
+from .load import STORED, SUMS, load
 
 #: What in the name of a file of sums follows that of the experiment.
 _OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]npz$")
@@ -29,24 +28,20 @@ class Wanted(NamedTuple):
 
     profile: str = "laptop"
     overrides: tuple[str, ...] = ()  #: such as "seed=2", or "--seed=2" from an option of its own
-    kind: str | None = None  #: to which it was converted
 
     @property
     def options(self) -> list[str]:
         """The same as words of a command line."""
-        words = [] if self.kind is None else ["--as", self.kind]
-        words += [] if self.profile == "laptop" else ["--profile", self.profile]
+        words = [] if self.profile == "laptop" else ["--profile", self.profile]
         for one in self.overrides:
             words += one.split("=", 1) if one.startswith("--") else ["--set", one]
         return words
 
     def name(self, experiment: str) -> str:
-        """What the results of an experiment are called; SpecError if there is no such profile or kind."""
+        """What the results of an experiment are called; SpecError if there is no such profile."""
         if self.profile not in PROFILES:
             raise SpecError(f"--profile: '{self.profile}' is not a known profile; {suggestion(self.profile, PROFILES)}")
-        if self.kind is not None and self.kind not in KINDS:
-            raise SpecError(f"--as: '{self.kind}' is not a kind of experiment; {suggestion(self.kind, KINDS)}")
-        return results_name(of_kind(experiment, self.kind), self.profile, self.overrides)
+        return results_name(experiment, self.profile, self.overrides)
 
 
 PLAIN = Wanted()
@@ -76,7 +71,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
     paths = sorted(folder.glob("*.h5"))
     if wanted != PLAIN:
-        wanted.name("")  # so that a wrong profile or kind is said before any file is read
+        wanted.name("")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
     if not paths:
         such = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
@@ -90,8 +85,7 @@ def _is_of(path: Path, wanted: Wanted) -> bool:
         experiment = str(read_root(path).get("experiment", ""))
     except StorageError:
         return False  # of which nobody knows what it is; `spi show` lists it
-    kind = "" if wanted.kind is None else f".{wanted.kind}"
-    return experiment.endswith(kind) and path.stem == wanted.name(experiment.removesuffix(kind))
+    return path.stem == wanted.name(experiment)
 
 
 class Listed(NamedTuple):
@@ -142,9 +136,8 @@ def results_of(
     if path.suffix in SUMS:
         return path
     stored = read_root(path)
-    if wanted.kind or "model_sources" in stored or stored["spec"] != text_of(spec):
-        how = stored["profile"], tuple(stored["overrides"])
-        now = load_any(spec, *how, wanted.kind)
+    if "model_sources" in stored or stored["spec"] != text_of(spec):
+        now = load(spec, stored["profile"], tuple(stored["overrides"]))
         if now.hash != stored["spec_hash"]:
             again = shlex.join(["spi", "run", spec.as_posix(), *wanted.options])
             raise StorageError(f"{path}: holds results of another spec than {spec}; run `{again}` first")

@@ -12,14 +12,13 @@ from typing import Any, NamedTuple
 
 from .. import specs, storage, systems
 from ..kinds import KINDS
+from ..kinds.answer.question import question
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import Document, override, text_of
+from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
-from ..specs.keys import suggestion
-from ..specs.layers import Heading, heading
-from ..specs.naming import of_kind
 from ..storage.results import read_root
 from . import remarks, shipped
 
@@ -61,20 +60,34 @@ def load_any(
     path: str | Path,
     profile: str | None = None,
     overrides: Iterable[str] = (),
-    kind: str | None = None,
     added: Iterable[tuple[str, str]] = (),
     trust_code: bool = False,
 ) -> specs.Experiment:
     """The experiment that a person means: a spec file, a name, or results, whose spec and options then count.
 
-    `profile` takes the place of that of the results, and `overrides` are added to theirs; another `kind` is made of it.
+    `profile` takes the place of that of the results, and `overrides` are added to theirs.
     SpecError and StorageError as for the functions below.
     """
     if Path(path).suffix in STORED:
-        return load_stored(path, trust_code, overrides, profile, kind, added)
-    if kind is None:
-        return load(path, profile or "laptop", overrides, added=added)
-    return load_as(kind, path, profile or "laptop", overrides, added)
+        return load_stored(path, trust_code, overrides, profile, added)
+    return load(path, profile or "laptop", overrides, added=added)
+
+
+def load_answer(
+    path: str | Path, profile: str | None = None, overrides: Iterable[str] = (), trust_code: bool = False
+) -> specs.Experiment:
+    """An answer about the system and the initial value of what ``load_any`` reads, called ``<name>.answer``.
+
+    SpecError as there, and if there are no answers about what is integrated.
+    """
+    if Path(path).suffix in STORED:
+        return load_stored(path, trust_code, overrides, profile, answer=True)
+    source, profile = load(path), profile or "laptop"
+    target = source.path.with_name(f"{source.name}.{ANSWER}.yaml")
+    if source.kind == ANSWER:
+        return load(path, profile, overrides)._replace(name=target.stem)
+    called = None if Path(source.called) == source.path else target.stem
+    return specs.load(target, layers(), profile, overrides, question(source), called=called)
 
 
 def load_stored(
@@ -82,12 +95,13 @@ def load_stored(
     trust_code: bool = False,
     overrides: Iterable[str] = (),
     profile: str | None = None,
-    kind: str | None = None,
     added: Iterable[tuple[str, str]] = (),
+    answer: bool = False,
 ) -> specs.Experiment:
     """The experiment whose results are in a file, as it was run, with further `overrides`.
 
-    Another `profile` takes the place of that of the run, another `kind` can be made of it, and files be `added`.
+    Another `profile` takes the place of that of the run, and files can be `added`.  With `answer` it is an answer about
+    the system, as ``load_answer`` makes it.
 
     This alone decides whether Python code that a results file holds is run: with `trust_code`, or where the person has
     a file with the same text at the path that the spec names, seen from the current folder or from ./experiments.
@@ -105,12 +119,11 @@ def load_stored(
         trusts=lambda name, text: trust_code or _is_here(name, text),
     )
     try:
-        if kind is None:
+        if not answer:
             return read(*as_run, stored.text)
-        _check_kind(kind)
         source = read(text=stored.text)
-        made = source.text if source.kind == kind else _of_another(kind, source)
-        return read(*as_run, made)._replace(name=of_kind(stored.name, kind))
+        text = source.text if source.kind == ANSWER else question(source)
+        return read(*as_run, text)._replace(name=f"{stored.name}.{ANSWER}")
     except UntrustedCode as error:
         raise storage.StorageError(
             f"{path}: holds Python code, {error}, that equals no file of that path here; read it first "
@@ -184,44 +197,8 @@ def _is_here(name: str, text: str) -> bool:
     return False
 
 
-def load_as(
-    kind: str,
-    path: str | Path,
-    profile: str = "laptop",
-    overrides: Iterable[str] = (),
-    added: Iterable[tuple[str, str]] = (),
-) -> specs.Experiment:
-    """The experiment in a spec file made into one of another kind, ``<name>.<kind>``, with defaults that suit it.
-
-    SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
-    """
-    _check_kind(kind)
-    source = load(path)
-    if source.kind == kind:
-        return load(path, profile, overrides, added=added)._replace(name=of_kind(source.name, kind))
-    text = _of_another(kind, source)
-    target = source.path.with_name(f"{of_kind(source.name, kind)}.yaml")
-    called = None if Path(source.called) == source.path else target.stem
-    return specs.load(target, layers(), profile, overrides, text, called=called, added=added)
-
-
-def _check_kind(kind: str) -> None:
-    """SpecError if there is no such kind."""
-    if kind not in KINDS:
-        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
-
-
-def _of_another(kind: str, source: specs.Experiment) -> str:
-    """The text of an experiment made into one of another kind."""
-    try:
-        files = Files(source.path, source.files)
-        return specs.converted(source.text, source.title, source.cases, files, kind, KINDS[kind].keys)
-    except ValueError as error:
-        raise specs.SpecError(f"{source.called}: --as {kind}: {error}") from None
-
-
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.layers."""
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.experiment."""
     found: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:

@@ -29,9 +29,4 @@ def path_of(spec: str | Path) -> Path:
 
 def template(name: str) -> str:
     """The text of a new experiment: `name` is "experiment", or "system" for one with an equation of its own."""
-    return path_of_template(name).read_text(encoding="utf-8")
-
-
-def path_of_template(name: str) -> Path:
-    """The file of such a text."""
-    return Path(__file__).parent / "templates" / f"{name}.yaml"
+    return (Path(__file__).parent / "templates" / f"{name}.yaml").read_text(encoding="utf-8")

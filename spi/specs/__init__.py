@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .cases import BaseCase
-    from .conversion import converted
     from .document import SpecError, text_of
-    from .experiment import Experiment, load
-    from .layers import PROFILES, Layers
+    from .experiment import PROFILES, Experiment, Layers, load
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,10 +1,10 @@
-"""What results are called: one name for each experiment, kind, profile and set of overrides.
+"""What results are called: one name for each experiment, profile and set of overrides.
 
     rigid_body_strong                            the spec as it stands
     rigid_body_strong.quick                      --profile quick
-    rigid_body_strong.weak                       --as weak
     rigid_body_strong.seed=2                     --seed 2, or --set seed=2
     rigid_body_strong.quick.steps=2_-3-1f0c9a    --profile quick --set 'steps=[2^-3]'
+    rigid_body_strong.answer.seed=2              spi answer rigid_body_strong --seed 2
 
 What changes no path is no part of the name: with other `samples` a run goes on in the same file, and titles and claims
 are written anew.  A name follows from the options alone, so that results are found where their spec is not.
@@ -26,11 +26,6 @@ _NEUTRAL = ("samples", "title", "asks", "figure", "expect")
 _PLAIN = re.compile(r"[a-z0-9_+,-]+(?:[.][a-z0-9_+,-]+)*")
 #: Letters of a value, and of all overrides, that can still be read at a glance.
 _VALUE, _ALL = 24, 64
-
-
-def of_kind(name: str, kind: str | None) -> str:
-    """The name of an experiment made into one of another kind."""
-    return f"{name}.{kind}" if kind else name
 
 
 def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> str:

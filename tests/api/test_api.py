@@ -16,12 +16,10 @@ from weak_cases import case_of, results_of
 import spi
 from spi.api import progress
 from spi.api.paths import plan_of
-from spi.api.specs import experiment_of
 from spi.compiler import modules
 from spi.ensemble.loop import thread_count
 from spi.models import RigidBody
 from spi.running import run as runs
-from spi.running.load import load_as
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
 TINY |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}
@@ -156,20 +154,10 @@ def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
     assert messages(spi.load, 3)[0].startswith("results: is 3; must be a results file, or the name")
 
 
-def test_an_experiment_of_another_kind():
+def test_the_kind_of_an_experiment_stays():
     assert messages(spi.run, "rigid_body_strong", kind="weak") == [
-        "kind: cannot be overridden; as_='...' makes an experiment into one of another kind"
+        "kind: cannot be overridden; give a spec of the kind that you want"
     ]
-    assert messages(spi.run, "rigid_body_strong", as_="wea") == [
-        "as_: 'wea' is not a kind of experiment; did you mean 'weak'?"
-    ]
-    assert messages(spi.run, SPEC, out=None, as_="weak")[0].startswith("as_: is for experiments in files")
-    assert messages(spi.run, "rigid_body_strong", as_="weak", sampels=3) == [
-        "rigid_body_strong.weak: sampels: is not a known key; did you mean 'samples'?"
-    ]
-    made = experiment_of("rigid_body_strong", None, "laptop", {"samples": 7}, "weak")
-    assert (made.name, made.kind, made.samples) == ("rigid_body_strong.weak", "weak", (7,))
-    assert made.hash == load_as("weak", "rigid_body_strong", overrides=["samples=7"]).hash
 
 
 def test_an_interrupted_run_goes_on(monkeypatch, capsys):

@@ -53,7 +53,7 @@ def test_pilots_predict_and_answers_are_numbers(answer, tmp_path):
     [
         ((*ASKED, "little"), "--set accuracy: is 'little'"),
         (("rigid_body_weak", "--function", "y9"), "--set functions: is 'y9'"),
-        (("rigid_body_ap_weak",), "rigid_body_ap_weak: --as answer: has a multiscale scheme; answers are about the eq"),
+        (("rigid_body_ap_weak",), "rigid_body_ap_weak: has a multiscale scheme; answers are about the eq"),
     ],
 )
 def test_mistakes_are_one_line(answer, arguments, message):

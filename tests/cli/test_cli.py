@@ -312,7 +312,7 @@ def test_results_of_another_spec_are_refused(spi):
 
 
 def test_runs_with_other_options_are_files_of_their_own(spi):
-    """Profile, seed, --set and --as do not collide, more samples go on in the same file, and show finds each."""
+    """Profile, seed and --set do not collide, more samples go on in the same file, and show finds each."""
     lines = SPEC.read_text(encoding="utf-8").split("expect:")[0].splitlines()
     short = {"steps": "[2^-4, 2^-5]", "reference_step": "2^-7", "schemes": "[euler_maruyama]", "samples": 9}
     kept = [line for line in lines if line.partition(":")[0] not in short]
@@ -323,7 +323,6 @@ def test_runs_with_other_options_are_files_of_their_own(spi):
         "body.quick": ["--profile", "quick"],
         "body.seed=2": ["--seed", "2"],
         "body.quick.model.sigma=1,0,0": ["--profile", "quick", "--set", "model.sigma=[1, 0, 0]"],
-        "body.strong.seed=2": ["--as", "strong", "--set", "seed=2"],
     }
     tables = {}
     for options in every.values():

@@ -1,4 +1,4 @@
-"""A file of results is a spec: who has nothing else can repeat, check, copy and convert what was run."""
+"""A file of results is a spec: who has nothing else can repeat, check and copy what was run, and ask about it."""
 
 import json
 from pathlib import Path
@@ -57,8 +57,8 @@ def test_a_results_file_can_be_run(sent):
     assert storage.read(again).attributes["samples"] == (12,)
     assert call("run", sent, "--set", "seed=3", "--profile", "laptop")[0] == 0
     assert len(errors("results/body.seed=3.h5")) == 2
-    assert call("run", sent, "--as", "trajectory")[0] == 0
-    assert Path("results/body.trajectory.quick.seed=2.h5").is_file()
+    assert call("answer", sent)[0] == 0
+    assert Path("results/body.answer.quick.seed=2.h5").is_file()
 
 
 def test_a_results_file_can_be_checked_copied_and_have_its_model_printed(sent):
@@ -106,8 +106,8 @@ def test_code_in_a_results_file_is_run_by_nobody_unasked(tmp_path, monkeypatch):
     with loop_in_python():
         path = runner.run(runner.load("sent/s.yaml"), "sent")
     code = with_code(path, "first")
-    for command in (["run"], ["check"], ["model"], ["merge"], ["run", "--as", "weak"]):
-        done, out, err = call(command[0], path, *command[1:])
+    for command in ("run", "check", "model", "merge", "answer"):
+        done, out, err = call(command, path)
         refused = f"spi: {path}: holds Python code, model.py, that equals no file of that path here"
         assert (done, out, err.count("\n")) == (2, "", 1) and err.startswith(refused), err
         assert not Path("ran").exists()

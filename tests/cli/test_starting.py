@@ -11,7 +11,6 @@ from damage import call
 from strong_results import strong, strong_group
 
 from spi import storage
-from spi.kinds import KINDS
 from spi.running import shipped
 from spi.running.run import load
 from spi.specs import SpecError
@@ -41,7 +40,7 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
-    assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong.weak: ")
+    assert refusal("answer", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong.answer: --seed")
     assert refusal("merge", "rigid_body_strong") == (
         f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
         "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
@@ -50,7 +49,7 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     assert renamed == "spi: --part is now called --shard; write --shard 3/8\n"
     path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
     assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
-    assert refusal("check", str(path), "--as=weak", "--seed=x").startswith(f"spi: {path.parent}")
+    assert refusal("answer", str(path), "--seed=x").startswith(f"spi: {path.parent}")
     Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
     assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
 
@@ -205,15 +204,6 @@ def test_a_new_experiment_from_another_has_its_comments_and_its_files():
     assert sorted(Path().rglob("*")) == before
 
 
-def test_a_new_experiment_may_be_one_of_another_kind():
-    assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
-    assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
-    assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
-    for options, kind in (((), "weak"), (("--system",), "trajectory")):  # of the templates
-        assert call("new", kind, "--as", kind, *options)[0] == 0 and load(f"{kind}.yaml").kind == kind
-    assert sorted(path.name for path in Path().iterdir()) == ["mine.yaml", "trajectory.yaml", "weak.yaml"]
-
-
 def test_nothing_is_overwritten_and_odd_names_are_refused():
     Path("mine.yaml").write_text("precious")
     for options in ((), ("--system",), ("--from", "rigid_body_strong")):
@@ -281,5 +271,4 @@ def test_names_and_files_are_completed_and_nothing_heavy_is_imported():
     assert completed("spi run rigid_body_strong --profile q") == ["quick"]
     assert completed("spi new own --from heavy_top_s") == ["heavy_top_strong"]
     assert completed("spi run nowhere/x") == []
-    assert completed("spi check rigid_body_strong --as ") == sorted(KINDS)
     assert completed("spi do") == ["doctor"]

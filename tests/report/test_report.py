@@ -17,7 +17,7 @@ from spi import storage
 from spi.cli import app
 from spi.report import page, sections
 from spi.report.page import files, views
-from spi.running.load import load_as
+from spi.running.load import load_answer
 from spi.statistics import claims
 from spi.storage.records import Results
 
@@ -195,10 +195,9 @@ def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, u
     assert sections.section(path, results, "e1").command == "spi run rigid_body_strong.h5"
     changed = strong_results(spec=spec + "#\n", profile="laptop", overrides=())
     assert sections.section(path, changed, "e1").from_spec == "spi run rigid_body_strong.yaml"
-    made = load_as("weak", "rigid_body_strong")
-    of_another_kind = strong_results(spec=made.text, profile="laptop", overrides=())
-    path = tmp_path / f"{made.name}.h5"
-    assert sections.section(path, of_another_kind, "e1").from_spec == "spi run rigid_body_strong --as weak"
+    answered = strong_results(spec=load_answer("rigid_body_strong").text, profile="laptop", overrides=())
+    path = tmp_path / "rigid_body_strong.answer.h5"
+    assert sections.section(path, answered, "e1").from_spec == "spi run rigid_body_strong.answer.yaml"
 
 
 def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_path, undrawn):

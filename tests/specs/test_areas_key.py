@@ -9,7 +9,6 @@ from spi.drawing import style
 from spi.ensemble.areas import GAUSSIAN
 from spi.kinds import KINDS
 from spi.kinds.weak import study as weak
-from spi.running.load import load_as
 from spi.running.remarks import remarks
 from spi.running.run import load
 from spi.specs import SpecError
@@ -33,7 +32,10 @@ def test_plans_draw_gaussian_areas(estimator):
 
 @pytest.mark.parametrize("kind", ["statistics", "lyapunov", "trajectory"])
 def test_plans_of_one_step_size_draw_gaussian_areas(kind):
-    (case,) = load_as(kind, SPEC, overrides=["schemes=[munthe_kaas_areas]", "areas=gaussian"]).cases
+    text = "\n".join(line for line in SPEC.read_text().splitlines() if line.startswith(("model:", "initial:")))
+    text += f"\nkind: {kind}\nfinal_time: 1\nstep: 2^-4\nschemes: [munthe_kaas_areas]\nareas: gaussian\n"
+    text += "panels: [components]\n" if kind == "trajectory" else "samples: 8\n"
+    (case,) = load(SPEC, text=text).cases
     part = KINDS[kind].study.parts(case)[0]
     assert KINDS[kind].study.plan(case, part).grid.area_terms == GAUSSIAN
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from spi.specs.naming import of_kind, results_name
+from spi.specs.naming import results_name
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,3 @@ def test_what_a_file_name_cannot_hold_is_told_apart_by_a_digest():
         assert name.isascii() and not set(name) & set("/\\:*?\"<>|^$()[]{}' ") and len(name) < 100, name
     many = [f"k{n}={n}" for n in range(40)]
     assert results_name("x", "quick", many).startswith("x.quick.set-") != results_name("x", "quick", many[1:])
-
-
-def test_another_kind():
-    assert results_name(of_kind("x", "weak"), "quick") == "x.weak.quick"
-    assert of_kind("x", None) == "x"

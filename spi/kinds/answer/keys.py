@@ -1,7 +1,7 @@
 """The keys of an experiment of kind answer."""
 
 import math
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 import pydantic
@@ -13,7 +13,6 @@ from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_distinct, check_flows
-from spi.specs.conversion import Given
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -67,11 +66,6 @@ class Case(FunctionKeys, BaseCase):
     def last_time(self) -> float:
         """T."""
         return self.final_time
-
-    @property
-    def step(self) -> float:
-        """A step that resolves the paths, for an experiment of another kind."""
-        return self.final_time / 64
 
     @condition("schemes", "model", "compositions")  # in the place of that of all cases, before claims name schemes
     def _check_names(self) -> Self:
@@ -138,13 +132,3 @@ class Case(FunctionKeys, BaseCase):
         if row.composition is not None:
             return not flows_lacking(self.model) and has_theory(row, self.model)
         return name == CANDIDATES[-1][0] or not row.needs or bool(row.needs(self.model))
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this; the schemes are left to choose."""
-    if given.case.eps is not None:
-        raise wrong("has a multiscale scheme", "answers are about the equation; use schemes without eps", "schemes")
-    left = dict.fromkeys(("schemes", "truncate_noise", "compositions"))
-    time = given.case.last_time if given.functions else given.step * given.length
-    functions = given.functions or {"mean": "y1", "square": "y1^2"}
-    return {**left, "final_time": time, "functions": functions, "accuracy": 1e-3}

@@ -1,6 +1,6 @@
 """The keys of an experiment of kind equilibrium."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
@@ -14,7 +14,6 @@ from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
-from spi.specs.conversion import Given
 from spi.specs.document import every
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
@@ -183,8 +182,3 @@ class Case(BaseCase):
                 what = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
                 raise wrong(what, f"leave it out, or {'leave out' if self.functions else 'give'} functions", "panels")
         return self
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this."""
-    return {"steps": [given.step, given.step / 2], "step_count": STEPS_PER_TOSS * 1000, "samples": given.paths(64)}

@@ -1,6 +1,6 @@
 """The keys of an experiment of kind lyapunov."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le
@@ -15,7 +15,6 @@ from spi.models.delegation import undamped
 from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_step
-from spi.specs.conversion import Given
 from spi.specs.document import every
 from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
@@ -146,8 +145,3 @@ class Case(BaseCase):
         except NumberError as error:
             right = f"must be an expression in the state, such as {(self.variables or ('y1',))[0]}"
             raise wrong(f"is {shown(text)} ({error})", right, "pullback", "of", i) from None
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this."""
-    return {"final_time": given.step * 4096, "step": given.step, "samples": given.paths(256)}

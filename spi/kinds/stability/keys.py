@@ -5,10 +5,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import pydantic
 from annotated_types import MinLen
 
-from spi.ensemble.protocol import Positive, large
+from spi.ensemble.protocol import Positive
 from spi.ensemble.random_states import Listed, RandomState
 from spi.specs.cases import FunctionsCase
-from spi.specs.conversion import Given
 from spi.specs.keys import Samples, condition, key_of, wrong
 from spi.specs.sweep import POINT, Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
@@ -65,21 +64,3 @@ class Case(FunctionsCase):
     @pydantic.field_serializer("sweep")
     def _effective_sweep(self, sweep: Any) -> Any:
         return sweep.effective() if sweep else None
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this: the initial value is scaled."""
-    if large(given.case.model):
-        raise wrong(f"is {given.case.model_name}", "choose a parameter to sweep, in a file of your own", "model")
-    written = given.keys["initial"]
-    plain = isinstance(written, list) and len(written) == len(given.case.initial)  # else ranges or complex numbers
-    return {
-        "initial": [f"scale*({y})" for y in (written if plain else given.case.initial)],
-        "sweep": {"scale": [0.01, 0.1, 1, 10, 100]},
-        "final_time": given.step * 16,
-        "steps": [given.step * 2.0**k for k in range(3, -6, -1)],
-        "reference_step": given.step / 128,
-        "samples": given.paths(100),
-        "truncate_noise": False,
-        **({"eps": given.case.eps[0]} if given.case.eps else {}),
-    }

@@ -14,7 +14,6 @@ from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
-from spi.specs.conversion import Given
 from spi.specs.document import every
 from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
@@ -263,10 +262,3 @@ class Case(BaseCase):
             right = f"the nearest is {quantity(float(self.t[nearest]))}"
             raise wrong(f"is {quantity(t)}, which is none of the times of the statistics", right, *keys)
         return nearest
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this."""
-    length = min(given.length, 200)
-    functions = {"functions": given.functions} if given.functions else {}
-    return {"final_time": given.step * length, "step": given.step, "samples": given.paths(10**4), **functions}

@@ -1,9 +1,8 @@
 """The keys of an experiment of kind strong."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from spi.specs.cases import ErrorCase
-from spi.specs.conversion import Given
 from spi.specs.keys import Samples, key_of
 from spi.statistics.claims import ORDER, STEPWISE
 
@@ -15,8 +14,3 @@ class Case(ErrorCase):
 
     along_paths: ClassVar[bool] = True
     quantities: ClassVar = ORDER | STEPWISE
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this."""
-    return {**given.errors(7, 8), "samples": given.paths(500)}

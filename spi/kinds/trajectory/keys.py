@@ -1,15 +1,14 @@
 """The keys of an experiment of kind trajectory."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension
+from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.models.zeitlin.fields import lattice_of
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_every, check_step, times_on_grid
-from spi.specs.conversion import Given
 from spi.specs.document import every
 from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
@@ -102,9 +101,3 @@ class Case(BaseCase):
     def _check_panel(self, i: int, panel: str) -> None:
         if panel in OF_FIELDS and lattice_of(self.model) is None:
             raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this: the path and what is conserved along it."""
-    panels = ["casimirs"] * (conserved(given.case.model) > 0) + ["hamiltonian", "components"]
-    return {"final_time": given.step * min(max(given.length, 200), 10_000), "step": given.step, "panels": panels}

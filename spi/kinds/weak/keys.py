@@ -8,7 +8,6 @@ from annotated_types import MinLen
 
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
-from spi.specs.conversion import Given
 from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
 
@@ -82,9 +81,3 @@ class Case(SampledCase):
             right = "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]"
             raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
         return self
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this: two moments, by plain sampling."""
-    functions = given.functions or {"mean": "y1", "square": "y1^2"}
-    return {**given.errors(5, 4), "functions": functions, "estimators": ["plain"], "samples": 10**5}

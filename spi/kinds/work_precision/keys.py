@@ -1,13 +1,12 @@
 """The keys of an experiment of kind work_precision."""
 
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from annotated_types import Ge, Le, MinLen
 
 from spi.ensemble.protocol import Positive
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.keys import SampledCase
-from spi.specs.conversion import Given
 from spi.specs.keys import condition, key_of, wrong
 from spi.statistics.claims import ORDER, STEPWISE
 
@@ -48,8 +47,3 @@ class Case(SampledCase):
         elif not self.estimators:
             raise wrong("missing key 'estimators'", f"add estimators: some of {', '.join(ESTIMATORS)}", "estimators")
         return self
-
-
-def of_another(given: Given) -> dict[str, Any]:
-    """What an experiment of another kind lacks to be one of this: strong errors."""
-    return {**given.errors(7, 8), "samples": given.paths(500)}
