@@ -49,13 +49,13 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
 
 def _undefined(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """What is not defined along some paths, where these did not diverge."""
+    """Sentences on quantities that are not defined along paths which did not diverge."""
     for reading in readings:
         count = reading.casimirs.shape[1]
         named = {f"C{c + 1 if count > 1 else ''}": reading.casimirs[:, c] for c in range(count)}
         for name, values in {"H": reading.hamiltonian, **named}.items():
-            if found := losses(reading, values):
-                yield f"{reading.about.label}: {name} is {found}"
+            if lost := losses(reading, values):
+                yield f"{reading.about.label}: {name} is {lost}"
 
 
 def told(readings: Sequence[Trajectory]) -> str:
@@ -77,10 +77,10 @@ def _whose(reading: Trajectory) -> str:
 
 
 def _populations(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """Which schemes keep all components positive, where the figure shows populations."""
+    """Clauses on the schemes that keep all components positive, where the figure shows populations."""
     if "populations" not in readings[0].panels:
         return
-    lowest = {_whose(one): float(one.lowest.min()) for one in readings}
+    lowest = {_whose(reading): float(reading.lowest.min()) for reading in readings}
     positive = [label for label, value in lowest.items() if value > 0]
     others = [f"{value:.3g} with {label}" for label, value in lowest.items() if not value > 0]
     yield f"all populations stay positive with {joined(positive)}" if positive else ""
@@ -88,6 +88,6 @@ def _populations(readings: Sequence[Trajectory]) -> Iterator[str]:
 
 
 def _energy(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """From where to where the Hamiltonian goes, if there is one path whose figure shows it."""
+    """A clause on the first and last value of the Hamiltonian, if there is one path whose figure shows it."""
     if len(readings) == 1 and "hamiltonian" in readings[0].panels:
         yield "the Hamiltonian goes from {:.4g} to {:.4g}".format(*readings[0].hamiltonian[[0, -1]])
