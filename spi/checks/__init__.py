@@ -1,1 +1,1 @@
-"""What every model and scheme must satisfy, whatever its equations."""
+"""Checks that every model and scheme must pass, whatever its equations."""

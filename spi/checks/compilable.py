@@ -1,4 +1,4 @@
-"""What in the class of a model cannot be compiled, found before anything runs; errors of the compiler in one line."""
+"""Obstacles to compiling the class of a model, detected before anything runs; errors of the compiler in one line."""
 
 import dis
 import inspect
@@ -17,51 +17,57 @@ _NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "hamiltonian")
 
 
 class CompilationError(Exception):
-    """What somebody wrote cannot be compiled; one line says where and why."""
+    """A foreign class cannot be compiled; one line says where and why."""
 
 
 def obstacle(record):
-    """What in the class of a foreign model keeps it from being compiled, one sentence; None if there is nothing.
+    """The obstacle to compiling the class of a foreign model, one sentence; None if there is none.
 
-    First what can be told from the names that its methods use, then what the compiler says of each method, and whether
-    it returns what it has to.
+    The names that its methods use are checked first, then whether the compiler accepts each method, and whether that
+    returns the right type.
     """
     cls = type(record)
-    declared = {name: one for name, one in vocabulary("model").items() if inspect.isfunction(getattr(cls, name, None))}
+    declared = {
+        name: declaration
+        for name, declaration in vocabulary("model").items()
+        if inspect.isfunction(getattr(cls, name, None))
+    }
     members = {name: value for name, value in inspect.getmembers(cls) if name in declared or name.startswith("_")}
     members |= {name: getattr(cls, name) for name in vocabulary("model") if hasattr(cls, name)}
     for name in declared:
         method = getattr(cls, name)
-        if found := _misused_member(cls, method, members) or _unknown_function(method, set()):
-            return f"{name}, {found}"
-    return next(filter(None, (_wrong_type(record, name, one) for name, one in declared.items())), None)
+        if problem := _misused_member(cls, method, members) or _unknown_function(method, set()):
+            return f"{name}, {problem}"
+    return next(filter(None, (_wrong_type(record, name, declaration) for name, declaration in declared.items())), None)
 
 
 def _wrong_type(record, name, declared):
-    """What the compiler finds wrong with a method, or with the type of what it returns."""
+    """The error of the compiler about a method, or the wrong type of its result; None if all is well."""
     d = dimension(record)
-    known = {"j": 0, "k": 0, **dict.fromkeys(("t", "begin", "h"), 1.0), "s": (1.0,) * most_joined(record)}
-    known |= {"angles": ANY_ANGLES, **dict.fromkeys("yuvw", (1.0,) * d)}
+    arguments = {"j": 0, "k": 0, **dict.fromkeys(("t", "begin", "h"), 1.0), "s": (1.0,) * most_joined(record)}
+    arguments |= {"angles": ANY_ANGLES, **dict.fromkeys("yuvw", (1.0,) * d)}
     _, *parameters = inspect.signature(declared).parameters
     if not parameters:  # a trait, or a method that is not called in compiled code
         return None
     method = getattr(type(record), name)
     try:
-        found = type_of_result(method, record, *(known[parameter] for parameter in parameters))
+        result = type_of_result(method, record, *(arguments[parameter] for parameter in parameters))
     except Exception as error:  # of many types, and not only Numba's
         return f"{name}{_place(error, method)}, cannot be compiled: {_reason(error)}"
-    if found is None or (name == "frozen" and record_class(found) is type(record)):
+    if result is None or (name == "frozen" and record_class(result) is type(record)):
         return None
     length = {**dict.fromkeys(_NUMBERS, None), "casimirs": conserved(record)}.get(name, d)
-    if is_float(found) if length is None else is_tuple_of_floats(found, length):
+    if is_float(result) if length is None else is_tuple_of_floats(result, length):
         return None
     right = "a float" if length is None else f"a tuple of {length} floats"
     right += ", as many as conserved says" * (name == "casimirs")
-    return f"{name}, line {method.__code__.co_firstlineno}, returns {found}; must return {right} (0.0 is one, 0 is not)"
+    return (
+        f"{name}, line {method.__code__.co_firstlineno}, returns {result}; must return {right} (0.0 is one, 0 is not)"
+    )
 
 
 def _unknown_function(function, seen):
-    """The first function that is called from here and that the compiler does not know."""
+    """A sentence about the first function called from here that the compiler does not know; None without one."""
     seen.add(function)
     for line, name, value in _globals_of(function):
         if not inspect.isfunction(value):
@@ -70,13 +76,13 @@ def _unknown_function(function, seen):
             remedy = f"add @device from spi.compiler.dispatch above {name}"
             return f"line {line}, calls {name}, which is not compiled into it; {remedy}"
         bare = inspect.unwrap(value)
-        if modules.is_foreign(bare) and bare not in seen and (found := _unknown_function(bare, seen)):
-            return f"line {line}, calls {name}: {found}"
+        if modules.is_foreign(bare) and bare not in seen and (problem := _unknown_function(bare, seen)):
+            return f"line {line}, calls {name}: {problem}"
     return None
 
 
 def _misused_member(cls, method, members):
-    """The first name of the class, but for its fields, that a method looks up in the record."""
+    """A sentence about the first name of the class, except fields, that a method looks up in the record, or None."""
     record = next(iter(inspect.signature(method).parameters), None)
     line, before = method.__code__.co_firstlineno, None
     for instruction in dis.get_instructions(method):
@@ -95,7 +101,7 @@ def _misused_member(cls, method, members):
 
 
 def _globals_of(function):
-    """(line, name, value) of the globals that a function uses, and of what it uses of modules among them."""
+    """(line, name, value) of the globals that a function uses, and of the members of modules among them."""
     line, module, prefix = function.__code__.co_firstlineno, None, ""
     for instruction in dis.get_instructions(function):
         line = instruction.positions.lineno or line
@@ -111,13 +117,13 @@ def _globals_of(function):
 
 
 def explained(error, classes):
-    """A CompilationError that says in one line what the compiler found wrong with some foreign classes."""
+    """A CompilationError with the error of the compiler about some foreign classes, in one line."""
     named = " and ".join(sorted(f"{cls.__qualname__} in {modules.source_name(cls)}" for cls in classes))
     return CompilationError(f"{named}{_place(error, *classes)}, cannot be compiled: {_reason(error)}")
 
 
 def _place(error, *sources):
-    """The line that an error of the compiler speaks of last, in one of the files of some classes or functions."""
+    """The line that an error of the compiler names last, in one of the files of some classes or functions."""
     files = {Path(inspect.getfile(source)).name for source in sources}
     places = re.findall(r'File "([^"]+)", line (\d+)|(?:at|from) (\S+) \((\d+)\)', str(error))
     lines = [a or b for file, a, other, b in places if Path(file or other).name in files]
@@ -125,7 +131,7 @@ def _place(error, *sources):
 
 
 def _reason(error):
-    """What is most particular in a message of Numba, which begins with what is most general."""
+    """The most particular line of a message of Numba, which begins with the most general one."""
     text = re.sub(
         r"\x1b\[[0-9;]*m|(?<=\w)_[0-9a-f]{16}\b", "", str(error)
     )  # colours, and digits that spi.compiler.own adds

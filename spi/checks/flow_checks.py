@@ -32,15 +32,15 @@ from ..ensemble.protocol import (
 )
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Derivatives by differences, and whether two results agree within the roundings of what they are made of.
+# Derivatives by differences, and whether two results agree within the rounding errors of their terms.
 # ---------------------------------------------------------------------------------------------------------------------
 
 # Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 STEP = 0.01
 STEPS = STEP, STEP / 10, STEP / 100, STEP / 10**4, STEP / 10**6
-EXACT = 1e-9  #: relative: of what is equal but for roundings
-DIFFERENCES = 1e-6  #: relative: of what has differences in it
+EXACT = 1e-9  #: relative tolerance for values that are equal but for rounding
+DIFFERENCES = 1e-6  #: relative tolerance for values computed by differences
 
 
 def derivative(f, step=STEP):
@@ -54,10 +54,10 @@ def along(y, v):
 
 
 def differ(a, b, tolerance, *others):
-    """Whether two arrays differ by more than `tolerance` times the size of the largest of all that is given."""
+    """Whether two arrays differ by more than `tolerance` times the largest norm of a, b and `others`."""
     a, b = np.asarray(a, float), np.asarray(b, float)
     size = max(float(np.linalg.norm(x)) for x in (a, b, *others))
-    return not np.linalg.norm(a - b) <= tolerance * size  # also where one is no number
+    return not np.linalg.norm(a - b) <= tolerance * size  # true for NaN
 
 
 def size_of(y):
@@ -66,7 +66,7 @@ def size_of(y):
 
 
 def derivatives_along(f, y, v):
-    """The derivative of f at y along v by steps from large to small, each with the size of its roundings.
+    """The derivative of f at y along v by steps from large to small, each with the size of its rounding errors.
 
     Where f ends near y, as a logarithm does, bends there or oscillates fast, the smaller steps are right; else the
     largest.
@@ -78,9 +78,9 @@ def derivatives_along(f, y, v):
         yield derivative(lambda s: f(line(s * scale)), step) / scale, 1e-6 * largest / scale * (STEP / step)
 
 
-def differ_from_derivative(found, f, y, v, *others):
-    """Whether what was found is not the derivative of f at y along v, by any of the steps."""
-    return all(differ(found, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))
+def differ_from_derivative(value, f, y, v, *others):
+    """Whether `value` differs from the derivative of f at y along v by all of the steps."""
+    return all(differ(value, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))
 
 
 def matrix_of(columns):
@@ -107,7 +107,7 @@ _ANGLES = (
 
 
 class NotedAngles(NamedTuple):
-    """Takes every angle, and keeps in its one entry the largest modulus of those it is given."""
+    """Accepts every angle, and records the largest modulus in its one entry."""
 
     largest: np.ndarray
 
@@ -126,8 +126,8 @@ class _Flow(NamedTuple):
     part: str
     k: int
     act: Callable  #: (t, y) -> the flow, which notes its angles
-    bound: Callable  #: (t, y) -> what the angle method says
-    noted: np.ndarray  #: of the angles since :meth:`noting` was called
+    bound: Callable  #: (t, y) -> the bound of the angle method
+    noted: np.ndarray  #: (1,) the largest |angle| since :meth:`noting` was called
 
     def noting(self, t, y):
         """The largest |angle| whose sine the flow takes."""
@@ -159,6 +159,7 @@ def _flows_of(model, part, numbers, flow, angle):
 
 
 def flows(model, y):
+    """Yield complaints about the flows of pieces and noises at a state."""
     field = structure(model, y, drift_gradient(model, y))
     lacking = inexact_pieces(model)
     total = sum((np.array(structure(model, y, piece_gradient(model, k, y))) for k in lacking), np.zeros(len(y)))
@@ -178,7 +179,7 @@ def flows(model, y):
 
 
 def commuting(model, y):
-    """That the noises which are said to commute do."""
+    """Yield complaints about noises that are declared to commute and do not."""
     m, lacking = noises(model), inexact_noises(model)
     flows = {flow.k: flow for flow in _flows_of(model, "noise", _others(m, lacking), noise_flow, noise_angle)}
     for pair in commuting_noises(model):
@@ -199,7 +200,7 @@ def commuting(model, y):
 
 
 def _fields_commuting(model, y, pair):
-    """That the fields of two noises commute, f_k' f_l = f_l' f_k."""
+    """Yield a complaint if the fields of two noises do not commute, f_k' f_l = f_l' f_k."""
     k, other = pair
     there = noise_field_derivative(model, k, y, noise_field(model, other, y))
     back = noise_field_derivative(model, other, y, noise_field(model, k, y))
@@ -208,7 +209,7 @@ def _fields_commuting(model, y, pair):
 
 
 def joint_flows(model, y):
-    """That joint flows are those of the piece and of its noises, one after the other in either order."""
+    """Yield complaints about joint flows: each is that of a piece and then of its noises, in either order."""
     groups, listed = joint_noises(model), sum(joint_noises(model), ())
     if not groups:
         return
@@ -229,7 +230,7 @@ def joint_flows(model, y):
 
 
 def _joint(model, k, y, flows, times):
-    """What is wrong with one joint flow."""
+    """Yield complaints about one joint flow."""
     there = back = y
     for flow, t in zip(flows, times, strict=True):
         there = flow.act(t, there)
@@ -237,16 +238,16 @@ def _joint(model, k, y, flows, times):
         back = flow.act(t, back)
     rest = most_joined(model) - len(times) + 1
     t, s, noted = times[0], (*times[1:], *[0.0] * rest), np.zeros(1)
-    found = joint_flow(model, k, t, s, y, NotedAngles(noted))
-    if differ(found, there, EXACT, y) or differ(found, back, EXACT, y):
+    moved = joint_flow(model, k, t, s, y, NotedAngles(noted))
+    if differ(moved, there, EXACT, y) or differ(moved, back, EXACT, y):
         yield f"joint_flow, k = {k}, is not the flow of the piece with those of its noises, in either order"
     if not noted[0] <= (said := joint_angle(model, k, t, s, y)) * (1.0 + 1e-9) and math.isfinite(noted[0]):
-        what = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
-        yield f"joint_angle, k = {k}, {what}"
+        problem = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
+        yield f"joint_angle, k = {k}, {problem}"
 
 
 def _others(count, lacking):
-    """The numbers of the flows that are known."""
+    """The numbers 0, ..., count - 1 that are not in `lacking`."""
     return [k for k in range(count) if k not in lacking]
 
 
@@ -255,7 +256,7 @@ def _velocity(flow, y, rate):
 
 
 def _one_flow(model, flow, y, rate):
-    """The angle method of a flow; and if flows are exact, that it is the flow of a Poisson system."""
+    """Yield complaints about the angle method of a flow, and, if flows are exact, about the flow itself."""
     per_time = flow.noting(1e-3 / rate, y) * 1e3 * rate
     for t in [sign * angle / (per_time or rate) for angle in _ANGLES for sign in (1.0, -1.0)]:
         largest, said = flow.noting(t, y), flow.bound(t, y)
@@ -290,5 +291,5 @@ def _exactness(model, flow, y, rate):
 
 
 def _changes(jacobian, before, after):
-    """Whether a map with this Jacobian matrix makes another structure of that before it than the one behind it."""
+    """Whether a map with this Jacobian matrix does not take the structure matrix `before` to `after`."""
     return differ(jacobian @ before @ jacobian.T, after, DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before)

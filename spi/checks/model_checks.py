@@ -1,7 +1,7 @@
-"""What the methods of every model must satisfy, checked in plain Python at some states: the generic checks.
+"""The generic checks of the methods of a model, in plain Python at some states.
 
-Derivatives are central differences of eighth order, compared with the sizes of what they are made of, so that
-rotations, exponentials and shears, with rates large or small, are all judged alike.
+Derivatives are central differences of eighth order, compared with the sizes of their terms, so that rotations,
+exponentials and shears, with rates large or small, are all judged alike.
 """
 
 import contextlib
@@ -61,9 +61,9 @@ from .flow_checks import (
 # The states at which a model is checked.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_MOVED = 0.4  # by such a part of its size a state is moved on its surface, or by a half, a quarter, ... of that
+_MOVED = 0.4  # share of its size by which a state is moved on its surface, or a half, a quarter, ... of that
 _HALVINGS = 6
-_LEAST = 0.25  # of its component such a part remains
+_LEAST = 0.25  # least share of a component that remains
 _DIRECTIONS, _STEPS = 3, 6
 
 
@@ -81,7 +81,7 @@ def states_on_surface(y, model, count=2):
 
     They are moved along the fields of linear functions drawn at random.  Where y cannot be moved, as 0 in many
     systems, they are those of :func:`states_around`.  Components that never change their sign stay away from 0, near
-    which the derivatives of a logarithm could not be told by differences.
+    which differences do not give the derivatives of a logarithm.
     """
     generator = np.random.default_rng(1)
     with uncompiled(), np.errstate(all="ignore"):
@@ -92,18 +92,18 @@ def states_on_surface(y, model, count=2):
 
 
 def _keep_their_sign(y, model):
-    """For each component whether it is other than 0 for ever: where it is 0, nothing moves it."""
-    found = []
+    """For each component whether it never changes its sign: it is not 0, and nothing moves it where it is 0."""
+    keeps = []
     for e in np.eye(len(y)):
         without = tuple(np.where(e, 0.0, y).tolist())
-        found.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, tuple(e.tolist()))))
-    return found
+        keeps.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, tuple(e.tolist()))))
+    return keeps
 
 
 def _moved(y, model, gradients, least):
     """A state on the surface, the first of several that are nearer and nearer to y where all is finite.
 
-    Components are at least so large, with the sign of those of y.
+    Components have the sign of those of y, and are at least as large as `least`.
     """
     start = np.array(y, float)
     if not any(np.any(structure(model, y, tuple(g.tolist()))) for g in gradients):
@@ -119,7 +119,7 @@ def _moved(y, model, gradients, least):
 
 
 def _along(y, model, gradient, part):
-    """The state moved by such a part of its size along the field of a linear function, by steps of Runge and Kutta."""
+    """The state moved by the share `part` of its size along the field of a linear function, by Runge-Kutta steps."""
 
     def field(z):
         return np.array(structure(model, tuple(z.tolist()), tuple(gradient.tolist())))
@@ -143,10 +143,10 @@ def _is_finite(model, y):
 
 
 def check_model(record, states, written=True, finite_at=()):
-    """What is wrong with a model at the first of some states where anything is: sentences that name method and k.
+    """The complaints about a model at the first of some states with any: sentences that name the method and k.
 
-    `written`: whether somebody wrote its class, so that it may hold what cannot be compiled.  `finite_at`: states at
-    which its functions must be finite, but need not be smooth.
+    `written`: whether a person wrote its class, so that methods may fail to compile.  `finite_at`: states at which its
+    functions must be finite, but need not be smooth.
     """
     if written and (wrong := obstacle(record)):
         return [wrong]
@@ -156,7 +156,7 @@ def check_model(record, states, written=True, finite_at=()):
 
 
 def _complaints(model, y, all_checks=None):
-    """All that is wrong at one state; nothing that depends on what is wrong already."""
+    """The complaints of the first check that has any at one state; later checks depend on earlier ones."""
     for checks in all_checks or (
         _shapes,
         _structure,
@@ -167,12 +167,14 @@ def _complaints(model, y, all_checks=None):
         joint_flows,
     ):
         try:
-            found = list(checks(model, y))
+            complaints = list(checks(model, y))
         except Exception as error:
             place = inspect.trace()[-1]
-            found = [f"{place.function}, line {place.lineno}, raises {type(error).__name__} at y = {shown(y)}: {error}"]
-        if found:
-            return found
+            complaints = [
+                f"{place.function}, line {place.lineno}, raises {type(error).__name__} at y = {shown(y)}: {error}"
+            ]
+        if complaints:
+            return complaints
     return []
 
 
@@ -219,7 +221,7 @@ def _slopes(model, c, y, e):
 
 
 def _moves(B, slopes):
-    """Whether a gradient is none of a Casimir function; `slopes` are its components, each with its roundings."""
+    """Whether a gradient is not that of a Casimir function; `slopes`: its components, each with its rounding error."""
     gradient, sizes = map(np.array, zip(*slopes, strict=True))
     return differ(B @ gradient, 0.0 * gradient, DIFFERENCES, np.linalg.norm(B) * gradient, sizes)
 
@@ -246,7 +248,7 @@ def _gradients(model, y):
 
 
 def _hessian(part, number, gradient, hessian, y, v):
-    """Whether a method is the derivative of a gradient, which is one indeed if that is symmetric."""
+    """Yield a complaint if a method is not the derivative of a gradient, or not symmetric, as of a true gradient."""
     if differ_from_derivative(hessian(y, v), gradient, y, v):
         yield f"{part}_hessian{number} is not the derivative of {part}_gradient along v"
         return
@@ -256,7 +258,7 @@ def _hessian(part, number, gradient, hessian, y, v):
 
 
 def check_brackets(model, y):
-    """What is wrong at a state with what a model says of brackets, where it does."""
+    """Yield complaints about the brackets of a model at a state, where it has methods for them."""
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
     if answers(lie_bracket, model):
         moved = np.array([structure(model, tuple(e), v) for e in np.eye(len(y)).tolist()])
@@ -282,27 +284,27 @@ def _bracket(model, j, k, y):
 
 
 def _sizes(model, j, k, y):
-    """What its derivative is made of, at least in size."""
+    """Vectors as large as the terms of the derivative of :func:`_bracket`."""
     return noise_gradient(model, j, y), noise_field(model, k, y)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The generic checks of a model that is no part of this package are made once; what has passed is kept on disk.
+# The generic checks of a model that is no part of this package are made once; files record which have passed.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_PASSED: set[tuple[type, str]] = set()  # in this process: a class, and what of it
+_PASSED: set[tuple[type, str]] = set()  # in this process: a class, and the digest of numbers and an initial state
 
 
 @functools.cache
 def _digest_of_checks():
-    """What a model has passed if it has passed the checks."""
+    """A digest of the code of the checks, so that models are checked again when it changes."""
     return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
 
 
 def check_once(record, initial):
-    """What is wrong with a foreign model near an initial state, as :func:`check_model`.
+    """The complaints of :func:`check_model` about a foreign model near an initial state.
 
-    Nothing if these numbers have passed before with this class and this state, which is kept beside the stored modules.
+    None if these numbers have passed before with this class and this state, as a file beside the stored modules says.
     """
     cls = type(record)
     key = hashlib.sha256(repr((tuple(record), tuple(initial))).encode()).hexdigest()[:32]
@@ -310,23 +312,23 @@ def check_once(record, initial):
         return []
     name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
     path = modules.folder() / name
-    known = _known(path) if modules.digest(cls) else set()
-    if key in known:
+    passed = _passed(path) if modules.digest(cls) else set()
+    if key in passed:
         return []
     count = 2 if dimension(record) <= 12 else 1
     own = modules.system_of(cls) is not None
     states = (states_on_surface if own else states_around)(initial, record, count)
-    found = check_model(
-        _moving(record) if own else record, states, written=not own and not known, finite_at=[tuple(initial)] * own
+    complaints = check_model(
+        _moving(record) if own else record, states, written=not own and not passed, finite_at=[tuple(initial)] * own
     )
-    if not found:
+    if not complaints:
         _PASSED.add((cls, key))
         if modules.digest(cls) and is_compiling():
             with contextlib.suppress(OSError):  # then it is checked again in the next process
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with open(path, "a", encoding="ascii") as file:
                     file.write(key + "\n")
-    return found
+    return complaints
 
 
 def _moving(record):
@@ -338,8 +340,8 @@ def _moving(record):
     return max(at, key=lambda model: min(map(abs, model.driving), default=0.0))
 
 
-def _known(path):
-    """What has passed in this process or another."""
+def _passed(path):
+    """The digests of numbers and states that a file says have passed."""
     with contextlib.suppress(OSError, ValueError):
         return set(path.read_text(encoding="ascii").split())
     return set()

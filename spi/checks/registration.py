@@ -10,23 +10,29 @@ _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
-    """{name: method or trait} of all that a "model" or a "scheme" is asked."""
+    """{name: method or trait} of the protocol of a "model" or a "scheme"."""
     declared = vars(protocol) | vars(scheme_protocol)
-    return {name: one for name, one in declared.items() if hasattr(one, "declared") and one.declared.asked == asked}
+    return {
+        name: member
+        for name, member in declared.items()
+        if hasattr(member, "declared") and member.declared.asked == asked
+    }
 
 
 def check_class(cls, asked, name):
-    """TypeError that says all that is wrong with a class to be registered as the "model" or "scheme" `name`.
+    """Raise TypeError with all that is wrong with a class to be registered as the "model" or "scheme" `name`.
 
     A class must have all that is required, each method with as many arguments as declared and each trait of its type,
-    and nothing public that nobody asks for, because that is a method misspelt.
+    and no other public name, because that is a method misspelt.
     """
     declared, members = vocabulary(asked), _members(cls)
     if protocol.large(cls):  # the record with its parameters; kernels are given another
         members = {name: value for name, value in members.items() if not isinstance(value, property)}
-        declared = {name: one for name, one in declared.items() if name in _OF_PARAMETERS or one.declared.of}
+        declared = {name: member for name, member in declared.items() if name in _OF_PARAMETERS or member.declared.of}
     wrong = [
-        f"lacks {one}" for one, asking in declared.items() if asking.declared.required and members.get(one) is None
+        f"lacks {needed}"
+        for needed, asking in declared.items()
+        if asking.declared.required and members.get(needed) is None
     ]
     for member, value in members.items():
         if member in declared:
@@ -41,7 +47,7 @@ def check_class(cls, asked, name):
 
 
 def _members(cls):
-    """What stands in the class body without an underscore, except the fields."""
+    """The members of the class body without an underscore, except the fields."""
     members = {}
     for base in reversed([base for base in cls.__mro__ if base not in (tuple, object)]):
         members |= vars(base)
@@ -49,12 +55,12 @@ def _members(cls):
 
 
 def _disagreement(name, value, declared):
-    """What is wrong with a method or trait, a list of no or one text."""
+    """The complaint about a method or trait, a list of no or one text."""
     if declared.of is None:
         if not inspect.isfunction(value):
             return [f"has {name} = {value!r}, which must be a method"]
-        found = len(inspect.signature(value).parameters)
-        return [f"has {name} with {found} parameters instead of {declared.parameters}"] * (found != declared.parameters)
+        count = len(inspect.signature(value).parameters)
+        return [f"has {name} with {count} parameters instead of {declared.parameters}"] * (count != declared.parameters)
     if declared.of is int and type(value) is int and not 0 <= value <= MOST:
         return [f"has {name} = {value}, which must be between 0 and {MOST}"]
     right = type(value) is declared.of or inspect.isfunction(value)

@@ -13,12 +13,12 @@ from ..ensemble.steppers import kept_of_steps
 from ..numerics.rng import LANES
 
 _STEPS = (2.0**-14, 2.0**-16)
-_CLEAR = 0.05  # of the largest term of the equation: what is left of it at the larger step, if it falls with the step
-_FALLS = 0.7  # by what a remainder that is O(h) or O(h^(1/2)) falls between the steps, at least
+_CLEAR = 0.05  # share of the largest term of the equation below which a remainder must be at the smaller step
+_FALLS = 0.7  # factor by which a remainder that is O(h) or O(h^(1/2)) falls between the steps, at least
 
 
 def check_scheme(scheme, model, initial):
-    """What is wrong with a scheme, one text each: whether it has weak order 1 near a state, with increments +-sqrt(h).
+    """The complaints about a scheme: it must have weak order 1 near a state, with increments +-sqrt(h).
 
     Over 64 paths whose increments are orthogonal signs times sqrt(h), the mean of a step must be
     y + h (f + 1/2 sum_k sigma_k^2 f_k' f_k) + o(h), and the mean of the step times the sign of noise k,
@@ -42,10 +42,10 @@ def check_scheme(scheme, model, initial):
         drift.append(np.abs(change.mean(axis=1) / h - ito).max() / size)
         for sign, k in zip(signs, on, strict=True):
             noise[k].append(np.abs((change * sign).mean(axis=1) / np.sqrt(h) - fields[k]).max() / root)
-    found = [f"along noise {k + 1} a step is not sigma f dW" for k in on if _stays(noise[k])]
-    if not found and _stays(drift):
-        found = ["the mean of a step is not h (f + 1/2 sum_k sigma_k^2 f_k' f_k), the drift of the Itô equation"]
-    return found
+    complaints = [f"along noise {k + 1} a step is not sigma f dW" for k in on if _stays(noise[k])]
+    if not complaints and _stays(drift):
+        complaints = ["the mean of a step is not h (f + 1/2 sum_k sigma_k^2 f_k' f_k), the drift of the Itô equation"]
+    return complaints
 
 
 def _stays(remainders):
@@ -57,8 +57,8 @@ def _stays(remainders):
 def _one_step(scheme, model, h, y, on, coin):
     """The signs (noises that are on, LANES), and the states (d, LANES) after a step from y with these increments."""
     signs = hadamard(LANES)[1 : len(on) + 1].astype(float)
-    kept, finest = kept_of_steps(None, scheme, model), substeps(scheme)
-    dW = np.zeros(row_length(kept, model))
+    needs, finest = kept_of_steps(None, scheme, model), substeps(scheme)
+    dW = np.zeros(row_length(needs, model))
     for sign, k in zip(signs, on, strict=True):
         n = 1
         while n <= finest:
@@ -66,7 +66,7 @@ def _one_step(scheme, model, h, y, on, coin):
                 place = first_lane(model, k, n, part)
                 dW[place : place + LANES] = sign * np.sqrt(h) / n
             n *= 2
-    assert len(dW) == (2 * finest - 1) * noises(model) * LANES + areas_length(kept.areas, model)
+    assert len(dW) == (2 * finest - 1) * noises(model) * LANES + areas_length(needs.areas, model)
     states = np.concatenate([np.repeat(y, LANES), np.zeros(memory_size(scheme, model))])
     work, report = np.zeros(max(work_size(scheme, model), 1)), np.zeros(len(REPORT))
     coins = np.full(LANES, coin)

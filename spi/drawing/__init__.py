@@ -1,4 +1,4 @@
-"""What the figures of all kinds share, and how a figure becomes files."""
+"""Tools for the figures of all kinds, and figures as bytes of files."""
 
 import contextlib
 import io

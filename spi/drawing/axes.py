@@ -1,4 +1,4 @@
-"""What figures of errors against step sizes have in common: their axes, reference slopes and legends."""
+"""Common parts of figures of errors against step sizes: their axes, reference slopes and legends."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ from matplotlib.markers import CARETUP
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
-from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
+from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures import from here
 from spi.storage.stored import Stored
 
 from ..statistics.cells import heights, mollweide
@@ -23,7 +23,7 @@ from ..storage.records import Description
 from . import page, style
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Axes for the values of a parameter: where these, cells around them, and ticks stand.
+# Axes for the values of a parameter: the places of values, of cells around them, and of ticks.
 # ---------------------------------------------------------------------------------------------------------------------
 
 _WIDE = 20.0  # ratio of values above which their axis is logarithmic
@@ -31,7 +31,7 @@ _UNEVEN = 3.0  # largest gap over smallest, in logarithms
 
 
 def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
-    """Scale, ticks and label of a horizontal axis for the values of a parameter; returns where its points are."""
+    """Scale, ticks and label of a horizontal axis for the values of a parameter; returns the places of the values."""
     rules(ax)
     ax.set_xlabel(style.word(word))
     positive = values[values > 0]
@@ -52,17 +52,17 @@ def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
 
 
 def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
+    """The places of values on an axis, and whether it is logarithmic; ranks for values that are not all positive."""
     if (values > 0).all():
         return values, True
     return np.argsort(np.argsort(values)).astype(float), False
 
 
 def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Where cells of values stand on an axis, and whether it is logarithmic.
+    """The places of the cells of values on an axis, and whether it is logarithmic.
 
-    By their logarithms, or by their rank if they are not all positive, or if gaps differ so much that some cells could
-    not be seen.
+    The axis is linear in the rank of a value if they are not all positive, or if gaps differ so much that some cells
+    could not be seen.
     """
     places, is_log = value_places(values)
     gaps = np.diff(np.sort(np.log(values))) if is_log else np.ones(1)
@@ -79,13 +79,13 @@ def edges(places: np.ndarray, is_log: bool) -> np.ndarray:
     middle = (x[1:] + x[:-1]) / 2
     outer = (x[1:] - x[:-1]) / 2 if len(x) > 1 else np.array([0.5])
     bounds = np.concatenate([[x[0] - outer[0]], middle, [x[-1] + outer[-1]]])
-    found = np.empty((len(x), 2))
-    found[order] = np.column_stack([bounds[:-1], bounds[1:]])
-    return 2.0**found if is_log else found
+    cells = np.empty((len(x), 2))
+    cells[order] = np.column_stack([bounds[:-1], bounds[1:]])
+    return 2.0**cells if is_log else cells
 
 
 def ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room: int) -> None:
-    """Ticks at the places, named by the values, at most so many of them."""
+    """Ticks at the places, labelled by the values, at most `room` of them."""
     order = np.argsort(places)[:: -1 if steps else 1][:: int(np.ceil(len(places) / room))]
     shown = [float(value) for value in values[order]]
     powers = all(value > 0 and math.isclose(math.log10(value) % 1, 0) for value in shown)
@@ -98,7 +98,7 @@ def ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room:
 SLOPE = "#777777"
 KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
 
-#: What the axes of errors are called, by what is measured.
+#: The labels of the axes of errors, by the error measured.
 ERRORS = {
     "strong": r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$",
     "weak": r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$",
@@ -109,7 +109,7 @@ PANEL = (5.0, 4.0)  # inches, without the legend under it and the title above
 HUGE = 1e100  # a value beyond that would make axes that cannot be drawn
 
 
-LEAST = 2.2  # the same of a panel in a paper, where as many stand side by side as fit
+LEAST = 2.2  # least width in inches of a panel in a paper, where as many stand side by side as fit
 
 
 def legend_line() -> float:
@@ -118,12 +118,12 @@ def legend_line() -> float:
 
 
 def under_label() -> float:
-    """Inches from the lower edge of a panel to what lies under its ticks and its label."""
+    """Inches from the lower edge of a panel to the place under its ticks and its label."""
     return (11 + 1.2 * (page.points("xtick.labelsize") + page.points("axes.labelsize"))) / 72
 
 
 def panel_grid(count: int) -> tuple[int, int, tuple[float, float]]:
-    """(columns, lines, inches of one) of so many panels of errors."""
+    """(columns, lines, inches of one panel) of a grid of `count` panels of errors."""
     columns, size = page.current().panels(2 if count == 4 else min(count, 3), PANEL, LEAST)
     return columns, math.ceil(count / columns), size
 
@@ -135,9 +135,9 @@ def case_panels(
     entries: int,
     heights: Sequence[float] = (1.0,),
 ) -> tuple[Figure, list[list[Axes]]]:
-    """A figure with the axes of each case, from top to bottom, of such heights in those of a panel.
+    """A figure, and the axes of each case from top to bottom, with `heights` in units of the height of a panel.
 
-    `facts` are those of each case, and `entries` is how many lines of a legend lie under the axes of a case.
+    `facts` are those of each case, and `entries` is the number of lines of a legend under the axes of a case.
     """
     shared, own = style.split_facts(facts)
     columns, lines, size = panel_grid(len(cases))
@@ -176,9 +176,9 @@ def rules(ax: Axes) -> None:
     ax.set_axisbelow(True)
 
 
-def dress_function(ax: Axes, found: Any, f: int, x: str | None, y: str) -> None:
-    """Title and labels of the panel of function `f` of `found`, which has names and texts; the name for None as x."""
-    name, text = found.functions[f], found.texts[f]
+def dress_function(ax: Axes, record: Any, f: int, x: str | None, y: str) -> None:
+    """Title and labels of the panel of function `f` of a record with names and texts; its name for None as x."""
+    name, text = record.functions[f], record.texts[f]
     ax.set(xlabel=style.plain(name) if x is None else x, ylabel=y)
     ax.set_title(style.plain(name if name == text or len(text) > 30 else f"{name}: {text}"))
     rules(ax)
@@ -187,7 +187,7 @@ def dress_function(ax: Axes, found: Any, f: int, x: str | None, y: str) -> None:
 def histogram(
     ax: Axes, cells: tuple[float, float], density: np.ndarray, stderr: np.ndarray, colour: str, exact: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Densities in `cells`, (begin of the first, width), with 95 % intervals, as far as these or exact ones are not 0.
+    """Draw densities in `cells`, (begin of the first, width), with 95 % intervals, from the first to the last not 0.
 
     Returns the exact densities shown, and the edges.
     """
@@ -217,8 +217,8 @@ def slopes(
 ) -> None:
     """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none.
 
-    ``orders``: (order, line style, whether the line lies above the points or below) of each; ``ends``: from which step
-    size to which, by default from one side of the panel to the other.
+    ``orders``: (order, line style, whether the line lies above the points or below) of each; ``ends``: the step sizes
+    between which lines are drawn, by default from one side of the panel to the other.
     """
     between = np.array(ends or ax.get_xlim())
     for order, dashes, above in orders:
@@ -272,28 +272,28 @@ def with_order(label: str, order: float, low: float, high: float) -> str:
 _LINES = "#777777"
 
 
-def cell_edges(found: Any, i: int, finer: int = 1) -> list[np.ndarray]:
-    """Between which values the cells of map `i` are along both of its sides, with so many places in each."""
-    ends = zip(found.low[i], found.width[i], found.density.shape[1:], strict=True)
+def cell_edges(maps: Any, i: int, finer: int = 1) -> list[np.ndarray]:
+    """The edges of the cells of map `i` along both of its sides, each cell divided into `finer` parts."""
+    ends = zip(maps.low[i], maps.width[i], maps.density.shape[1:], strict=True)
     return [low + width * np.linspace(0, number, finer * number + 1) for low, width, number in ends]
 
 
-def dress_map(ax: Axes, about: Description, found: Any, i: int, mesh: QuadMesh) -> None:
-    """Give map `i` of `found`, at one of its times `t`, its title, the names of its sides, and a colour bar."""
-    name = f"{style.label(about)}, $t={style.number(float(found.t[i]))}$"
-    if found.is_sphere:
+def dress_map(ax: Axes, about: Description, maps: Any, i: int, mesh: QuadMesh) -> None:
+    """Give map `i` of `maps`, at one of its times `t`, its title, the names of its sides, and a colour bar."""
+    name = f"{style.label(about)}, $t={style.number(float(maps.t[i]))}$"
+    if maps.is_sphere:
         net(ax, style.component_names(about, 3))
         ax.set_title(name, pad=14)
         bar = ax.figure.colorbar(mesh, ax=ax, label="density per steradian", shrink=0.8, pad=0.02)
     else:
-        ax.set(xlabel=style.plain(found.sides[0]), ylabel=style.plain(found.sides[1]))
+        ax.set(xlabel=style.plain(maps.sides[0]), ylabel=style.plain(maps.sides[1]))
         ax.set_title(name)
         bar = ax.figure.colorbar(mesh, ax=ax, label="density", pad=0.02)
     bar.outline.set_linewidth(0.4)
 
 
 def net(ax: Axes, names: Sequence[str]) -> None:
-    """Draw meridians, parallels, the outline and where the axes with these `names` leave the sphere."""
+    """Draw meridians, parallels, the outline and the points where the axes with these `names` leave the sphere."""
     thin: dict[str, Any] = {"color": _LINES, "linewidth": 0.4, "alpha": 0.6}
     whole = np.linspace(-1, 1, 201)
     up = heights(-1, 1, 201)

@@ -11,12 +11,12 @@ from .. import scratch_folder
 from . import page
 
 _DPI = 100
-_SECONDS = 8  # that a film takes, unless it has few frames or very many
+_SECONDS = 8  # length of a film, unless it has few frames or very many
 _SLOWEST, _FASTEST = 2, 25  # frames a second
 
 
 class Film(NamedTuple):
-    """A figure and what changes it."""
+    """A figure and the function that changes it from frame to frame."""
 
     figure: Figure
     frames: int
@@ -24,7 +24,7 @@ class Film(NamedTuple):
 
 
 def as_gif(film: Film, report: Callable[[int, int], None]) -> bytes:
-    """The content of the GIF file of a film; `report` is told the frames drawn and how many there are."""
+    """The content of the GIF file of a film; `report` is called with the number of frames drawn, and of all."""
     writer = PillowWriter(fps=min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST))
     with scratch_folder() as folder, page.applied():
         path = Path(folder, "film.gif")

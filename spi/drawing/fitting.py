@@ -85,7 +85,7 @@ def _break_titles(ax: Axes) -> None:
 
 
 def _break_legends(ax: Axes) -> None:
-    """Break the entries of a legend that is wider than what its panel has."""
+    """Break the entries of a legend that is wider than the place of its panel."""
     legend = ax.get_legend()
     if legend is None:
         return
@@ -118,13 +118,13 @@ def _lines(text: Text, line: str, room: float) -> Sequence[str]:
 
     if fits(line):
         return [line]
-    found = [""]
+    parts = [""]
     for word in _WORD.findall(line):
         for part in [word] if fits(word) else _parts(word):
-            if found[-1] and not fits(found[-1] + part):
-                found.append("")
-            found[-1] += part
-    return [part.rstrip() for part in found]
+            if parts[-1] and not fits(parts[-1] + part):
+                parts.append("")
+            parts[-1] += part
+    return [part.rstrip() for part in parts]
 
 
 def _parts(word: str) -> list[str]:
@@ -155,7 +155,7 @@ def _fit_height(fig: Figure) -> bool:
 
 
 def _fit_lines(part: FigureBase) -> float:
-    """Share the height of a figure or a part of it out among its lines; returns how many inches they lack together."""
+    """Share the height of a figure, or of a part of it, among its lines; returns the inches that they lack together."""
     lines: dict[int, list[tuple[Axes, Any]]] = {}
     for ax in part.findobj(Axes):
         place = ax.get_subplotspec()
@@ -169,7 +169,7 @@ def _fit_lines(part: FigureBase) -> float:
     want = {n: max(_wanted(ax, ratios[n] / tall) for ax, _ in line) for n, line in lines.items()}
     grid = next(iter(lines.values()))[0][1]
     if len(want) == grid.nrows:
-        # A line with a grid of its own also has the titles and labels of that, in inches what it has in ratios.
+        # A line with a grid of its own also has titles and labels within that, whose height is given in inches.
         plain = [n for n, line in lines.items() if not _is_nested(line[0][0])]
         inches = max((have[n] / ratios[n] for n in plain), default=1.0)
         shares = [want[n] if n in plain else ratios[n] * inches + want[n] - have[n] for n in range(grid.nrows)]
@@ -222,7 +222,7 @@ def _labels(axis: Any) -> list[tuple[float, Text]]:
     axis.get_tightbbox()  # which brings the ticks up to date
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
     shown = [(float(tick.get_loc()), tick.label1) for tick in ticks if low <= tick.get_loc() <= high]
-    visible = (one for one in shown if one[1].get_visible() and one[1].get_text())
+    visible = (entry for entry in shown if entry[1].get_visible() and entry[1].get_text())
     return sorted(visible, key=itemgetter(0))
 
 

@@ -20,7 +20,7 @@ from . import page, style
 from .axes import LEAST, legend_line
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a figure says of claims: a few small lines under its panels.
+# The verdicts on claims in a figure: a few small lines under its panels.
 # ---------------------------------------------------------------------------------------------------------------------
 
 _WORDS = {PASSED: "Claims passed", INCONCLUSIVE: "Claims inconclusive", FAILED: "Claims failed"}
@@ -29,22 +29,22 @@ _COLOURS = {PASSED: "#444444", INCONCLUSIVE: "#8a6d00", FAILED: "#c00000"}
 
 def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
     """Write under a figure which claims passed, are inconclusive or failed; nothing if there are none."""
-    found = [(verdict, _summary(verdicts, verdict)) for verdict in VERDICTS]
-    style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in found if text))
+    summaries = [(verdict, _summary(verdicts, verdict)) for verdict in VERDICTS]
+    style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in summaries if text))
 
 
 def write_note(fig: Figure, text: str) -> None:
-    """Write what else must be known of the results under a figure, in red; nothing if that is nothing."""
+    """Write a warning about the results under a figure, in red; nothing if the text is empty."""
     style.note_under(fig, [(text, _COLOURS[FAILED])] * bool(text))
 
 
 def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
     """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
     counts: dict[str, dict[str, list[bool]]] = {}
-    for one in verdicts:
-        label = one.found.about._replace(eps=None).label if one.found else one.claim.scheme
-        counts.setdefault(one.claim.text, {}).setdefault(label, []).append(one.verdict == wanted)
-    told = []
+    for verdict in verdicts:
+        label = verdict.found.about._replace(eps=None).label if verdict.found else verdict.claim.scheme
+        counts.setdefault(verdict.claim.text, {}).setdefault(label, []).append(verdict.verdict == wanted)
+    texts = []
     for claim, schemes in counts.items():
         whose = [
             label if all(hits) else f"{label}: {sum(hits)} of {len(hits)}"
@@ -52,8 +52,8 @@ def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
             if any(hits)
         ]
         if whose:
-            told.append(f"{claim} ({'; '.join(whose)})")
-    return ", ".join(told)
+            texts.append(f"{claim} ({'; '.join(whose)})")
+    return ", ".join(texts)
 
 
 Panel = Callable[[Axes], None]  #: draws on an axes
@@ -69,7 +69,7 @@ class Line(NamedTuple):
     """Panels side by side."""
 
     panels: Sequence[Panel]
-    size: tuple[float, float]  #: inches of one panel, with all that stands under it
+    size: tuple[float, float]  #: inches of one panel, with its label and legend
     title: str = ""
     legend: Sequence[list[Entry]] = ()  #: under the panels: rows of entries
     least: float = LEAST  #: inches of the width of a panel in a paper
@@ -92,7 +92,7 @@ def arranged(title: str, lines: list[Line], facts: list[str]) -> Figure:
 
 
 def _parts(line: Line) -> list[Line]:
-    """A line in as many as its panels need where the figure has a given width."""
+    """The lines into which a line is divided where the figure has a given width."""
     columns, size = page.current().panels(len(line.panels), line.size, line.least)
     if page.current().width is not None:
         facts = line.title.replace("\n", ",  ").split(",  ")
@@ -119,29 +119,29 @@ def of_cases(
     shared, own = style.split_facts([facts_of(readings[0]) for readings in cases])
     lines = []
     for readings, facts in zip(cases, own, strict=True):
-        found = lines_of(readings, looks)
-        if found and len(cases) > 1:
-            width = len(found[0].panels) * found[0].size[0]
-            found[0] = found[0]._replace(title=case_title(readings[0].about, facts, width))
-        lines += found
+        case_lines = lines_of(readings, looks)
+        if case_lines and len(cases) > 1:
+            width = len(case_lines[0].panels) * case_lines[0].size[0]
+            case_lines[0] = case_lines[0]._replace(title=case_title(readings[0].about, facts, width))
+        lines += case_lines
     return arranged(title, lines, shared)
 
 
 def even(count: int, most: int) -> int:
-    """How many of so many stand side by side, at most `most`, where all lines have about as many."""
+    """The number of panels side by side, at most `most`, that divides `count` panels evenly among lines."""
     return math.ceil(count / max(1, math.ceil(count / most)))
 
 
 def in_lines(panels: Sequence[Panel], columns: int, size: tuple[float, float], **more: Any) -> list[Line]:
-    """Panels in lines of so many; `more` are fields of each line."""
+    """Panels in lines of `columns` each; `more` are fields of each line."""
     return [Line(panels[i : i + columns], size, **more) for i in range(0, len(panels), max(1, columns))]
 
 
-def check_panels(words: Iterable[str], known: Iterable[str]) -> None:
-    """ValueError if a figure is asked for a panel that is not among the `known` ones."""
+def check_panels(words: Iterable[str], allowed: Iterable[str]) -> None:
+    """Raise ValueError if one of the words is not the name of an `allowed` panel."""
     for word in words:
-        if word not in known:
-            raise ValueError(f"{word!r} is not a known panel; known panels: {', '.join(known)}")
+        if word not in allowed:
+            raise ValueError(f"{word!r} is not a known panel; known panels: {', '.join(allowed)}")
 
 
 def side_by_side(lines: list[Line]) -> list[Line]:
@@ -234,12 +234,12 @@ def shade(colour: str, i: int, count: int) -> str:
 
 
 def spread(count: int, most: int = 4) -> list[int]:
-    """At most so many of the numbers 0, ..., count - 1, among them the first and the last."""
+    """At most `most` of the numbers 0, ..., count - 1, among them the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    """Mark at the upper edge what lies above it or is no number, hollow at the lower edge what lies below it."""
+    """Mark values above the panel, or NaN, at its upper edge, and values below it, hollow, at its lower edge."""
     bottom, top = ax.get_ylim()
     look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
     look |= {"color": colour, "linestyle": "none"}
@@ -251,7 +251,7 @@ def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
 
 
 def scheme_entry(about: Description, looks: style.Looks, more: str = "", **look: Any) -> Entry:
-    """An entry of a legend: a scheme, and what more is to be said of it."""
+    """An entry of a legend: a scheme, followed by the text `more`."""
     marker, colour = looks[about.variant]
     return Line2D([], [], color=colour, marker=marker, **look), style.label(about) + more
 
@@ -262,7 +262,7 @@ def mark(marker: str, text: str, **look: Any) -> Entry:
 
 
 def unresolved(marker: str) -> dict[str, Any]:
-    """How a point is drawn that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
+    """The look of a point that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
     return {"markerfacecolor": "none"} if marker in Line2D.filled_markers else {"alpha": 0.4}
 
 
@@ -280,11 +280,11 @@ def points(
 
 
 def zero_mark() -> Entry:
-    """The entry of a legend for such points of a difference."""
+    """The entry of a legend for unresolved points of a difference."""
     return mark("o", "hollow, or pale crosses: zero within 2 standard errors", markerfacecolor="none")
 
 
 def empty(ax: Axes, text: str) -> None:
-    """A panel that has nothing to show, and why."""
+    """An empty panel, with the reason."""
     ax.set_axis_off()
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#777777")

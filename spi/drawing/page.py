@@ -1,4 +1,4 @@
-"""What a figure is drawn for: a screen, or one or two columns of a paper."""
+"""The page that a figure is drawn for: a screen, or one or two columns of a paper."""
 
 import contextlib
 import difflib
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.textpath import text_to_path
 
-#: Inches of a column, and of the two columns of a page: what fits those of most journals (84 to 90 mm, 174 to 190 mm).
+#: Inches of a column, and of the two columns of a page, as in most journals (84 to 90 mm, 174 to 190 mm).
 COLUMNS = {"one": 3.35, "two": 7.0}
 NARROWEST, WIDEST = 2.5, 20.0  # inches
 _UNITS = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4}
@@ -57,7 +57,7 @@ _PAPER: dict[str, Any] = {
 
 
 class Page(NamedTuple):
-    """What a figure is drawn for."""
+    """The page that a figure is drawn for."""
 
     width: float | None = None  #: inches of every figure; None: as wide as its panels want to be
     family: str = FAMILIES["sans"]
@@ -74,7 +74,7 @@ class Page(NamedTuple):
         return _SCREEN | _PAPER | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
 
     def panels(self, wanted: int, size: tuple[float, float], least: float) -> tuple[int, tuple[float, float]]:
-        """How many panels stand side by side, and inches of each: `wanted` ones of `size` where there is room.
+        """The number of panels side by side, and inches of each: `wanted` ones of `size` where there is room.
 
         In a column there are as many as are at least `least` inches wide, and they fill it unless they are few.
         """
@@ -92,17 +92,17 @@ _OF: WeakKeyDictionary[Figure, Page] = WeakKeyDictionary()
 
 
 def current() -> Page:
-    """What the figure that is being made is drawn for."""
+    """The page of the figure that is being made."""
     return _CURRENT.get()
 
 
 def of(fig: Figure) -> Page:
-    """What a finished figure was drawn for."""
+    """The page that a finished figure was drawn for."""
     return _OF.get(fig, SCREEN)
 
 
 def remember(fig: Figure) -> None:
-    """Remember what a figure is drawn for, as it has to be saved with the same settings."""
+    """Remember the page of a figure, as it has to be saved with the same settings."""
     _OF[fig] = current()
 
 
@@ -113,7 +113,7 @@ def points(setting: str) -> float:
 
 
 def inches_of(text: str, font: FontProperties) -> float:
-    """How wide a line of text is in some letters; an outline of them would take ten times as long."""
+    """The width of a line of text in a font, in inches; its outline would take ten times as long to make."""
     width: float = text_to_path.get_text_width_height_descent(text, font, is_math_text(text))[0]
     return width / 72
 
@@ -133,7 +133,7 @@ def named(style: str = "screen", width: str | float | None = None, font: str | N
     """The page of a style, "screen" or "paper", of a paper with its width and font.
 
     ``width`` is "one" or "two" columns, inches, or a text such as "130mm"; ``font`` is "serif", "sans" or the name of
-    an installed TrueType family.  ValueError says what is wrong with them.
+    an installed TrueType family.  Raises ValueError, with the reason, if they are none of these.
     """
     if style == "paper":
         return Page(inches("one" if width is None else width), family(font or "serif"))
@@ -146,12 +146,12 @@ def named(style: str = "screen", width: str | float | None = None, font: str | N
 
 
 def inches(width: str | float) -> float:
-    """The inches that a width means; ValueError if it means none, or too few or too many."""
-    found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(in|cm|mm)", str(width).strip())
+    """A width in inches; ValueError if it is no length, or too small or too large."""
+    match = re.fullmatch(r"([0-9]*\.?[0-9]+) *(in|cm|mm)", str(width).strip())
     if width in COLUMNS:
         value = COLUMNS[str(width)]
-    elif found:
-        value = float(found[1]) * _UNITS[found[2]]
+    elif match:
+        value = float(match[1]) * _UNITS[match[2]]
     else:
         value = math.nan if isinstance(width, str) else float(width)
     if not NARROWEST <= value <= WIDEST:
@@ -165,9 +165,9 @@ def inches(width: str | float) -> float:
 def family(name: str) -> str:
     """The installed TrueType family of a name; ValueError names those that are spelt alike."""
     installed = {font.name for font in fontManager.ttflist if font.fname.lower().endswith(".ttf")}
-    by_small = {one.lower(): one for one in installed} | FAMILIES
+    by_small = {spelling.lower(): spelling for spelling in installed} | FAMILIES
     if name.lower() in by_small:
         return by_small[name.lower()]
-    near = [by_small[one] for one in difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)]
+    near = [by_small[spelling] for spelling in difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)]
     meant = f"did you mean {' or '.join(map(repr, dict.fromkeys(near)))}? " if near else ""
     raise ValueError(f"font: {name!r} is not an installed TrueType family; {meant}serif and sans are always available")

@@ -1,4 +1,4 @@
-"""How all figures look: colours, markers, titles, numbers and words."""
+"""The look of all figures: colours, markers, titles, numbers and words."""
 
 import math
 import re
@@ -41,10 +41,10 @@ SYMBOLS = {
 
 _NOTE = 7  # points
 _MOST_ENTRIES = 9  # of a tuple that is shown whole
-_MOST_COMPONENTS = 64  # of a state some of whose components are worth telling
+_MOST_COMPONENTS = 64  # of a state that is shown
 
-#: Parameters of models that change no path.
-_UNTOLD = ("casimirs_watched",)
+#: Parameters of models that are not shown: they change no path.
+_HIDDEN = ("casimirs_watched",)
 
 #: Models whose state is the (Re, Im) of complex modes: symbol and modes.
 COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
@@ -60,23 +60,23 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     for about in (reading.about for readings in cases for reading in readings):
         members.setdefault(about.scheme, {})[about.variant] = (-(about.eps or 0.0), about.extrapolate)
     unknown = [name for name in members if name not in SCHEMES]
-    found: Looks = {name: row.look for name, row in SCHEMES.items()}
-    found |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
+    chosen: Looks = {name: row.look for name, row in SCHEMES.items()}
+    chosen |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
     ramps = 0
     for scheme, variants in members.items():
         if len(variants) == 1:
-            found |= dict.fromkeys(variants, found[scheme])
+            chosen |= dict.fromkeys(variants, chosen[scheme])
             continue
         ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
         markers = SEQUENCES[ramps % len(RAMPS)]
         ramps += 1
         for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
-            found[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
-    return found
+            chosen[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
+    return chosen
 
 
 def label(about: Description, with_eps: bool = True) -> str:
-    """What the scheme of a reading is called, in mathtext; `about` is its description."""
+    """The name of the scheme of a reading in mathtext; `about` is its description."""
     text = plain(about.scheme_label)
     if with_eps and about.eps is not None:
         text = rf"{text}, $\varepsilon={power(about.eps)}$"
@@ -84,7 +84,7 @@ def label(about: Description, with_eps: bool = True) -> str:
 
 
 def word(name: str) -> str:
-    """What a parameter is called on an axis, in mathtext if there is a symbol for it."""
+    """The label of a parameter on an axis, in mathtext if there is a symbol for it."""
     symbol = SYMBOLS.get(name, name if len(name) == 1 else None)
     return f"${symbol}$" if symbol else plain(name.replace("_", " "))
 
@@ -95,7 +95,7 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.
     """
     page.remember(fig)
-    FigureCanvasAgg(fig)  # which keeps what it has measured of texts, as the canvas that a figure begins with does not
+    FigureCanvasAgg(fig)  # which remembers the sizes of texts, unlike the canvas that a figure begins with
     parameters = list(parameters)
     fig.set_label(". ".join(filter(None, [plain(title), ", ".join(parameters)])) + ".")
     column = page.current().width
@@ -116,7 +116,7 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
 
 
 def caption(fig: Figure) -> str:
-    """What a figure is of, and with which parameters; formulas as in LaTeX."""
+    """The caption of a figure: its title and parameters; formulas as in LaTeX."""
     return str(fig.get_label())
 
 
@@ -165,58 +165,64 @@ def wrapped(items: Iterable[str], separator: str, size: str | float, width: floa
 
 
 def inches(text: str, size: str | float) -> float:
-    """How wide a text is, at a size as in :func:`wrapped`."""
+    """The width of a text in inches, at a size as in :func:`wrapped`."""
     return page.inches_of(text, FontProperties(size=page.points(size) if isinstance(size, str) else size))
 
 
-def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
-    """The facts that all cases share, and those of each case that are its own; `told` has the :func:`facts` of each."""
-    if any("model_temperature" in one or "temperature" in one.get("initial", "") for one in told):  # which is T then
-        told = [{name: text.replace("$T=", r"$\mathrm{final\ time}=") for name, text in one.items()} for one in told]
-    shared = {name: text for name, text in told[0].items() if all(other.get(name) == text for other in told)}
-    return list(shared.values()), [[text for name, text in one.items() if name not in shared] for one in told]
+def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
+    """The facts that all cases share, and the further ones of each case; `of_cases` are the :func:`facts` of each."""
+    # T is the temperature where there is one
+    if any("model_temperature" in of_case or "temperature" in of_case.get("initial", "") for of_case in of_cases):
+        of_cases = [
+            {name: text.replace("$T=", r"$\mathrm{final\ time}=") for name, text in of_case.items()}
+            for of_case in of_cases
+        ]
+    shared = {name: text for name, text in of_cases[0].items() if all(other.get(name) == text for other in of_cases)}
+    return list(shared.values()), [
+        [text for name, text in of_case.items() if name not in shared] for of_case in of_cases
+    ]
 
 
 def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     """The parameters that stand above a figure, name -> mathtext.
 
-    Of the reading's own fields those that are named, or what is given in their place: ``step``, ``reference_step``,
-    ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
+    Besides those of its description they are the fields of the reading in `names`, and `others`: ``step``,
+    ``reference_step``, ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
     """
-    told, about, own = {}, reading.about, {name: getattr(reading, name) for name in names} | others
+    texts, about, own = {}, reading.about, {name: getattr(reading, name) for name in names} | others
     for name, value in about.parameters.items():
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
-            told["model_noise"] = plain(f"noise: {value}") if value else "no noise"
-        elif not isinstance(value, str | bool) and name not in _UNTOLD:
+            texts["model_noise"] = plain(f"noise: {value}") if value else "no noise"
+        elif not isinstance(value, str | bool) and name not in _HIDDEN:
             symbol = SYMBOLS.get(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
-            told[f"model_{name}"] = f"${symbol}={number(value)}$"
+            texts[f"model_{name}"] = f"${symbol}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
-        told["initial"] = f"${initial_value(about)}$"
+        texts["initial"] = f"${initial_value(about)}$"
     if about.initial_law is not None:
-        told["initial"] = plain(f"initial states: {about.initial_law}")
+        texts["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
-        told["final_time"] = f"$T={number(about.final_time)}$"
+        texts["final_time"] = f"$T={number(about.final_time)}$"
     for name, symbol in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
         if own.get(name) is not None:
-            told[name] = f"${symbol}={number(own[name], steps=True)}$"
+            texts[name] = f"${symbol}={number(own[name], steps=True)}$"
     if own.get("reference_scheme"):
         name = own["reference_scheme"]
-        told["reference_scheme"] = plain(f"reference: {SCHEMES[name].label if name in SCHEMES else name}")
+        texts["reference_scheme"] = plain(f"reference: {SCHEMES[name].label if name in SCHEMES else name}")
     if own.get("samples") is not None:
-        told["samples"] = f"{count(own['samples'])} samples"
+        texts["samples"] = f"{count(own['samples'])} samples"
     if about.truncate_noise:
-        told["truncate_noise"] = "truncated noise"
+        texts["truncate_noise"] = "truncated noise"
     if about.driver:
-        told["driver"] = plain(f"driver: {about.driver}")
+        texts["driver"] = plain(f"driver: {about.driver}")
     if about.areas != "exact":
-        told["areas"] = "Gaussian areas"
+        texts["areas"] = "Gaussian areas"
     if own.get("estimator"):
-        told["estimator"] = own["estimator"]
+        texts["estimator"] = own["estimator"]
     if len(own.get("functions") or ()) == 1:
-        told["function"] = rf"$\varphi(y)={formula(own['functions'][0], about.variables)}$"
+        texts["function"] = rf"$\varphi(y)={formula(own['functions'][0], about.variables)}$"
     if own.get("path") is not None:
-        told["path"] = f"path {own['path']} of seed {about.seed}"
-    return told
+        texts["path"] = f"path {own['path']} of seed {about.seed}"
+    return texts
 
 
 def initial_value(about: Description) -> str:
@@ -229,7 +235,7 @@ def initial_value(about: Description) -> str:
 
 
 def component_names(about: Description, count: int) -> list[str]:
-    """What the components of the state are called, in mathtext."""
+    """The names of the components of the state, in mathtext."""
     if about.variables:
         return [plain(name) for name in about.variables]
     if about.model not in COMPLEX:
@@ -267,13 +273,13 @@ def power(value: float) -> str:
 
 
 def count(number: int) -> str:
-    """How many, with large powers of ten as such."""
+    """A number of things, with large powers of ten as such."""
     exponent = len(str(number)) - 1
     return f"$10^{{{exponent}}}$" if number == 10**exponent and exponent > 3 else f"{number}"
 
 
 def formula(text: str, variables: tuple[str, ...] = ()) -> str:
-    """A test function, as the text of an expression, in mathtext; `variables` are what the system calls y1, y2, ..."""
+    """A test function, the text of an expression, in mathtext; `variables` are the system's names of y1, y2, ..."""
     text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
     text = re.sub(r"\by(\d+)", lambda match: _component(int(match.group(1)), variables), text)
     text = re.sub(r"\b([a-z]{2,})\(", lambda match: rf"\mathrm{{{match.group(1)}}}(", text)
@@ -296,5 +302,5 @@ def _constant(value: float) -> str:
 
 
 def plain(text: str) -> str:
-    """Text of the user's, in which a dollar is a dollar, without U+FEFF: matplotlib cannot write that to a PDF."""
+    """A text of the user, in which a dollar is a dollar, without U+FEFF: matplotlib cannot write that to a PDF."""
     return text.replace("$", r"\$").replace("\ufeff", "")

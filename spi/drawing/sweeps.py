@@ -19,7 +19,7 @@ SIZE = (3.6, 2.9)  # inches of a panel
 ALONE = (4.6, 3.5)  # the same where there is only one
 COLUMNS = 3  # panels side by side
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
-PALE = 0.4  # of what says nothing
+PALE = 0.4  # opacity of points that are not resolved
 KNOWN: dict[str, Any] = {"linestyle": (0, (2, 2)), "linewidth": 1.0, "zorder": 3.5}  # over a curve that agrees
 
 
@@ -35,7 +35,7 @@ Case = tuple[str, Sequence[Curve], list[str]]  #: title, curves and facts of one
 
 
 def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
-    """The figure of cases that are swept: each quantity over the values; `sorts` are those of the quantities."""
+    """The figure of cases that are swept: each quantity over the values; `sorts` has the sort of each quantity."""
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks = style.looks([every])
     estimators = list(dict.fromkeys(curve.about.estimator for curve in every))
@@ -60,11 +60,13 @@ def _arranged(
     shared = [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
     lines: list[layout.Line] = []
     for name, curves, facts in cases:
-        found = lines_of(curves)
+        case_lines = lines_of(curves)
         if len(cases) > 1:
-            told = [style.plain(name), *(fact for fact in facts if fact not in shared)]
-            found[0] = found[0]._replace(title="\n".join(style.wrapped(told, ",  ", "axes.titlesize", width)))
-        lines += found
+            heading = [style.plain(name), *(fact for fact in facts if fact not in shared)]
+            case_lines[0] = case_lines[0]._replace(
+                title="\n".join(style.wrapped(heading, ",  ", "axes.titlesize", width))
+            )
+        lines += case_lines
     lines[-1] = lines[-1]._replace(legend=legend)
     return layout.arranged(title, lines, shared)
 
@@ -76,24 +78,25 @@ def _rows(curves: Sequence[Curve]) -> list[list[list[Curve]]]:
         panels.setdefault((curve.name, curve.function), []).append(curve)
     functions = {function for _, function in panels}
     names = list(dict.fromkeys(name for name, _ in panels)) if len(functions) > 1 else [""]
-    rows = [[some for (one, _), some in panels.items() if name in (one, "")] for name in names]
+    rows = [[some for (quantity, _), some in panels.items() if name in (quantity, "")] for name in names]
     return [row[i : i + COLUMNS] for row in rows for i in range(0, len(row), COLUMNS)]
 
 
 def _panel(
     ax: Axes, curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[str], sorts: Mapping[str, Sort]
 ) -> None:
-    """One quantity over the parameter, with 95 % intervals; dashed what is known of it."""
+    """One quantity over the parameter, with 95 % intervals; its expected values dashed."""
     first, every = curves[0], np.unique(np.concatenate([curve.values for curve in curves]))
     places = dict(zip(every.tolist(), swept_axis(ax, first.word, every).tolist(), strict=True))
     is_log = first.name in sorts and sorts[first.name].sense == AT_MOST
     _limits(ax, curves, is_log)
     if ax.get_yscale() == "linear" and np.prod(ax.get_ylim()) < 0:
         ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
-    known: dict[tuple[bytes, bytes], list[tuple[np.ndarray, np.ndarray, str]]] = {}  # what several have alike, once
+    # expected values that several curves share are drawn once
+    theory: dict[tuple[bytes, bytes], list[tuple[np.ndarray, np.ndarray, str]]] = {}
     for curve in curves:
         marker, colour = looks[curve.about.variant]
-        x, value = np.array([places[one] for one in curve.values.tolist()]), curve.of("value")
+        x, value = np.array([places[number] for number in curve.values.tolist()]), curve.of("value")
         order, dashes = np.argsort(x), DASHES[estimators.index(curve.about.estimator) % len(DASHES)]
         ax.plot(x[order], value[order], color=colour, linestyle=dashes, zorder=3)
         with np.errstate(invalid="ignore"):  # of paths that diverged
@@ -103,18 +106,18 @@ def _panel(
         for chosen, pale in ((~poor, 1.0), (poor, PALE)):
             if chosen.any():
                 ax.errorbar(x[chosen], value[chosen], bars[:, chosen], elinewidth=0.8, zorder=3, alpha=pale, **look)
-        told = ~np.isnan(value)
-        layout.edge_marks(ax, x[told], value[told], colour)
+        numbers = ~np.isnan(value)
+        layout.edge_marks(ax, x[numbers], value[numbers], colour)
         if np.isfinite(expected := curve.of("expected")[order]).any():
-            known.setdefault((x[order].tobytes(), expected.tobytes()), []).append((x[order], expected, colour))
-    for (x, expected, colour), *others in known.values():
+            theory.setdefault((x[order].tobytes(), expected.tobytes()), []).append((x[order], expected, colour))
+    for (x, expected, colour), *others in theory.values():
         ax.plot(x, expected, color=colour if len(curves) > 1 and not others else "#777777", **KNOWN)
     ax.set_ylabel(_label(curves))
     ax.set_title(style.plain(first.function))
 
 
 def _limits(ax: Axes, curves: Sequence[Curve], is_log: bool) -> None:
-    """Scale and limits of the vertical axis: those of what says something, or of all if nothing does."""
+    """Scale and limits of the vertical axis: those of the points that are resolved, or of all if none is."""
     values = np.array([np.concatenate([curve.of(field) for curve in curves]) for field in ("value", "low", "high")])
     good = ~np.concatenate([curve.poor for curve in curves])
     values = values[:, good] if good.any() else values[:1]
@@ -123,14 +126,14 @@ def _limits(ax: Axes, curves: Sequence[Curve], is_log: bool) -> None:
         ax.set_yscale("log", nonpositive="clip")
         ax.set_ylim(limits(positive))
         return
-    known = np.concatenate([values.ravel(), *(curve.of("expected") for curve in curves)])
-    if (known := known[np.isfinite(known)]).size:
-        room = 0.06 * (known.max() - known.min()) or 0.05 * abs(known[0]) or 1.0
-        ax.set_ylim(known.min() - room, known.max() + room)
+    shown = np.concatenate([values.ravel(), *(curve.of("expected") for curve in curves)])
+    if (shown := shown[np.isfinite(shown)]).size:
+        room = 0.06 * (shown.max() - shown.min()) or 0.05 * abs(shown[0]) or 1.0
+        ax.set_ylim(shown.min() - room, shown.max() + room)
 
 
 def _label(curves: Sequence[Curve]) -> str:
-    """What a panel shows, and at which step size."""
+    """The label of a panel: its quantity, and at which step size."""
     name = style.plain(curves[0].label)
     steps = {curve.h for curve in curves}
     if steps == {None}:
@@ -140,7 +143,7 @@ def _label(curves: Sequence[Curve]) -> str:
 
 
 def _legend(curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[str]) -> list[list[layout.Entry]]:
-    """What markers and dashes mean."""
+    """The rows of the legend: markers, dashes and marks."""
     abouts = {curve.about.variant: curve.about for curve in curves}
     rows = [[layout.scheme_entry(about, looks, markerfacecolor="none") for about in abouts.values()]]
     if len(estimators) > 1:
@@ -181,7 +184,7 @@ def _is_signed(curve: Curve) -> bool:
 
 
 def _map(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> None:
-    """A cell for each pair of values; where both signs occur also the line of zero, and cells of which none is sure."""
+    """A cell for each pair of values; where both signs occur also the line of zero, and marks where none is certain."""
     grid = curve.grid()
     x, y = map(_axis, grid.axes)
     values, low, high = (grid.of(field) for field in ("value", "low", "high"))
@@ -193,8 +196,8 @@ def _map(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> No
     mesh = ax.pcolormesh(*corners, shown.T, rasterized=True, **look)
     for scale, (_, _, on_log) in ((ax.set_xscale, x), (ax.set_yscale, y)):
         scale("log" if on_log else "linear")
-    for axis, (places, _, _), known in zip((ax.xaxis, ax.yaxis), (x, y), grid.axes, strict=True):
-        ticks(axis, places, known, steps=False, room=_TICKS)
+    for axis, (places, _, _), along in zip((ax.xaxis, ax.yaxis), (x, y), grid.axes, strict=True):
+        ticks(axis, places, along, steps=False, room=_TICKS)
     if signed:
         if min(values.shape) > 1:
             ax.contour(x[0], y[0], values.T, levels=[0.0], colors="black", linewidths=1.2)
@@ -204,28 +207,28 @@ def _map(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> No
     bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
     if signed:
         at = _bar_ticks(values)
-        bar.set_ticks(at, labels=[f"${style.number(one)}$" for one in at])
+        bar.set_ticks(at, labels=[f"${style.number(tick)}$" for tick in at])
         bar.ax.minorticks_off()
     bar.outline.set_linewidth(0.4)
-    told = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
-    told += [style.label(curve.about)] * several
+    title = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
+    title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        told.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against known values")
-    ax.set_title("\n".join(told))
+        title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against known values")
+    ax.set_title("\n".join(title))
 
 
 def _axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Where the centres of cells stand, and their edges, and whether on logarithms."""
+    """The centres of cells on an axis, their edges, and whether the axis is logarithmic."""
     gaps = np.diff(values)
     places, is_log = (values, False) if gaps.max() <= _EVEN * gaps.min() else cell_places(values)
     return places, edges(places, is_log), is_log
 
 
 def _norm(values: np.ndarray, is_error: bool) -> Normalize | None:
-    """How values become colours: of both signs each with the whole range of its own."""
-    known = values[np.isfinite(values)]
-    if known.size and known.min() < 0 < known.max():
-        low, high, whole = float(-known.min()), float(known.max()), float(np.arcsinh(1 / _LINEAR))
+    """The map from values to colours; where both signs occur each has the whole range of its own."""
+    finite = values[np.isfinite(values)]
+    if finite.size and finite.min() < 0 < finite.max():
+        low, high, whole = float(-finite.min()), float(finite.max()), float(np.arcsinh(1 / _LINEAR))
 
         def forwards(v: Any) -> Any:
             return np.arcsinh(v / (_LINEAR * np.where(np.asarray(v) < 0, low, high))) / whole
@@ -234,7 +237,7 @@ def _norm(values: np.ndarray, is_error: bool) -> Normalize | None:
             return np.sinh(np.asarray(u) * whole) * _LINEAR * np.where(np.asarray(u) < 0, low, high)
 
         return FuncNorm((forwards, backwards), -low, high)
-    positive = known[known > 0]
+    positive = finite[finite > 0]
     if positive.size and (is_error or positive.max() > _WIDE * positive.min()):
         return LogNorm(positive.min(), positive.max())
     return None
@@ -242,9 +245,9 @@ def _norm(values: np.ndarray, is_error: bool) -> Normalize | None:
 
 def _bar_ticks(values: np.ndarray) -> list[float]:
     """0, and of each sign a round number near its largest value, and a tenth of that."""
-    found = [0.0]
+    marks = [0.0]
     for sign in (-1.0, 1.0):
         most = float(np.nanmax(sign * values))
         digit = 10.0 ** np.floor(np.log10(most))
-        found += [sign * digit * np.floor(most / digit) / part for part in (1.0, 10.0)]
-    return sorted(found)
+        marks += [sign * digit * np.floor(most / digit) / part for part in (1.0, 10.0)]
+    return sorted(marks)

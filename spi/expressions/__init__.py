@@ -2,7 +2,7 @@
 
 The grammar is that of ``arithmetic.py`` with the words y1, ..., yd for the components of the state, and tanh.  An
 expression is a tree of records; parts without y are one constant: ``2*pi*y1`` is one product.  NumPy evaluates it for
-arrays of states.  Overflow gives inf and what has no value gives NaN, but never an exception.
+arrays of states.  Overflow gives inf and undefined values are NaN, but there is never an exception.
 """
 
 from .ranges import is_step, range_of

@@ -8,7 +8,7 @@
 
 Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
 
-What the operations mean is said by :class:`Numbers`; ``expressions`` gives the same grammar another meaning.
+:class:`Numbers` defines the operations; ``trees.py`` gives the same grammar another meaning.
 """
 
 import cmath
@@ -26,7 +26,7 @@ _TOKEN = re.compile(
 
 
 class NumberError(ValueError):
-    """The text is no number; the message says why in a few words, without a full stop."""
+    """A text is no number; the message says why in a few words, without a full stop."""
 
 
 def parse(text: str) -> int | float | complex:
@@ -38,7 +38,7 @@ def parse(text: str) -> int | float | complex:
 
 
 def read(text: str, algebra: Any) -> Any:
-    """What `text` is in an algebra such as :class:`Numbers`; NumberError if it is nothing."""
+    """The value of `text` in an algebra such as :class:`Numbers`; NumberError if it has none."""
     if len(text) > algebra.longest:
         raise NumberError(f"longer than {algebra.longest} characters")
     try:
@@ -55,7 +55,7 @@ class Numbers:
     """The meaning of the grammar in numbers: int, finite float, complex."""
 
     longest = 200
-    calls = False  #: whether :meth:`call` is to be asked what a word before a parenthesis is
+    calls = False  #: whether a word before a parenthesis is first looked up by :meth:`call`
     functions = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
     constants = MappingProxyType({"pi": math.pi, "i": 1j})
 
@@ -107,8 +107,8 @@ class _Parser:
         return value
 
     def unexpected(self) -> NumberError:
-        found = self.token[0].strip()
-        return NumberError(f"unexpected '{found}'" if found else "it ends too early")
+        token = self.token[0].strip()
+        return NumberError(f"unexpected '{token}'" if token else "it ends too early")
 
     def sum(self) -> Any:
         value = self.term()
@@ -164,7 +164,7 @@ class _Parser:
 
 
 def in_parentheses(text: str, start: int) -> tuple[str, int]:
-    """What stands in the parentheses that open at `start`, and where they end."""
+    """The text in the parentheses that open at `start`, and the position after them."""
     depth = 0
     for position in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[position], 0)

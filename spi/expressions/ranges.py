@@ -1,4 +1,4 @@
-"""Between which values an expression lies, whatever the state is, and whether it is constant but for jumps."""
+"""The range of an expression over all states, and whether it is piecewise constant."""
 
 import math
 from typing import Any
@@ -47,7 +47,7 @@ def range_of(expression: Any) -> Range:
 
 
 def is_step(expression: Any) -> bool:
-    """Whether an expression is constant but for jumps, as (1 + (y1 - 3)/abs(y1 - 3))/2 is."""
+    """Whether an expression is piecewise constant, as (1 + (y1 - 3)/abs(y1 - 3))/2 is."""
     if isinstance(expression, Constant | Component):
         return isinstance(expression, Constant)
     if isinstance(expression, WholePower):
@@ -58,13 +58,13 @@ def is_step(expression: Any) -> bool:
 
 
 def _is_sign(a: Any, b: Any) -> bool:
-    """Whether a/b is x/abs(x) or abs(x)/x, a difference perhaps turned round."""
-    # By their texts: as tuples sin(y1) and exp(y1) are equal.
+    """Whether a/b is x/abs(x) or abs(x)/x, where a difference x may have its terms exchanged."""
+    # Compared by their texts: as tuples sin(y1) and exp(y1) are equal.
     return any(canonical(one) == canonical(other) for one, other in (*_alike(a, b), *_alike(b, a)))
 
 
 def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:
-    """What must be equal, one of the pairs, for a to be +-x if b is abs(x)."""
+    """Pairs of trees: if those of any pair are equal and b is abs(x), a is +-x."""
     if not isinstance(b, Absolute):
         return []
     return [(a, b.a), (a, Difference(b.a.b, b.a.a))] if isinstance(b.a, Difference) else [(a, b.a)]
@@ -115,7 +115,7 @@ def _power(a: Range, exponent: int) -> Range:
 
 
 def _increasing(function: Any, a: Range) -> Range:
-    """The values of a function that rises; infinity where they overflow, or where it is not defined."""
+    """The range of an increasing function over `a`; infinity where it overflows or is not defined."""
 
     def at(x: float, beyond: float) -> float:
         try:

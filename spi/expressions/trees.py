@@ -1,4 +1,4 @@
-"""Expressions as trees of records: how they are read and written, and what each record means."""
+"""Expressions as trees of records: their parser, their texts, and the values of each record."""
 
 import math
 import re
@@ -14,7 +14,7 @@ from ..numerics.arrays import of_array, whole_power
 from .arithmetic import NumberError, Numbers, read
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Records: what they hold, what they mean for arrays, how they are written
+# Records: their operands, their values for arrays, their texts
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -41,7 +41,7 @@ class WholePower(NamedTuple):
 
 
 class Meaning(NamedTuple):
-    """What a record with operands means."""
+    """The meaning of an operation, for arrays and as text."""
 
     array: Callable  #: of arrays
     text: str  #: in the grammar
@@ -81,7 +81,7 @@ _FUNCTIONS |= {"log": Logarithm, "sqrt": SquareRoot, "abs": Absolute}
 
 
 class _Trees(Numbers):
-    """The meaning of the grammar in trees; what has no y in it stays a number."""
+    """The meaning of the grammar in trees; an expression without y stays a number."""
 
     longest = 400
     functions = tuple(_FUNCTIONS)
@@ -161,7 +161,7 @@ def is_constant(expression):
 
 
 def canonical(expression):
-    """The text of a tree; ``parse_expression`` makes the same tree of it."""
+    """The text of a tree, from which ``parse_expression`` makes the same tree."""
     return _written(expression, 0)
 
 
@@ -189,8 +189,8 @@ def _written(expression, binds):
 def singular_parts(expression):
     """[(u, p)] of a tree: parts u at whose zeros it may have no derivatives but behaves like |u|^p.
 
-    These are u in abs(u), u^0.3, log(u), 1/u, and cos of tan; 0 stands for jumps and poles.  Within a part of power p
-    other parts have at most p times their own: so sqrt(abs(u)) has 1/2.
+    These are u in abs(u), u^0.3, log(u), 1/u, and cos of tan; p = 0 stands for jumps and poles.  Within a part of power
+    p the powers of other parts are multiplied by p where p < 1: sqrt(abs(u)) has 1/2.
     """
     if isinstance(expression, Constant | Component):
         return []
@@ -207,11 +207,11 @@ def singular_parts(expression):
         constant = isinstance(expression.b, Constant)
         power = max(expression.b.value, 0.0) if constant else 0.0
         own = None if constant and expression.b.value >= 0 and power % 1 == 0 else expression.a
-    found = [] if own is None or is_constant(own) else [(own, power)]
+    parts = [] if own is None or is_constant(own) else [(own, power)]
     for operand in expression:
         share = 1.0 if own is None or operand is not own else min(power, 1.0)
-        found += [(u, share * p) for u, p in singular_parts(operand)]
-    return found
+        parts += [(u, share * p) for u, p in singular_parts(operand)]
+    return parts
 
 
 def as_numpy(expression):
@@ -243,6 +243,6 @@ def as_numpy(expression):
 def functions_of(texts, dimension):
     """:func:`as_numpy` of each of some texts.
 
-    What is kept by its arguments (``lru_cache``) takes texts: as trees sin(y1) and exp(y1) are equal tuples.
+    Functions with an ``lru_cache`` take texts as arguments: as trees sin(y1) and exp(y1) are equal tuples.
     """
     return [as_numpy(parse_expression(text, dimension)) for text in texts]

@@ -38,7 +38,7 @@ def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[A
 
 
 class _Batch(NamedTuple):
-    """Where a path set stands after a batch."""
+    """The state of a path set after a batch."""
 
     block: int  #: the next one
     sums: Any  #: of the chunk of the last block
@@ -46,19 +46,19 @@ class _Batch(NamedTuple):
 
 
 class Blockwise(Plan):
-    """The head of every plan that sums up paths block after block."""
+    """The base of all plans that sum up paths block after block."""
 
     def most_blocks(self, number: int) -> int:
-        """How many blocks of a path set a batch may have, because of memory."""
+        """The largest number of blocks of a path set in a batch, because of memory."""
         raise NotImplementedError
 
     @property
     def most_at_once(self) -> int:
-        """How many blocks of any path set a batch may have, because of memory."""
+        """The largest number of blocks of any path set in a batch, because of memory."""
         return 2**62
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
+        """The contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle."""
         raise NotImplementedError
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
@@ -72,13 +72,13 @@ class Blockwise(Plan):
         """The sums with the time that `blocks` blocks took, from block `first` on."""
         return sums._replace(seconds=sums.seconds + seconds, cpu_seconds=sums.cpu_seconds + cpu_seconds)
 
-    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, see :class:`Plan`."""
         for call in self.kernel_calls():  # so that nothing is compiled or loaded while it is timed
             if not is_loaded(call.kernel, call.arguments):
                 call.kernel(*call.arguments)
         number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
-        sums = self.empty(number) if known is None else known
+        sums = self.empty(number) if started is None else started
         begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
         advance, most = partial(self._batch, chunks), min(self.most_blocks(number), self.most_at_once)
         for batch in in_batches(begin, advance, lambda batch: last - batch.block, most):
@@ -102,7 +102,7 @@ class Blockwise(Plan):
             first = last
         spent = (time.perf_counter() - began) / blocks, (time.process_time() - cpu_began) / blocks
         added = [
-            (chunk, self.timed(sums, first, last - first, *((last - first) * one for one in spent)))
+            (chunk, self.timed(sums, first, last - first, *((last - first) * seconds for seconds in spent)))
             for chunk, first, last, sums in pieces
         ]
         return _Batch(stop, added[-1][1], added)
@@ -110,7 +110,7 @@ class Blockwise(Plan):
 
 @dataclass(frozen=True, kw_only=True)
 class BlocksPlan(PathsPlan, Blockwise):
-    """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
+    """The base of all plans with one set of paths, on one grid, that are summed up block after block."""
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
@@ -118,43 +118,43 @@ class BlocksPlan(PathsPlan, Blockwise):
 
     @property
     def most_at_once(self) -> int:
-        """As many as have room for their noise."""
+        """The largest number of blocks whose noise fits into memory."""
         return int(self.stream.most_blocks(self.model, self.grid))
 
     def so_far(self, state: State) -> State | None:
-        """The state of the first paths, as many as are known without a gap."""
+        """The state of the first paths, as many as are computed without a gap."""
         paths = state.tally().leading(state.path_sets[0])
         case = self.case.model_copy(update={"samples": paths})
         return state.of(replace(self, samples=paths, case=case)) if paths else None
 
 
 def lost_among(lost: np.ndarray, first: int, end: int) -> int:
-    """How many of the paths `lost` (blocks, LANES) are before number `end`, the first block being number `first`."""
+    """The number of paths `lost` (blocks, LANES) that are before number `end`, the first block being number `first`."""
     counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
     return int((lost & counted).sum())
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeansPlan(BlocksPlan):
-    """The head of every plan whose results are means over paths of values at several times.
+    """The base of all plans whose results are means over paths of values at several times.
 
     Its sums have `values` (2, T, columns, GROUPS), by jackknife groups, of values and of their squares.
     """
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, and nothing summed up."""
-        one, no_pairs = np.zeros((1, 1, 1, LANES)), (np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS)))
-        adding = KernelCall(add_moments, (one, 0, 0, np.zeros((2, 1, 1, GROUPS)), *no_pairs, (0, 0)))
+        values, no_pairs = np.zeros((1, 1, 1, LANES)), (np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS)))
+        adding = KernelCall(add_moments, (values, 0, 0, np.zeros((2, 1, 1, GROUPS)), *no_pairs, (0, 0)))
         return [*super().kernel_calls(), adding]
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error of the first mean at the last time."""
-        known = state.so_far()
-        if not known.paths:
+        sums = state.so_far()
+        if not sums.paths:
             return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
-        mean, without = mean_over_paths(known.values[0], counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+        counts = group_counts(sums.paths)
+        mean, without = mean_over_paths(sums.values[0], counts)
+        return Done(sums.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ class MeansPlan(BlocksPlan):
 # ---------------------------------------------------------------------------------------------------------------------
 
 BATCH_BYTES = 64e6  #: of the values of a batch
-POWERS = 4  #: of quantities, of which there are sums
+POWERS = 4  #: number of powers of quantities that are summed up
 
 
 def values_of_blocks(
@@ -189,12 +189,12 @@ class Sample(NamedTuple):
 
     @classmethod
     def of(cls, grid: Grid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
-        """That whose paths are those of a grid."""
+        """The sample whose paths are those of a grid."""
         return cls(grid, stream, np.array(weights), int((grid.reference_steps >> grid.doublings).sum()))
 
 
 class SamplesPlan(Blockwise):
-    """The head of every plan whose sums are those of powers of quantities, over samples of several paths."""
+    """The base of all plans that sum up powers of quantities, over samples of several paths."""
 
     @property
     def sets(self) -> Sequence[Sample]:
@@ -209,19 +209,19 @@ class SamplesPlan(Blockwise):
         """The samples that are wanted for now."""
         d = dimension(self.model)
         return tuple(
-            PathSet(int(samples), max(ROUND, chunk_blocks(one.steps, d)))
-            for samples, one in zip(self.wanted(extra), self.sets, strict=True)
+            PathSet(int(samples), max(ROUND, chunk_blocks(sample.steps, d)))
+            for samples, sample in zip(self.wanted(extra), self.sets, strict=True)
         )
 
     def most_blocks(self, number: int) -> int:
-        """How many blocks of a path set a batch may have, because of memory."""
+        """The largest number of blocks of a path set in a batch, because of memory."""
         floats = self.sets[number].weights.shape[1] * (len(self.initial) + 4 * len(self.case.functions))
         return max(1, int(BATCH_BYTES / (8 * LANES * floats)))
 
     def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """(blocks, paths, F, LANES) the values of the test functions on the paths of some blocks of samples."""
-        one = self.sets[number]
-        return values_of_blocks(self, one.grid, one.stream, first, blocks, end)[0]
+        sample = self.sets[number]
+        return values_of_blocks(self, sample.grid, sample.stream, first, blocks, end)[0]
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """(blocks, quantities, F, LANES) the quantities of some blocks of samples."""
@@ -236,12 +236,12 @@ class SamplesPlan(Blockwise):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a scheme reports of its steps, in the results of every kind that integrates.
+# Reports of schemes on their steps, in the results of every kind that integrates.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Solver(Described):
-    """What an implicit scheme reports of its equations; arrays of one shape."""
+    """The report of an implicit scheme on its equations; arrays of one shape."""
 
     solves: Annotated[Array, array("", "equations solved")]
     iterations: Annotated[Array, array("", "iterations of all solves")]
@@ -260,7 +260,7 @@ class Solver(Described):
 
 
 class Acceptance(Described):
-    """How often a scheme that judges flows accepted them; arrays of one shape."""
+    """Shares of flows that a scheme with a test of acceptance accepted; arrays of one shape."""
 
     noise_accepted: Annotated[Array, array("", "share of the noise flows that were accepted")]
     drift_accepted: Annotated[Array, array("", "share of the steps of the drift that were accepted")]
@@ -275,7 +275,7 @@ def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
 def reported(report: np.ndarray) -> dict[str, Any]:
     """The fields `solver`, `acceptance` and `largest_angle` of a record, from reports (..., columns).
 
-    None where there is nothing.
+    None where a scheme reports nothing of the kind.
     """
     columns = report_columns(report)
     solver = {name: columns[name] for name in Solver.__annotations__ if name in columns}
@@ -289,7 +289,7 @@ def reported(report: np.ndarray) -> dict[str, Any]:
 
 
 def acceptance_note(acceptance: Acceptance | None, i: int = -1) -> str:
-    """What to print of the step size number i, "" where nothing was judged."""
+    """The shares accepted at step size number i, as a text; "" where no flow was judged."""
     if acceptance is None:
         return ""
     noise, drift = (float(np.ravel(each)[i]) for each in (acceptance.noise_accepted, acceptance.drift_accepted))

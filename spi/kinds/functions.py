@@ -1,4 +1,4 @@
-"""What statistics are of: functions of the state, and functionals of the path up to a time."""
+"""Functions of the state, and functionals of the path up to a time, of which statistics are computed."""
 
 import math
 import re
@@ -20,7 +20,7 @@ from spi.specs.keys import shown, wrong
 
 Array = np.ndarray
 
-#: What is made of the values of a function of the state along a path: words of a spec, and what they mean.
+#: The functionals of a function of the state along a path: words of a spec, and their meanings.
 FUNCTIONALS = {
     "maximum": "the largest value until t",
     "minimum": "the smallest value until t",
@@ -41,7 +41,7 @@ class PathFunction(NamedTuple):
 
     @property
     def told(self) -> str:
-        """As tables and figures have it."""
+        """Its text in tables and figures."""
         if self.functional == "passage":
             return f"share with {self.text} until t"
         return f"{self.functional} of {self.text}" if self.functional else self.text
@@ -56,11 +56,11 @@ class PathFunction(NamedTuple):
 
     @property
     def is_casimir(self) -> bool:
-        """Whether it is a Casimir function, or the largest or smallest of one, which paths without damping keep."""
+        """Whether it is a Casimir function, or the largest or smallest of one, constant on paths without damping."""
         return re.fullmatch(r"C\d*", self.text) is not None and self.functional in ("", "maximum", "minimum")
 
     def along(self, values: Array, between: float) -> Array:
-        """What it makes of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
+        """The functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:
             case "passage":
                 met = np.where(np.isfinite(values), values > 0, np.nan)
@@ -78,7 +78,7 @@ class PathFunction(NamedTuple):
 
 
 def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
-    """What it is at t = 0, but 0 where that is no number or where its range is [0, 1]."""
+    """Its value at t = 0, but 0 where that is no number or where the range is [0, 1]."""
     if function.functional in ("passage", "integral"):
         return 0.0
     with np.errstate(all="ignore"):
@@ -87,17 +87,17 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
 
 
 def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
-    """Raise the error about an entry of the key ``functions`` that is no function; `more` is what else it may be."""
+    """Raise the error about an entry of the key ``functions`` that is no function; `more` are further possibilities."""
     try:
         path_function(case.model, case.variables, entry)
     except NumberError as error:
-        known = ", ".join(case.variables) or f"y1 .. y{dimension(case.model)}"
-        right = f"must be an expression in {known}{', H or C1' if conserved(case.model) else ' or H'}{more}"
+        variables = ", ".join(case.variables) or f"y1 .. y{dimension(case.model)}"
+        right = f"must be an expression in {variables}{', H or C1' if conserved(case.model) else ' or H'}{more}"
         raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
 
 def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:
-    """The function that an entry of the key ``functions`` stands for; NumberError, with a reason, if it is none."""
+    """The function of an entry of the key ``functions``; NumberError, with a reason, if it is none."""
     functional, text = ("", entry) if isinstance(entry, str) else next(iter(entry.items()))
     condition = text
     if functional == "passage":
@@ -106,31 +106,31 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    invariants = {found[0]: found for found in _INVARIANT.finditer(text) if found[0] not in names}
+    invariants = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
     if text in invariants:
         return PathFunction(functional, text, _invariant(model, invariants[text]))
     d = dimension(model)
     tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
     if invariants:
-        values = _with_invariants(as_numpy(tree), [_invariant(model, found) for found in invariants.values()])
+        values = _with_invariants(as_numpy(tree), [_invariant(model, match) for match in invariants.values()])
     called = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
-    told = re.sub(r"\by(\d+)\b", lambda y: called[int(y[1])] or y[0], canonical(tree))
-    return PathFunction(functional, condition if functional == "passage" else told, values)
+    written = re.sub(r"\by(\d+)\b", lambda y: called[int(y[1])] or y[0], canonical(tree))
+    return PathFunction(functional, condition if functional == "passage" else written, values)
 
 
 def _with_invariants(function: Callable[[Array], Array], invariants: list[Callable[[Array], Array]]) -> Any:
     """A function of states with values of invariants behind their components, as one of states."""
-    return lambda states: function(np.concatenate([states, [one(states) for one in invariants]]))
+    return lambda states: function(np.concatenate([states, [invariant(states) for invariant in invariants]]))
 
 
 def _component(k: int, states: Array) -> Array:
-    """A view."""
+    """Component k of states, as a view."""
     return np.asarray(states)[k]
 
 
 def _take_arrays(model: Any) -> bool:
-    """Whether H and the Casimir functions are had of arrays: elementary functions of models take numbers only."""
+    """Whether H and the Casimir functions take arrays: elementary functions of models take numbers only."""
     y = tuple(np.full((dimension(model), 2), 0.5))
     try:
         with np.errstate(all="ignore"):
@@ -140,16 +140,16 @@ def _take_arrays(model: Any) -> bool:
     return True
 
 
-def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
+def _invariant(model: Any, match: re.Match[str]) -> Callable[[Array], Array]:
     """H, or a Casimir function by its number from 1 on, C being the only one."""
     count = conserved(model)
-    if found[0] == "H" and answers(frozen, undamped(model)):
+    if match[0] == "H" and answers(frozen, undamped(model)):
         raise NumberError("H depends on time; write it as a function of the state")
-    if found[0] == "H":
+    if match[0] == "H":
         number = None
-    elif not count or not (number := int(found[1] or (count == 1))) or number > count:
-        known = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
-        raise NumberError(f"known are {known}")
+    elif not count or not (number := int(match[1] or (count == 1))) or number > count:
+        names = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
+        raise NumberError(f"known are {names}")
 
     takes_arrays = not large(model) and _take_arrays(model)
     model = in_kernels(model)

@@ -1,9 +1,9 @@
-"""What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common.
+"""The plans that a study hands to the run, one for each part, with the base of all plans of sampled paths.
 
 A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
-(``spi.statistics.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up
-in a fixed order.  Once all chunks are in, the plan may ask for further paths, its **next allocation**, as a
-multilevel estimator does.  When there are none, it **finalises**: it measures times, or finds what needs no paths.
+(``spi.statistics.tallies``); a chunk can be computed by any process, and the sums over its paths are added in a
+fixed order.  Once all chunks are in, the plan may request further paths, its **next allocation**, as a multilevel
+estimator does.  When there are none, it **finalises**: it measures times, or computes results that need no paths.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ from spi.storage.records import Description, Group, Part, fits
 from spi.storage.stored import Stored
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What is known so far of a part.
+# The state of a part: the sums that are computed so far.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -40,26 +40,26 @@ _MOST_CHUNKS = 10**7
 
 
 class Nothing(NamedTuple):
-    """What a plan knows besides its paths, where that is nothing."""
+    """The `extra` of a plan that has no results besides sums over paths."""
 
     seconds: float = 0.0
 
 
 class State:
-    """What is known so far of a part, enough to go on from."""
+    """All that is computed so far of a part, enough to go on from."""
 
     def __init__(self, plan: "Plan") -> None:
         self.plan = plan
-        #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        #: results of the plan besides sums over paths, a ``NamedTuple`` with `seconds`
         self.extra: Any = plan.initial_extra()
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = {}
-        self.work: Work | None = None  #: without paths that goes on
+        self.work: Work | None = None  #: work without paths that is under way
 
     @contextlib.contextmanager
     def working(self, tick: Callable[[], None]) -> Iterator[None]:
-        """Within the block :attr:`work` says what is done without paths, and `tick` is called whenever that changes."""
+        """Within the block :attr:`work` is the work without paths under way; `tick` is called whenever it changes."""
 
         def report(work: Work | None) -> None:
             self.work = work
@@ -73,7 +73,7 @@ class State:
             self.work = None
 
     def of(self, plan: Any) -> "State":
-        """The same sums as those of another plan, of fewer of these paths."""
+        """The state with these sums of another plan, of fewer of these paths."""
         other = State(plan)
         other.extra, other.tallies = self.extra, dict(self.tallies)
         return other
@@ -84,7 +84,7 @@ class State:
         return self.plan.path_sets(self.extra)
 
     def tally(self, number: int = 0) -> Tally:
-        """What is known of one path set."""
+        """The sums over one path set."""
         return self.tallies.get(number) or Tally.empty()
 
     def total(self, number: int = 0) -> Any:
@@ -92,7 +92,7 @@ class State:
         return self.tally(number).total(self.path_sets[number])
 
     def so_far(self, number: int = 0) -> Any:
-        """The sums over those paths of a path set that are known."""
+        """The sums over those paths of a path set that are computed."""
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
 
@@ -106,7 +106,7 @@ class State:
         ]
 
     def put(self, chunk: Chunk, sums: Sums) -> None:
-        """Keep what is now known of a chunk."""
+        """Store the sums over a chunk, so far as it is computed."""
         done = sums.paths == chunk.paths
         if done:
             self.digests.setdefault(chunk.path_set, {})[chunk.index, chunk.paths] = digest(sums)
@@ -120,10 +120,10 @@ class State:
 
     def groups(self) -> list[Group]:
         """The results, of the final state."""
-        return [one.group() for one in self.plan.all_results(self)]
+        return [record.group() for record in self.plan.all_results(self)]
 
     def plain(self) -> dict[str, Any]:
-        """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
+        """The whole state as dicts, lists, arrays, numbers and texts, for a file."""
         return {
             "extra": _plain(self.extra),
             "path_sets": [
@@ -138,22 +138,22 @@ class State:
         }
 
     def merge(self, plain: dict[str, Any], with_extra: bool = True) -> None:
-        """Add what another state of the same part knew, as :meth:`plain` told it.
+        """Add the sums of another state of the same part, in the form of :meth:`plain`.
 
-        Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
-        ValueError if it does not fit, or if sums are not those of which the digests are.
+        Sums over paths that are not wanted, or that cannot be separated from those of unwanted paths, are left out.
+        ValueError if they do not fit, or if sums do not have their digests.
         """
-        before, known = self.extra, dict(self.tallies)
+        before, tallies = self.extra, dict(self.tallies)
         try:
             if with_extra and "extra" in plain:
                 self.extra = _rebuilt(self.extra, plain["extra"])
             self._add(plain["path_sets"])
         except Exception:  # half of it is nothing
-            self.extra, self.tallies = before, known
+            self.extra, self.tallies = before, tallies
             raise
 
     def _add(self, others: list[dict[str, Any]]) -> None:
-        """Add the sums over path sets that :meth:`plain` told."""
+        """Add sums over path sets in the form of :meth:`plain`."""
         path_sets = self.path_sets
         if sum(path_set.samples / path_set.chunk_blocks for path_set in path_sets) > _MOST_CHUNKS * LANES:
             raise ValueError("more paths than can be computed")
@@ -171,21 +171,21 @@ class State:
                 self.digests.setdefault(number, {}).update(digests)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
-        """Those of the sums over paths of a path set, by any key, with which the plan can go on."""
-        adopted = {key: self.plan.adopted(number, one) for key, one in sums.items()}
-        return {key: one for key, one in adopted.items() if one is not None}
+        """The sums over paths of a path set, by any key, without those with which the plan cannot go on."""
+        adopted = {key: self.plan.adopted(number, value) for key, value in sums.items()}
+        return {key: value for key, value in adopted.items() if value is not None}
 
 
-def _checked(like: Any, plain: dict[str, Any], told: str) -> Any:
-    """The sums that :func:`_plain` told; ValueError if their digest is not the one that was `told`."""
+def _checked(like: Any, plain: dict[str, Any], expected: str) -> Any:
+    """The sums in the form of :func:`_plain`; ValueError if `expected` is not their digest."""
     sums = _rebuilt(like, plain)
-    if digest(sums) != told:
+    if digest(sums) != expected:
         raise ValueError("sums that are not those of their digest")
     return sums
 
 
 def _check_chunks(tally: Tally, digests: dict[tuple[int, int], str], path_set: PathSet) -> None:
-    """ValueError if a chunk that is done has no digest, or the sums over it alone have another one."""
+    """Raise ValueError if a chunk that is done has no digest, or the sums over it alone have another one."""
     whole = path_set.chunk_blocks * LANES
     done = {(index, whole) for k, n in tally.nodes for index in range(n << k, (n + 1) << k)}
     alone = {(n, whole): sums for (k, n), sums in tally.nodes.items() if k == 0}
@@ -200,7 +200,7 @@ def _plain(record: Any) -> dict[str, Any]:
 
 
 def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
-    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ."""
+    """A NamedTuple like `like`, from the form of :func:`_plain`; ValueError if the fields differ."""
     if set(plain) != set(like._fields):
         raise ValueError(f"fields {sorted(plain)} in place of {sorted(like._fields)}")
     values = like._asdict()
@@ -225,7 +225,7 @@ def _fitting(like: Any, value: Any) -> Any:
 
 
 class Cost(NamedTuple):
-    """What a part would cost."""
+    """The cost of a part."""
 
     path_steps: int  #: steps of all paths and step sizes
     seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
@@ -233,7 +233,7 @@ class Cost(NamedTuple):
 
 
 class Done(NamedTuple):
-    """How far a part is."""
+    """The progress of a part."""
 
     done: float  #: in paths, or in seconds of typical speed
     total: float
@@ -241,7 +241,7 @@ class Done(NamedTuple):
 
 
 class KernelCall(NamedTuple):
-    """A call that has a kernel compiled, if it has not been."""
+    """A call that makes the compiler compile a kernel, if it has not yet."""
 
     kernel: Callable  #: a function of a module
     arguments: tuple
@@ -249,36 +249,36 @@ class KernelCall(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """One part of an experiment, ready to run; what is not implemented here differs from kind to kind."""
+    """One part of an experiment, ready to run; the kinds implement the methods that are not implemented here."""
 
     case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
     part: Part
 
     def cost(self) -> Cost:
-        """What the part would cost."""
+        """The cost of the part, before it is run."""
         raise NotImplementedError
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths that are wanted for now; `extra` is what is known besides sums over paths."""
+        """The paths that are wanted for now; `extra` are the results so far besides sums over paths."""
         raise NotImplementedError
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths of a path set."""
         raise NotImplementedError
 
-    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
-        """Compute consecutive chunks of one path set, of the first of which `known` may be known already.
+    def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+        """Compute consecutive chunks of one path set; `started`: the sums over the first paths of the first, or None.
 
-        Yields after each batch of about half a second what it added: chunks with what is now known of them.
+        Yields after each batch of about half a second the chunks that it added to, with their sums so far.
         """
         raise NotImplementedError
 
     def progress(self, state: State) -> Done:
-        """How far a state is."""
+        """The progress of a state."""
         raise NotImplementedError
 
     def results(self, state: State) -> Stored:
-        """The results, from the final state; nothing is computed at length or measured here."""
+        """The results, from the final state; there are no long computations or measurements here."""
         raise NotImplementedError
 
     @property
@@ -288,7 +288,7 @@ class Plan:
 
     @property
     def initial(self) -> Any:
-        """y_0, a tuple of floats or of a large model an array; or what stands for states at random."""
+        """y_0, a tuple of floats or of a large model an array; or a ``RandomState``."""
         return np.array(self.case.initial) if large(self.model) else self.case.initial
 
     @property
@@ -313,7 +313,7 @@ class Plan:
 
     @property
     def row(self) -> Scheme:
-        """What is known of the scheme, with the eps of the part in its record."""
+        """The row of the scheme in the table of schemes, with the eps of the part in its record."""
         return self.case.row(self.part.scheme, self.part.eps)
 
     @property
@@ -327,10 +327,10 @@ class Plan:
         return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """What decides the sums over the paths of a path set, as plain data, but for how many paths there are.
+        """All that determines the sums over the paths of a path set, except the number of paths, as plain data.
 
-        For None what decides all else that is known of the part.  Sums serve wherever this is the same: the keys of the
-        case that decide paths, with those of its compositions that the part uses, and the part.
+        For None all that determines the other results of the part.  Sums are used again wherever this is the same: the
+        keys of the case that affect paths, with those of its compositions that the part uses, and the part.
         """
         used = {self.part.scheme, getattr(self.case, "reference_scheme", None)}
         rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
@@ -346,40 +346,40 @@ class Plan:
         }
 
     def sizes(self) -> list[int]:
-        """How much of what is decided is wanted: the paths of each path set at first, or the steps of the only path."""
-        return [one.samples for one in self.path_sets(self.initial_extra())]
+        """The sizes of the part: the paths of each path set at first, or the steps of the only path."""
+        return [path_set.samples for path_set in self.path_sets(self.initial_extra())]
 
     def adopted(self, number: int, sums: Sums) -> Sums | None:
-        """Sums of the same paths as those of a path set, as this part goes on with them; None if it cannot."""
+        """Sums over paths of a path set, by this part or a similar one, as this part goes on with them; None if not."""
         return sums
 
     def description(self) -> Description:
-        """What is integrated."""
+        """The description of the system and scheme that are integrated."""
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that every record has: what was integrated, and what it took."""
+        """The fields that every record has: description, wall-clock time and threads."""
         return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
 
-        They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  What is
-        not among them is compiled when it is needed.
+        They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  Other
+        kernels are compiled when they are needed.
         """
         return []
 
     def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
         shortest = times._replace(reference_steps=1 << int(times.doublings[0]))  # a step of each size
-        what = self.scheme, self.model, np.array(self.initial), shortest, stream.for_a_trial
-        step = arguments_of(*what, 0, 1, LANES)
+        initial = np.array(self.initial)
+        step = arguments_of(self.scheme, self.model, initial, shortest, stream.for_a_trial, 0, 1, LANES)
         calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
         drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
     def arguments_of_steps(self, h: float, steps: int, blocks: int, observed: bool = True, sizes: int = 1) -> tuple:
-        """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
+        """The arguments of :func:`spi.ensemble.loop.integrate` for `steps` steps of size h of `blocks` blocks.
 
         With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
         """
@@ -388,43 +388,43 @@ class Plan:
         paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
         times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
         observer = path_observer(self.model, self.initial, times, blocks) if observed else None
-        what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
-        return arguments_of(*what)
+        end, stream = blocks * LANES, brownian(case.seed)
+        return arguments_of(self.scheme, self.model, self.initial, times, stream, 0, blocks, end, observer)
 
     def initial_extra(self) -> Any:
-        """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
+        """The results besides sums over paths before anything is computed: a ``NamedTuple`` with `seconds`."""
         return Nothing()
 
     def next_allocation(self, state: State) -> Any | None:
-        """Once all chunks are in: what is then known besides them, if that asks for more; None if nothing is left."""
+        """Once all chunks are in, the new `extra` if it requests further paths; None if nothing is left to compute."""
         return None
 
     def so_far(self, state: State) -> State | None:
-        """The state of a plan of fewer paths, steps or values, all of which are known; None if none are."""
+        """The state of a plan of fewer paths, steps or values, all of which are computed; None if there are none."""
         return None if state.missing() else state
 
     def finalise(self, state: State) -> Iterator[Any]:
-        """Measure, or find, what is left when all paths are done; yields `extra` after each step of it."""
+        """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""
         yield from ()
 
     @property
     def each(self) -> tuple[Self, ...]:
-        """The plan as that of each level of extrapolation that its paths serve, itself first."""
+        """The plans of all levels of extrapolation that use its paths, itself first."""
         return tuple(replace(self, part=part) for part in self.part.each()) if self.part.also else (self,)
 
     @property
     def by_level(self) -> tuple[Self, ...]:
-        """The same, that with the fewest levels first: so states keep what belongs to each."""
-        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
+        """The plans of :attr:`each`, that with the fewest levels first: the order of their results in a state."""
+        return tuple(sorted(self.each, key=lambda plan: plan.part.extrapolate))
 
     def own_among(self, counts: Callable[[Self], int]) -> slice:
-        """Where what belongs to this level stands among that of :attr:`by_level`, `counts` of each."""
-        before = sum(counts(one) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
+        """The slice of the entries of this level among those of :attr:`by_level`, of which each has `counts`."""
+        before = sum(counts(plan) for plan in self.by_level if plan.part.extrapolate < self.part.extrapolate)
         return slice(before, before + counts(self))
 
     def all_results(self, state: State) -> tuple[Stored, ...]:
-        """Those of all levels of extrapolation that the paths serve, the results first."""
-        return tuple(one.results(state) for one in self.each)
+        """The results of all levels of extrapolation that use the paths, those of this plan first."""
+        return tuple(plan.results(state) for plan in self.each)
 
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
@@ -436,19 +436,19 @@ def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
 
 @dataclass(frozen=True, kw_only=True)
 class PathsPlan(Plan):
-    """The head of every plan of so many paths of one scheme that are integrated on one grid."""
+    """The base of all plans whose paths, of one scheme, are integrated on one grid."""
 
     samples: int  #: number of paths
     grid: Grid  #: times and step sizes
 
     @property
     def blocks(self) -> int:
-        """How many blocks of LANES paths there are, the last one perhaps partly idle."""
+        """The number of blocks of LANES paths, the last one perhaps partly idle."""
         return -(-self.samples // LANES)
 
     @property
     def steps(self) -> np.ndarray:
-        """(levels,) how many steps each step size of the grid takes, the reference last."""
+        """(levels,) the number of steps of each step size of the grid, the reference last."""
         return self.grid.reference_steps >> self.grid.doublings
 
     def kernel_calls(self) -> list[KernelCall]:

@@ -1,1 +1,1 @@
-"""Sums over paths, and what they tell: means, standard errors, orders, verdicts on claims."""
+"""Sums over paths, and the means, standard errors, orders and verdicts on claims that follow from them."""

@@ -16,7 +16,10 @@ def range_of(values: Array) -> tuple[Array, Array]:
 
 
 def cells_around(values: Array, number: int | tuple[int, ...], margin: float) -> tuple[Array, Array]:
-    """(begin, width), (...,) each, of so many cells that hold values (..., n), and that share of their range more."""
+    """(begin, width), (...,) each, of `number` cells over the range of values (..., n), a share `margin` of it wider.
+
+    The share is added at both ends, so that no value lies at the edge of a cell.
+    """
     low, high = range_of(values)
     with np.errstate(over="ignore", invalid="ignore"):
         beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
@@ -24,10 +27,10 @@ def cells_around(values: Array, number: int | tuple[int, ...], margin: float) ->
 
 
 def places_in_cells(sides: Array, low: Array, width: Array, number: tuple[int, int], closed: bool) -> Array:
-    """(blocks, T, 1, LANES): the number of the cell in rows and columns, and a half; -1 outside, NaN if lost.
+    """(blocks, T, 1, LANES): the number of the cell, row by row, plus 1/2; -1 outside, NaN where a path diverged.
 
-    Of values (2, blocks, T, LANES) in cells that begin at `low` and are as wide as `width`, (T, 2) each.  With `closed`
-    no place is outside: what seems so are roundings at the ends.
+    `sides` are values (2, blocks, T, LANES); the cells begin at `low` and are `width` wide, (T, 2) each.  With `closed`
+    no place is outside: values beyond the ends are there by rounding only.
     """
     low, width = (each.T[:, np.newaxis, :, np.newaxis] for each in (low, width))
     rows, columns = number
@@ -56,12 +59,12 @@ _HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
 
 
 def heights(low: float, high: float, count: int) -> Array:
-    """So many heights from one to another, dense near the poles, where meridians bend, so that curves look smooth."""
+    """`count` heights from `low` to `high`, dense near the poles, where meridians bend, so that curves look smooth."""
     angle = np.linspace(np.interp(low, _HEIGHT, _TABLE), np.interp(high, _HEIGHT, _TABLE), count)
     return (2 * angle + np.sin(2 * angle)) / np.pi
 
 
 def mollweide(z: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The point of the plane for one at this height on the unit sphere, with this longitude in [-pi, pi]."""
+    """(x, y) in the plane of the point of the unit sphere at height `z` and longitude in [-pi, pi]."""
     angle = np.interp(z, _HEIGHT, _TABLE)
     return HALF_WIDTH / np.pi * longitude * np.cos(angle), HALF_HEIGHT * np.sin(angle)

@@ -75,17 +75,17 @@ class Claim(NamedTuple):
         high = math.inf if self.sense == AT_LEAST else self.number + self.tolerance
         return low, high
 
-    def covers(self, one: "Quantity") -> bool:
-        """Whether it speaks of this quantity."""
-        about = one.about
-        same = (about.owner, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
-        small = (one.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
-        scopes = {about.estimator, one.function, f"extrapolate {about.extrapolate}"}
+    def covers(self, quantity: "Quantity") -> bool:
+        """Whether the claim is about this quantity."""
+        about = quantity.about
+        same = (about.owner, about.scheme, quantity.name) == (self.case, self.scheme, self.quantity)
+        small = (quantity.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
+        scopes = {about.estimator, quantity.function, f"extrapolate {about.extrapolate}"}
         return same and all(small) and scopes.issuperset(self.scopes)
 
 
 class Quantity(NamedTuple):
-    """One number that came out, with its 95 % interval, [value, value] if it is exact; NaN where it is not known."""
+    """One number that came out, with its 95 % interval, [value, value] if it is exact; NaN where there is none."""
 
     name: str
     about: Description
@@ -113,18 +113,18 @@ class Quantity(NamedTuple):
 
     @property
     def places(self) -> dict[str, float]:
-        """The step size, eps and the swept values that it belongs to, by name, those that there are."""
-        known = {"h": self.h, "eps": self.about.eps, **self.swept_places}
-        return {name: value for name, value in known.items() if value is not None}
+        """The step size, eps and the swept values that it belongs to, by name, where it has them."""
+        by_name = {"h": self.h, "eps": self.about.eps, **self.swept_places}
+        return {name: value for name, value in by_name.items() if value is not None}
 
     @property
     def subject(self) -> str:
-        """Whose it is: the scheme, its eps, the estimator and the test function."""
+        """The scheme, its eps, the estimator and the test function that it belongs to, as text."""
         return ", ".join(filter(None, (self.about.label, self.about.estimator, self.function)))
 
 
 class Verdict(NamedTuple):
-    """Whether a claim passed for one scheme, at one eps, with one estimator and test function."""
+    """The verdict on a claim for one scheme, at one eps, with one estimator and test function."""
 
     claim: Claim
     found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
@@ -132,12 +132,12 @@ class Verdict(NamedTuple):
 
     @property
     def subject(self) -> str:
-        """Whose quantity is judged."""
+        """The scheme, estimator and test function whose quantity is judged, as text."""
         return self.found.subject if self.found else ", ".join((self.claim.scheme, *self.claim.scopes))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What came out
+# Quantities that came out
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -151,21 +151,21 @@ def quantity(
     expected: float = math.nan,
     lost: str = "",
 ) -> Quantity:
-    """A quantity with half the width of its interval; one that is infinite is known for certain to be that."""
+    """A quantity with half the width of its interval, which is 0 for an infinite value: that is certain."""
     value, half = float(value), 0.0 if math.isinf(value) else float(half)
     return Quantity(name, about, value, value - half, value + half, function, h, expected=float(expected), lost=lost)
 
 
-def lost_among(values: np.ndarray, what: str) -> str:
-    """``not finite: 3 of 5 times`` of values of which 3 are not, where `what` is "times"; "" if all are finite."""
+def lost_among(values: np.ndarray, plural: str) -> str:
+    """``not finite: 3 of 5 times`` of values of which 3 are not, where `plural` is "times"; "" if all are finite."""
     lost = np.count_nonzero(~np.isfinite(values))
-    return f"not finite: {lost} of {np.size(values)} {what}" if lost else ""
+    return f"not finite: {lost} of {np.size(values)} {plural}" if lost else ""
 
 
 def order(
     about: Description, fitted: Order, name: str = "order", function: str = "", expected: float | None = None
 ) -> Quantity:
-    """A fitted order of convergence, and what theory says it is."""
+    """A fitted order of convergence, with the order `expected` by theory."""
     theory = math.nan if expected is None else expected
     return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST, expected=theory)
 
@@ -180,7 +180,7 @@ def each_step(
 def at_steps(
     name: str, about: Description, h: np.ndarray, values: np.ndarray, halves: np.ndarray, function: str = ""
 ) -> Iterator[Quantity]:
-    """The same with half the widths of their intervals (S,), perhaps of one test function."""
+    """A quantity for each step size in `h` (S,), of its `values` (S,) and half the widths of their intervals (S,)."""
     for step, value, half in zip(h.tolist(), values.tolist(), halves.tolist(), strict=True):
         yield quantity(name, about, value, half, function, step)
 
@@ -195,7 +195,7 @@ def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Qua
 
 
 def lost_is_infinite(values: np.ndarray) -> np.ndarray:
-    """The values with infinity for NaN, where that says that a path was lost."""
+    """The values with infinity for NaN, where NaN means that a path diverged."""
     return np.where(np.isnan(values), np.inf, values)
 
 
@@ -205,63 +205,60 @@ def lost_is_infinite(values: np.ndarray) -> np.ndarray:
 
 
 def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdict]:
-    """The verdicts on the claims, in their order: for each what it says of each scheme, eps, estimator and function.
+    """The verdicts on the claims, in their order, one for each scheme, eps, estimator and function that it is about.
 
     Of the step sizes that a claim covers the worst one counts.  A claim without a result is inconclusive.
     """
     quantities, verdicts = _with_diverged(list(quantities)), []
     for claim in claims:
         covered: dict[str, list[Quantity]] = {}
-        for one in filter(claim.covers, quantities):
-            covered.setdefault(one.subject, []).append(one)
+        for quantity in filter(claim.covers, quantities):
+            covered.setdefault(quantity.subject, []).append(quantity)
         verdicts += [_worst(claim, members) for members in covered.values()] or [Verdict(claim, None, INCONCLUSIVE)]
     return verdicts
 
 
 def _with_diverged(quantities: Sequence[Quantity]) -> list[Quantity]:
-    """The quantities, of which those are lost that are of paths that diverged.
+    """The quantities, with ``lost`` set where the paths that they are estimated from diverged.
 
-    A quantity that belongs to no step size is of the paths at all of them.
+    A quantity that belongs to no step size is estimated from the paths at all of them.
     """
     diverged: dict[tuple[Any, ...], str] = {}
-    for one in quantities:
-        if one.name in COUNTS and one.value != COUNTS[one.name]:
-            count = f"{one.value:g}" if one.name == "nonfinite" else f"{1 - one.value:.3g} of the paths"
-            told = f"{count} diverged"
-            diverged[_paths(one)] = told
-            diverged.setdefault(_paths(one._replace(h=None)), told if one.h is None else f"{told} at h = {one.h:g}")
-    return [
-        one if one.name in COUNTS else one._replace(lost=one.lost or diverged.get(_paths(one), ""))
-        for one in quantities
-    ]
+    for q in quantities:
+        if q.name in COUNTS and q.value != COUNTS[q.name]:
+            count = f"{q.value:g}" if q.name == "nonfinite" else f"{1 - q.value:.3g} of the paths"
+            reason = f"{count} diverged"
+            diverged[_paths(q)] = reason
+            diverged.setdefault(_paths(q._replace(h=None)), reason if q.h is None else f"{reason} at h = {q.h:g}")
+    return [q if q.name in COUNTS else q._replace(lost=q.lost or diverged.get(_paths(q), "")) for q in quantities]
 
 
-def _paths(one: Quantity) -> tuple[Any, ...]:
-    """Which paths a quantity is of."""
-    return one.about.case, one.about.variant, one.about.estimator, one.swept, one.h
+def _paths(quantity: Quantity) -> tuple[Any, ...]:
+    """The paths that a quantity is estimated from: case, variant, estimator, swept value, step size."""
+    return quantity.about.case, quantity.about.variant, quantity.about.estimator, quantity.swept, quantity.h
 
 
 def _worst(claim: Claim, members: Sequence[Quantity]) -> Verdict:
     """The verdict on the quantity that does worst."""
 
-    def badness(one: Quantity) -> tuple[int, float]:
+    def badness(q: Quantity) -> tuple[int, float]:
         a, b = claim.allowed
-        beyond = abs(one.value - claim.number) if claim.sense == EQUAL else max(a - one.low, one.high - b)
-        return VERDICTS.index(_verdict(claim, one)), math.inf if math.isnan(beyond) else beyond
+        beyond = abs(q.value - claim.number) if claim.sense == EQUAL else max(a - q.low, q.high - b)
+        return VERDICTS.index(_verdict(claim, q)), math.inf if math.isnan(beyond) else beyond
 
     worst = max(members, key=badness)
     return Verdict(claim, worst, _verdict(claim, worst))
 
 
-def _verdict(claim: Claim, one: Quantity) -> str:
+def _verdict(claim: Claim, q: Quantity) -> str:
     a, b = claim.allowed
-    down, up = (0.0 if end == one.value else abs(one.value - end) for end in (one.low, one.high))
-    if any(map(math.isnan, (one.value, down, up))) or (down + up) / 2 > one.widest:
+    down, up = (0.0 if end == q.value else abs(q.value - end) for end in (q.low, q.high))
+    if any(map(math.isnan, (q.value, down, up))) or (down + up) / 2 > q.widest:
         return INCONCLUSIVE
-    meets = one.low <= b and one.high >= a
-    if meets if claim.sense == EQUAL else a <= one.low and one.high <= b:
-        return INCONCLUSIVE if one.lost or not all(map(math.isfinite, (one.value, one.low, one.high))) else PASSED
-    return INCONCLUSIVE if one.value - 2 * down <= b and one.value + 2 * up >= a else FAILED
+    meets = q.low <= b and q.high >= a
+    if meets if claim.sense == EQUAL else a <= q.low and q.high <= b:
+        return INCONCLUSIVE if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))) else PASSED
+    return INCONCLUSIVE if q.value - 2 * down <= b and q.value + 2 * up >= a else FAILED
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -276,10 +273,10 @@ def as_text(claims: Iterable[Claim]) -> str | None:
 
 
 def of_text(text: str | None) -> list[Claim]:
-    """The claims in such a text; ValueError if it is none."""
+    """The claims in a text of :func:`as_text`; ValueError if it is none."""
     try:
         plain = json.loads(text) if text is not None else []
-        lists = [{"scopes": tuple(one["scopes"]), "limits": tuple(map(tuple, one["limits"]))} for one in plain]
-        return [Claim(**(one | tuples)) for one, tuples in zip(plain, lists, strict=True)]
+        lists = [{"scopes": tuple(entry["scopes"]), "limits": tuple(map(tuple, entry["limits"]))} for entry in plain]
+        return [Claim(**(entry | tuples)) for entry, tuples in zip(plain, lists, strict=True)]
     except (TypeError, KeyError, ValueError) as error:
         raise ValueError(f"no list of claims ({error})") from None

@@ -1,4 +1,4 @@
-"""Autocorrelations of stationary series, and what they make of the error of a mean.
+"""Autocorrelations of stationary series, and the errors of means that follow from them.
 
 The integrated autocorrelation time is tau = 1/2 + sum_(l >= 1) rho(l), so that a mean of n values has the variance
 2 tau sigma^2 / n.  The sum ends at Sokal's window, the first W >= 5 with W >= 5 tau(W) (Madras and Sokal, J. Stat.
@@ -14,7 +14,7 @@ from .estimators import GROUPS, ROUND
 
 Array = np.ndarray
 
-#: The window has at least so many tau, and so many values, which count where correlations change their sign.
+#: The window is at least this many tau long, and this many values: the latter matters where correlations change sign.
 WINDOW = 5
 
 
@@ -23,16 +23,16 @@ def by_group(values: Array, first: int, end: int) -> Array:
 
     Paths from number `end` on do not count, whatever they hold.
     """
-    found = np.zeros((*values.shape[2:], ROUND, PARTS), values.dtype)
+    sums = np.zeros((*values.shape[2:], ROUND, PARTS), values.dtype)
     for b, block in enumerate(values, first):
         counted = np.arange(LANES).reshape(-1, *[1] * (block.ndim - 1)) < end - b * LANES
         parts = np.where(counted, block, 0).reshape(LANES // PARTS, PARTS, *block.shape[1:]).sum(axis=0)
-        found[..., b % ROUND, :] += np.moveaxis(parts, 0, -1)
-    return found.reshape(*values.shape[2:], GROUPS)
+        sums[..., b % ROUND, :] += np.moveaxis(parts, 0, -1)
+    return sums.reshape(*values.shape[2:], GROUPS)
 
 
 def lagged_products(earlier: Array, later: Array) -> Array:
-    """What :func:`lagged_sums` makes sums of, once it is added up over paths: a spectrum (..., L + 1).
+    """The spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
 
     `earlier` and `later` (..., L) are a stretch of a series and the next one.
     """
@@ -57,7 +57,7 @@ class Correlation(NamedTuple):
 
     tau: Array
     window: Array  #: W
-    closed: Array  #: whether a window of so many tau was found
+    closed: Array  #: whether W >= 5 tau(W) holds for a W within the lags
 
 
 def integrated(covariance: Array) -> Correlation:
@@ -71,11 +71,12 @@ def integrated(covariance: Array) -> Correlation:
 
 
 def of_means(covariance: Array, count: int) -> tuple[Array, Correlation]:
-    """The same, and covariances (..., L), where deviations are from a mean over `count` values, which makes them small.
+    """Unbiased autocovariances (..., L), and their integrated times, from deviations from a mean over `count` values.
 
-    To them the variance of the mean is added (Wolff, Comput. Phys. Commun. 156, 2004).
+    These deviations make the covariances too small by the variance of the mean, which is added (Wolff, Comput. Phys.
+    Commun. 156, 2004).
     """
-    found = integrated(covariance)
-    lacking = 2 * np.maximum(found.tau, 0) * covariance[..., 0] / count
+    biased = integrated(covariance)
+    lacking = 2 * np.maximum(biased.tau, 0) * covariance[..., 0] / count
     covariance = covariance + np.where(np.isfinite(lacking), lacking, 0.0)[..., np.newaxis]
     return covariance, integrated(covariance)

@@ -1,4 +1,4 @@
-"""What came out, perhaps over a swept parameter: of each quantity a curve for each scheme, estimator and function."""
+"""Curves of quantities, perhaps over a swept parameter: one for each quantity, scheme, estimator and function."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -11,35 +11,36 @@ from .claims import Quantity
 
 
 class Grid(NamedTuple):
-    """What is known of a quantity over the values of two parameters."""
+    """A quantity over the values of two parameters."""
 
     words: tuple[str, str]
     axes: tuple[np.ndarray, np.ndarray]  #: the values, in ascending order
     points: dict[tuple[float, float], Quantity]
 
     def of(self, field: str) -> np.ndarray:
-        """(V, W) a field of the quantities; NaN where nothing is known."""
-        found = np.full((len(self.axes[0]), len(self.axes[1])), np.nan)
+        """(V, W) a field of the quantities; NaN where there is none."""
+        values = np.full((len(self.axes[0]), len(self.axes[1])), np.nan)
         for i, value in enumerate(self.axes[0].tolist()):
             for j, second in enumerate(self.axes[1].tolist()):
                 if (value, second) in self.points:
-                    found[i, j] = getattr(self.points[value, second], field)
-        return found
+                    values[i, j] = getattr(self.points[value, second], field)
+        return values
 
     def zeros(self) -> list[tuple[float, float, float]]:
-        """(value, where along the second parameter the quantity is zero, half the width of the 95 % interval).
+        """(value, zero of the quantity along the second parameter, half the width of its 95 % interval), for each zero.
 
-        Between two neighbours of different signs, both known to 95 %, by linear interpolation over all between them.
+        A zero lies between two points whose signs differ and are certain to 95 %, with none such between them; it is
+        that of the line of least squares through these and all points between them.
         """
         middle, low, high = (self.of(field) for field in ("value", "low", "high"))
-        found = []
+        crossings = []
         for i, value in enumerate(self.axes[0].tolist()):
             sure = np.flatnonzero((low[i] > 0) | (high[i] < 0))
             for a, b in pairwise(sure.tolist()):
                 if middle[i, a] * middle[i, b] < 0:
                     at = slice(a, b + 1)
-                    found.append((value, *_zero(self.axes[1][at], middle[i, at], (high[i, at] - low[i, at]) / 2)))
-        return found
+                    crossings.append((value, *_zero(self.axes[1][at], middle[i, at], (high[i, at] - low[i, at]) / 2)))
+        return crossings
 
 
 def _zero(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[float, float]:
@@ -68,9 +69,9 @@ class Curve(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What the quantity is called in print."""
-        told = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
-        return told.replace("casimir", "Casimir")
+        """The name of the quantity in print."""
+        name = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
+        return name.replace("casimir", "Casimir")
 
     @property
     def values(self) -> np.ndarray:
@@ -84,13 +85,17 @@ class Curve(NamedTuple):
 
     def grid(self) -> Grid:
         """The quantity over both parameters, where there are two."""
-        points = {(one.about.swept.value, one.about.swept.second_value): one for one in self.points if one.about.swept}
+        points = {
+            (point.about.swept.value, point.about.swept.second_value): point
+            for point in self.points
+            if point.about.swept
+        }
         first, second = (np.unique(each) for each in zip(*points, strict=True))
         return Grid((self.word, self.second_word), (first, second), points)
 
     @property
     def chi_squared(self) -> tuple[float, int] | None:
-        """Of the differences from what is known, in standard errors, and how many there are; None if there are none."""
+        """Sum of the squared differences from expected values, in standard errors, and their number; None if 0."""
         with np.errstate(invalid="ignore", divide="ignore"):
             away = INTERVAL * (self.of("value") - self.of("expected")) / ((self.of("high") - self.of("low")) / 2)
         away = away[np.isfinite(away)]
@@ -103,13 +108,13 @@ class Curve(NamedTuple):
 
     @property
     def h(self) -> float | None:
-        """The step size of all points; None if it is none, or differs."""
+        """The step size of all points; None if they have none, or different ones."""
         steps = {point.h for point in self.points}
         return steps.pop() if len(steps) == 1 else None
 
     @property
     def poor(self) -> np.ndarray:
-        """(V,) whether the interval is too wide to say anything, or where an error is meant has no lower end."""
+        """(V,) whether the interval is too wide to say anything, or, of an error, has no positive lower end."""
         with np.errstate(invalid="ignore"):  # of paths that diverged
             half = (self.of("high") - self.of("low")) / 2
         below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.name == "error")
@@ -123,20 +128,20 @@ class Curve(NamedTuple):
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
     """The curves of the quantities of these names, in this order.
 
-    Of what is known at several step sizes that at the smallest counts, and of several Casimir functions the largest.
+    Of a quantity at several step sizes that at the smallest counts, and of several Casimir functions the largest.
     """
-    wanted = [one for one in quantities if one.name in names]
+    wanted = [quantity for quantity in quantities if quantity.name in names]
     several = _several_eps(wanted)
-    found: dict[tuple, dict[tuple, Quantity]] = {}
-    for one in wanted:
-        about = one.about
+    by_curve: dict[tuple, dict[tuple, Quantity]] = {}
+    for quantity in wanted:
+        about = quantity.about
         place = several.get((about.case, about.scheme), {}).get(about.eps)
-        key = (one.name, one.function, about.scheme, place, about.extrapolate, about.estimator)
-        points, at = found.setdefault(key, {}), (about.case, one.swept)
-        if at not in points or _before(one, points[at]):
-            points[at] = one
+        key = (quantity.name, quantity.function, about.scheme, place, about.extrapolate, about.estimator)
+        points, at = by_curve.setdefault(key, {}), (about.case, quantity.swept)
+        if at not in points or _before(quantity, points[at]):
+            points[at] = quantity
     listed = []
-    for (name, function, _, place, *_), points in found.items():
+    for (name, function, _, place, *_), points in by_curve.items():
         first = next(iter(points.values())).about
         if place is None and first.eps is not None:
             first = first._replace(eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
@@ -146,11 +151,11 @@ def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
 
 def _several_eps(quantities: Iterable[Quantity]) -> dict[tuple[str, str], dict[float | None, int]]:
     """(case, scheme) -> the eps that the scheme has there, each with its number, where there are several."""
-    found: dict[tuple[str, str], dict[float | None, int]] = {}
-    for one in quantities:
-        known = found.setdefault((one.about.case, one.about.scheme), {})
-        known.setdefault(one.about.eps, len(known))
-    return {key: known for key, known in found.items() if len(known) > 1}
+    numbers: dict[tuple[str, str], dict[float | None, int]] = {}
+    for quantity in quantities:
+        of_scheme = numbers.setdefault((quantity.about.case, quantity.about.scheme), {})
+        of_scheme.setdefault(quantity.about.eps, len(of_scheme))
+    return {key: of_scheme for key, of_scheme in numbers.items() if len(of_scheme) > 1}
 
 
 def _before(one: Quantity, other: Quantity) -> bool:

@@ -33,8 +33,8 @@ def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples:
     # (rounds, lanes of a part, ...): what is added to the sums of all groups at once
     ordered = np.zeros((rounds, LANES // PARTS, values[0, ..., 0].size, ROUND, PARTS))
     by_part = values.reshape(blocks, -1, LANES // PARTS, PARTS)
-    for block, one in enumerate(by_part, before):
-        ordered[block // ROUND, :, :, block % ROUND] = one.swapaxes(0, 1)
+    for block, parts in enumerate(by_part, before):
+        ordered[block // ROUND, :, :, block % ROUND] = parts.swapaxes(0, 1)
     added, power = np.empty_like(sums), np.ones_like(ordered)
     for k, sum_of_power in enumerate(sums):
         with np.errstate(all="ignore"):
@@ -91,22 +91,22 @@ def weights(exponents: Sequence[float]) -> np.ndarray:
 
     sum_i w_i v(2^i h) then has no term of these powers of h.
     """
-    found = np.ones(1)
+    w = np.ones(1)
     for q in exponents:
-        found = (2.0**q * np.append(found, 0.0) - np.append(0.0, found)) / (2.0**q - 1.0)
-    return found
+        w = (2.0**q * np.append(w, 0.0) - np.append(0.0, w)) / (2.0**q - 1.0)
+    return w
 
 
 def places(steps: Sequence[float], levels: int) -> np.ndarray:
-    """Where h, 2h, ..., 2^levels h stand among `steps`, (S', levels + 1): a row for each h of which all of these do."""
+    """Indices of h, 2h, ..., 2^levels h in `steps`, (S', levels + 1): a row for each h for which all of these exist."""
     at = {h: i for i, h in enumerate(steps)}
     multiples = [[h * 2.0**i for i in range(levels + 1)] for h in steps]
-    found = [[at[step] for step in row] for row in multiples if all(step in at for step in row)]
-    return np.array(found, np.int64).reshape(-1, levels + 1)
+    rows = [[at[step] for step in row] for row in multiples if all(step in at for step in row)]
+    return np.array(rows, np.int64).reshape(-1, levels + 1)
 
 
 class Extrapolation(NamedTuple):
-    """How values at S steps make those at S' <= S steps that are extrapolated; without levels they are the same."""
+    """Linear combinations that extrapolate values at S steps, giving values at S' <= S steps; none without levels."""
 
     places: np.ndarray  #: (S', levels + 1), see :func:`places`
     weights: np.ndarray  #: (levels + 1,), see :func:`weights`
@@ -118,12 +118,12 @@ class Extrapolation(NamedTuple):
 
     @property
     def levels(self) -> int:
-        """How many powers of h are removed."""
+        """The number of powers of h that are removed."""
         return len(self.weights) - 1
 
     @property
     def chosen(self) -> np.ndarray:
-        """(S',) where the steps that are extrapolated stand."""
+        """(S',) the indices of the steps at which there are extrapolated values."""
         return self.places[:, 0]
 
     def combined(self, values: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ _ITERATIONS = 20  # each moves a point at RESOLVED by about 0.7 of what the one 
 
 
 def group_counts(samples: int) -> Array:
-    """How many of the paths 0, ..., samples - 1 each group has, shape (GROUPS,)."""
+    """The numbers of paths among 0, ..., samples - 1 that are in each group, shape (GROUPS,)."""
     rounds, rest = divmod(samples, GROUPS * PARTS)
     blocks, lanes = divmod(rest, LANES)
     counts = np.full((GROUPS // PARTS, PARTS), rounds * (LANES // PARTS))
@@ -197,7 +197,7 @@ def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Arr
 
 
 def student(freedom: Array | float) -> Array:
-    """The factor of a 95 % interval, Student's with so many degrees of freedom."""
+    """Half the width of a 95 % interval in standard errors: Student's quantile for `freedom` degrees of freedom."""
     from scipy.special import stdtrit  # not needed to start the program
 
     return np.asarray(stdtrit(np.maximum(freedom, 1.0), 0.975))
@@ -316,36 +316,35 @@ class _Fit(NamedTuple):
 
 
 def _fit(degree: int, h: Array, value: Array, without: Array, counts: Array, stderr: Array | None) -> _Fit:
-    """The least squares fit to the points, all of one weight where nothing is known of their standard errors."""
+    """The least squares fit to the points, all of one weight where there are no standard errors."""
     weights = np.ones(len(h)) if stderr is None else 1.0 / (_EXACT**2 + (stderr / value) ** 2)
     x = _centred(np.log(h), np.ones(len(h)))
     powers, root = np.vander(x, degree + 1), np.sqrt(weights)
     solve = np.linalg.pinv(powers * root[:, np.newaxis]) * root
-    found = np.log(value)
-    logarithms = found if stderr is None else _selected(found, stderr, powers @ solve)
+    logs = np.log(value)
+    logarithms = logs if stderr is None else _selected(logs, stderr, powers @ solve)
     coefficient = float(logarithms @ solve[0])
     with np.errstate(divide="ignore", invalid="ignore"):
-        left_out = (np.log(without) - found + logarithms) @ solve[0]
+        left_out = (np.log(without) - logs + logarithms) @ solve[0]
         return _Fit(coefficient, float(jackknife_stderr(coefficient, left_out, counts)), logarithms, weights)
 
 
 def _selected(logarithms: Array, stderr: Array, smooth: Array) -> Array:
-    """The logarithms of values without what it adds to their means that each was found resolved, and that they are
-    logarithms.
+    """The logarithms of values, corrected for two biases: of choosing values that are resolved, and of the logarithm.
 
-    A normal value of mean m and standard error 1 that is known to exceed c = RESOLVED has the mean m + phi(c - m) /
-    Phi(m - c), and its logarithm the mean ln(m) - 1 / (2 m^2) to second order.  m is that of the fit: `smooth`, a
-    matrix, has the fitted logarithms from all of them.
+    A normal value of mean m and standard error 1, conditional on exceeding c = RESOLVED, has the mean m + phi(c - m) /
+    Phi(m - c), and its logarithm the mean ln(m) - 1 / (2 m^2) to second order.  m is that of the fit: the matrix
+    `smooth` maps the logarithms to the fitted ones.
     """
     from scipy.special import log_ndtr
 
-    known = logarithms
+    corrected = logarithms
     for _ in range(_ITERATIONS):
         with np.errstate(over="ignore", divide="ignore"):
-            mean = np.exp(smooth @ known) / stderr
+            mean = np.exp(smooth @ corrected) / stderr
             beyond = RESOLVED - mean
             added = np.exp(-0.5 * beyond**2 - log_ndtr(-beyond)) / np.sqrt(2.0 * np.pi)
-            before, known = known, logarithms - np.log1p(added / mean) + 0.5 / mean**2
-        if np.abs(known - before).max() < _SMALL:
+            before, corrected = corrected, logarithms - np.log1p(added / mean) + 0.5 / mean**2
+        if np.abs(corrected - before).max() < _SMALL:
             break
-    return known
+    return corrected

@@ -1,4 +1,4 @@
-"""Intervals that hold the truth as often as they say: of shares, what was never seen, few groups, and skewed means."""
+"""Intervals with their nominal coverage: of shares, of events never seen, from few groups, and of skewed means."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ CONFIDENCE = 0.95
 
 
 def zero_share_bound(samples: Any, confidence: float = CONFIDENCE) -> Any:
-    """The largest share that gives none in so many independent samples with probability 1 - confidence or more.
+    """The largest share that gives none in n independent samples with probability 1 - confidence or more.
 
     1 - (1 - confidence)^(1/n), about 3/n at 95 %: the exact rule of three.
     """
@@ -33,25 +33,25 @@ def clopper_pearson(count: Any, samples: Any, confidence: float = CONFIDENCE) ->
     tail = 0.5 * (1.0 - confidence)
     low = np.where(k > 0, betaincinv(np.maximum(k, 1.0), n - k + 1.0, tail), 0.0)
     high = np.where(k < n, betaincinv(k + 1.0, np.maximum(n - k, 1.0), 1.0 - tail), 1.0)
-    known = np.isfinite(k) & (n > 0)
-    return np.where(known, low, np.nan), np.where(known, high, np.nan)
+    valid = np.isfinite(k) & (n > 0)
+    return np.where(valid, low, np.nan), np.where(valid, high, np.nan)
 
 
 def student_factor(groups: int, confidence: float = CONFIDENCE) -> float:
-    """Half the width of an interval in standard errors that come from so many groups; NaN for fewer than two."""
+    """Half the width of an interval in standard errors estimated from `groups` groups; NaN for fewer than two."""
     from scipy.special import stdtrit
 
     return float(stdtrit(groups - 1, 0.5 * (1.0 + confidence))) if groups > 1 else float("nan")
 
 
 def student_of_paths(samples: int, least: int = 2) -> float:
-    """:func:`student_factor` of the jackknife groups of so many paths; NaN where there are fewer than `least`."""
+    """:func:`student_factor` of the jackknife groups that `samples` paths fill; NaN if these are fewer than `least`."""
     groups = int(np.count_nonzero(group_counts(samples)))
     return student_factor(groups) if groups >= least else float("nan")
 
 
 def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE) -> tuple[int, int]:
-    """(low, high): the low-th and the high-th smallest of so many values enclose the quantile of this level.
+    """(low, high): the low-th and the high-th smallest of `samples` values enclose the quantile of this level.
 
     By the binomial law of how many values lie below it, with at most (1 - confidence) / 2 on either side.  0 or
     samples + 1 where there is no such value.
@@ -74,10 +74,10 @@ def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE)
 def skewed_half_width(stderr: np.ndarray, third: np.ndarray, degrees: np.ndarray) -> np.ndarray:
     """Half the width of a 95 % interval about a mean, symmetric, that holds though the mean may be skewed.
 
-    Student's factor for the `degrees` of freedom of the standard error, times that, and what the third cumulant of
-    the mean shifts: |third| (1 + 2 * 1.96^2) / (6 stderr^2) (Johnson, Journal of the American Statistical Association
-    73, 1978).  For k of many that are 1, the others 0, the upper end is that of Clopper and Pearson within 3 % from
-    k = 2 on.
+    The standard error times Student's factor for its `degrees` of freedom, plus the shift by the third cumulant of the
+    mean, |third| (1 + 2 * 1.96^2) / (6 stderr^2) (Johnson, Journal of the American Statistical Association 73, 1978).
+    For k of many values that are 1, the others 0, the upper end is that of Clopper and Pearson within 3 % from k = 2
+    on.
     """
     from scipy.special import stdtrit
 

@@ -6,8 +6,8 @@ chunks.  The result depends neither on the order in which chunks are computed, n
 more of them follow later.  Only the roots of the largest complete subtrees are kept, about log2(N) of them for N
 chunks.
 
-"To add" is what the sums themselves say, :meth:`Sums.plus`: most fields are added, of others the larger one is taken,
-and states of paths are joined.
+The addition is :meth:`Sums.plus`: most fields are added, of others the larger one is taken, and states of paths are
+joined.
 """
 
 import functools
@@ -26,24 +26,24 @@ _CLOCK = "seconds"  # with which the names of those fields end that a clock deci
 
 
 class Sums(Protocol):
-    """What is known of some paths: a ``NamedTuple`` of arrays, numbers and texts, so that a file can hold it."""
+    """Sums over some paths: a ``NamedTuple`` of arrays, numbers and texts, so that a file can hold it."""
 
     @property
     def paths(self) -> int:
-        """Of how many paths everything is known."""
+        """The number of paths that are summed completely."""
 
     @property
     def seconds(self) -> float:
         """Wall-clock time spent on them."""
 
     def plus(self, later: Self) -> Self:
-        """These paths together with some that come later in the path set."""
+        """The sums over these paths and the `later` ones of the path set."""
 
     def _asdict(self) -> dict[str, Any]: ...
 
 
 def sum_of_fields(one: Any, other: Any) -> Any:
-    """The ``NamedTuple`` whose fields are the sums of those of two."""
+    """The ``NamedTuple`` whose fields are the sums of the fields of two."""
     return type(one)(*(mine + its for mine, its in zip(one, other, strict=True)))
 
 
@@ -58,17 +58,17 @@ class Chunk:
 
     @classmethod
     def of(cls, path_set: int, index: int, size: int, paths: int) -> "Chunk":
-        """Chunk number `index`, of so many paths, of a path set whose whole chunks have `size` blocks."""
+        """Chunk number `index`, with `paths` paths, of a path set whose whole chunks have `size` blocks."""
         return cls(path_set, index, index * size, index * size * LANES + paths)
 
     @property
     def paths(self) -> int:
-        """How many paths it has."""
+        """The number of its paths."""
         return self.end - self.first * LANES
 
     @property
     def blocks(self) -> int:
-        """How many blocks it has, the last one perhaps partly idle."""
+        """The number of its blocks, the last one perhaps partly idle."""
         return -(-self.end // LANES) - self.first
 
 
@@ -76,11 +76,11 @@ class PathSet(NamedTuple):
     """A set of paths 0, ..., samples - 1 that are summed up together."""
 
     samples: int
-    chunk_blocks: int  #: how many blocks a whole chunk has
+    chunk_blocks: int  #: number of blocks of a whole chunk
 
     @property
     def whole(self) -> int:
-        """How many chunks have all their paths, which are the first ones."""
+        """The number of whole chunks, which come first."""
         return self.samples // (self.chunk_blocks * LANES)
 
     def chunks(self, number: int) -> list[Chunk]:
@@ -91,15 +91,15 @@ class PathSet(NamedTuple):
 
 
 def chunk_blocks(steps: int, dimension: int) -> int:
-    """How many blocks a chunk has whose paths take so many steps, a power of two.
+    """Number of blocks of a chunk whose paths take `steps` steps each, a power of two.
 
-    The order of summation, so the last bits of results, depends on this rule, which therefore knows no times.
+    The order of summation, so the last bits of results, depends on this rule, which therefore depends on no times.
     """
     return 1 << max(0, (CHUNK_WORK // (LANES * max(steps, 1) * dimension**2)).bit_length() - 1)
 
 
 class Tally(NamedTuple):
-    """What is known of the chunks of one path set; methods return another one and leave this one as it is."""
+    """The sums over the computed chunks of one path set; immutable, its methods return a new tally."""
 
     #: (height, number) -> the sums of the chunks number * 2^height, ..., (number + 1) * 2^height - 1
     nodes: dict[tuple[int, int], Any]
@@ -108,7 +108,7 @@ class Tally(NamedTuple):
 
     @classmethod
     def empty(cls) -> "Tally":
-        """Nothing is known."""
+        """The tally without any sums."""
         return cls({}, {})
 
     def has(self, chunk: Chunk) -> bool:
@@ -121,14 +121,14 @@ class Tally(NamedTuple):
         return sums if sums is not None and sums.paths < chunk.paths and sums.paths % LANES == 0 else None
 
     def with_chunk(self, chunk: Chunk, sums: Any, whole: bool) -> "Tally":
-        """With what is now known of a chunk; `whole` says that it is done and as long as a chunk can be."""
-        short = {i: known for i, known in self.short.items() if i != chunk.index}
+        """The tally with new sums of a chunk; `whole` if it is done and as long as a chunk can be."""
+        short = {i: others for i, others in self.short.items() if i != chunk.index}
         if whole:
             return self._with_node((0, chunk.index), sums, short)
         return Tally(self.nodes, short | {chunk.index: sums})
 
     def merged(self, other: "Tally") -> "Tally":
-        """With what another tally of the same path set knows."""
+        """The tally with the sums of another tally of the same path set."""
         tally = self
         for node, sums in sorted(other.nodes.items(), reverse=True):
             if not tally._covers_node(node):
@@ -140,58 +140,58 @@ class Tally(NamedTuple):
         return Tally(tally.nodes, {i: sums for i, sums in short.items() if not tally._covers(i)})
 
     def within(self, path_set: PathSet) -> "Tally":
-        """Without what belongs to later paths than those of `path_set`, alone or in one sum with earlier ones."""
+        """The tally without sums that include later paths than those of `path_set`."""
         nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= path_set.whole}
         wanted = {chunk.index: chunk.paths for chunk in path_set.chunks(0)}
         return Tally(nodes, {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]})
 
     def total(self, path_set: PathSet) -> Any:
         """The sums of all paths of a path set; KeyError if something is missing."""
-        found, first = [], 0
+        parts, first = [], 0
         for height in reversed(range(path_set.whole.bit_length())):
             if path_set.whole >> height & 1:
-                found.append(self.nodes[height, first >> height])
+                parts.append(self.nodes[height, first >> height])
                 first += 1 << height
         if rest := path_set.samples - path_set.whole * path_set.chunk_blocks * LANES:
             if self.short[path_set.whole].paths != rest:
                 raise KeyError(path_set.whole)
-            found.append(self.short[path_set.whole])
-        return _joined(found)
+            parts.append(self.short[path_set.whole])
+        return _joined(parts)
 
     def leading(self, path_set: PathSet) -> int:
-        """How many of the first paths of a path set are known without a gap."""
-        size, index, found = path_set.chunk_blocks * LANES, 0, True
-        while found:
-            found = False
+        """The number of paths of a path set, from the first on, that are computed without a gap."""
+        size, index, advanced = path_set.chunk_blocks * LANES, 0, True
+        while advanced:
+            advanced = False
             for height, number in self.nodes:
                 if number << height <= index < (number + 1) << height:
-                    index, found = (number + 1) << height, True
+                    index, advanced = (number + 1) << height, True
         short = self.short.get(index)
         return min(path_set.samples, index * size + (short.paths if short is not None else 0))
 
     def so_far(self) -> Any | None:
-        """The sums of what is known, or None if that is nothing."""
+        """The sums over all computed paths, or None if there are none."""
         nodes = sorted(self.nodes.items(), key=lambda item: item[0][1] << item[0][0])
         return _joined([*(sums for _, sums in nodes), *(sums for _, sums in sorted(self.short.items()))])
 
     @property
     def each(self) -> list[Any]:
-        """All sums that are kept, in no particular order."""
+        """All stored sums, in no particular order."""
         return [*self.nodes.values(), *self.short.values()]
 
     @property
     def paths(self) -> int:
-        """Of how many paths everything is known."""
+        """The number of computed paths."""
         return sum(sums.paths for sums in self.each)
 
     @property
     def seconds(self) -> float:
-        """Wall-clock time spent on all that is known."""
+        """Wall-clock time spent on all computed paths."""
         return float(sum(sums.seconds for sums in self.each))
 
     def _with_node(self, node: tuple[int, int], sums: Any, short: dict[int, Any]) -> "Tally":
         height, number = node
-        nodes = {(k, n): kept for (k, n), kept in self.nodes.items() if k > height or n >> (height - k) != number}
+        nodes = {(k, n): total for (k, n), total in self.nodes.items() if k > height or n >> (height - k) != number}
         while (other := nodes.pop((height, number ^ 1), None)) is not None:
             sums = other.plus(sums) if number & 1 else sums.plus(other)
             height, number = height + 1, number >> 1
@@ -205,17 +205,17 @@ class Tally(NamedTuple):
         return any(k >= height and number >> (k - height) == n for k, n in self.nodes)
 
 
-def _joined(found: list[Any]) -> Any | None:
-    """The sums one after the other, from the first paths on."""
-    return functools.reduce(lambda earlier, later: earlier.plus(later), found) if found else None
+def _joined(parts: list[Any]) -> Any | None:
+    """The sum of `parts`, added from the first paths on; None if there are none."""
+    return functools.reduce(lambda earlier, later: earlier.plus(later), parts) if parts else None
 
 
 def digest(sums: Sums) -> str:
-    """A hash of all that is known of some paths but the time spent, of 32 characters."""
-    found = hashlib.sha256()
+    """A hash, of 32 characters, of all sums over some paths except the time spent."""
+    hasher = hashlib.sha256()
     for name, value in sorted(sums._asdict().items()):
         if not name.endswith(_CLOCK):
             values = np.asarray(value)
             data = repr(value).encode() if values.dtype.kind == "U" else np.ascontiguousarray(values).tobytes()
-            found.update(f"{name} {values.dtype} {values.shape} ".encode() + data)
-    return found.hexdigest()[:32]
+            hasher.update(f"{name} {values.dtype} {values.shape} ".encode() + data)
+    return hasher.hexdigest()[:32]

@@ -24,14 +24,14 @@ except ImportError:  # where it does not exist, as on Windows
 #: HDF5 reports damage in a file by any of these.
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError)
 
-#: Of a file of results or sums, which are read whole: more than any experiment writes.
+#: The largest size of a file of results or sums, which are read whole: more than any experiment writes.
 MOST_BYTES = 10**10
 
 _CHECKSUM = b"\nspi sha256 "  # then 64 digits and the end of the line
 
 
 class StorageError(Exception):
-    """A file that cannot be read, written or used here: one line with the path and the remedy."""
+    """A file cannot be read, written or used here: one line with the path and the remedy."""
 
 
 def contents(path: str | Path, most: int) -> bytes:
@@ -51,15 +51,15 @@ def contents(path: str | Path, most: int) -> bytes:
 
 
 def check_writable(path: str | Path) -> None:
-    """Tell before a long run that ``path`` could not be written at its end; creates its folder."""
+    """Raise StorageError before a long run if ``path`` could not be written at its end; creates its folder."""
     path = Path(path)
     if path.is_dir():
         raise StorageError(f"cannot write {path}: it is a folder; move it away or choose another folder with --out")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):  # permissions alone do not tell, least of all the superuser
+        with tempfile.TemporaryFile(dir=path.parent):  # permissions alone say little, least of all to the superuser
             pass
-        temporary_beside(path).touch()  # nor does a folder tell that the name is not too long
+        temporary_beside(path).touch()  # nor does a writable folder mean that the name is not too long
         temporary_beside(path).unlink()  # when it is closed: Windows removes no file that is open
     except OSError as error:
         folder = error.filename or path.parent
@@ -76,8 +76,8 @@ def aside(
 ) -> Iterator[Path]:
     """A temporary path beside ``path``, moved into its place if the block ends well and removed if not.
 
-    Raises StorageError, with what would be right, if it cannot be written, and whatever `check` raises.  That is called
-    just before the move, while no other program moves a file in this folder: what it saw there still holds.
+    Raises StorageError, with `remedy`, if it cannot be written, and whatever `check` raises.  `check` is called just
+    before the move, while no other program moves a file in this folder, so that what it saw there still holds.
     """
     path = Path(path)
     temporary = temporary_beside(path)
@@ -96,7 +96,7 @@ def aside(
 
 
 def temporary_beside(path: Path) -> Path:
-    """The name under which this process writes ``path`` before it is moved into place."""
+    """The path under which this process writes ``path`` before it is moved into place."""
     return path.with_name(f".{path.name}.{_host()}.{os.getpid()}.tmp")
 
 
@@ -107,7 +107,7 @@ def _host() -> str:
 
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Within it no other program of this machine is; where a folder cannot be locked it does nothing."""
+    """Hold the lock of a folder among the programs of this machine; does nothing where it cannot be locked."""
     with contextlib.ExitStack() as stack:
         if "flock" in dir(fcntl):
             with contextlib.suppress(OSError):
@@ -118,12 +118,12 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove what processes of this machine left when they were killed while they wrote ``path``."""
+    """Remove temporary files of processes of this machine that were killed while they wrote ``path``."""
     if os.name != "posix":  # elsewhere there is no harmless way to ask whether a process lives
         return
     name = re.compile(re.escape(f".{path.name}.{_host()}.") + r"(\d+)\.tmp")
     for entry in os.listdir(path.parent) if path.parent.is_dir() else ():
-        if (found := name.fullmatch(entry)) and not _lives(int(found[1])):
+        if (match := name.fullmatch(entry)) and not _lives(int(match[1])):
             with contextlib.suppress(OSError):
                 path.with_name(entry).unlink()
 
@@ -189,7 +189,7 @@ def checksum_holds(data: bytes) -> bool | None:
 
 @contextlib.contextmanager
 def opened(data: bytes) -> Iterator[h5py.File]:
-    """The HDF5 file that consists of these bytes, open for reading.
+    """The HDF5 file with these bytes, open for reading.
 
     HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.
     """
@@ -198,5 +198,5 @@ def opened(data: bytes) -> Iterator[h5py.File]:
 
 
 def reason(error: OSError) -> str:
-    """What the operating system says, in small letters."""
+    """The message of the operating system, in small letters."""
     return os.strerror(error.errno).lower() if error.errno else (str(error) or type(error).__name__).splitlines()[0]

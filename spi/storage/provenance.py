@@ -1,4 +1,4 @@
-"""When, with what and on which machine results were computed, and of which spec and code those in a file are."""
+"""Provenance of results: when, with which versions and on which machine, and from which spec and code."""
 
 import contextlib
 import datetime
@@ -15,7 +15,7 @@ from .results import read_root
 
 
 def provenance() -> dict[str, Any]:
-    """Root attributes that say when, with what and on which machine results were computed."""
+    """Root attributes with the time, the versions and the machine of a computation."""
     from ..compiler import rounding  # here, since results are read without the compiler
 
     return {
@@ -33,7 +33,7 @@ def provenance() -> dict[str, Any]:
 
 
 def machine() -> str:
-    """This machine in a line: what of it the last digits of results could depend on."""
+    """This machine in a line: all that the last digits of results could depend on."""
     from ..compiler import rounding
 
     compiled = f"{rounding.instruction_set()}, vectors of {rounding.vector_bits()} bits"
@@ -42,7 +42,7 @@ def machine() -> str:
 
 
 def _version_of(package: str) -> str:
-    """The version of an installed package; results must not be lost because some installation does not tell it."""
+    """The version of an installed package; results must not be lost because some installation does not state it."""
     with contextlib.suppress(ImportError, OSError):  # none installed; or one whose description cannot be read
         return importlib.metadata.version(package) or "unknown"
     return "unknown"
@@ -59,9 +59,9 @@ def _processor() -> str:
 
 
 def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | None:
-    """The root attributes of the results of this very spec, text and all, by whichever sources.
+    """The root attributes of complete results of this very spec, its text included, whatever sources computed them.
 
-    None if a file does not hold them.
+    None if the file does not hold such results.
     """
     if not Path(path).exists():
         return None
@@ -71,10 +71,10 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
 
 
 def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[str, dict[str, int]]) -> None:
-    """Refuse to replace results of another spec, or that other sources computed.
+    """Raise StorageError instead of replacing results of another spec or by other sources.
 
-    A missing file is fine, and so are results of which every part is among those that are to take their place, with as
-    many samples or more; `parts` has by the name of a part its size by what decides it.
+    A missing file is fine, and so are results whose parts are all among the new ones, with as many samples or more;
+    `parts` maps the name of a part to {key that determines its numbers: its size}.
     """
     if not Path(path).exists():
         return
@@ -103,27 +103,27 @@ def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[st
 
 
 def _existing(path: str | Path) -> dict[str, Any]:
-    """The root attributes of a file to be written; of one that is not ours the StorageError says what a run can do."""
+    """The root attributes of a file to be written; the StorageError about a foreign file says what a run can do."""
     try:
         return read_root(path)
     except StorageError as error:
-        what, found, _ = str(error).partition("; give a results file")
-        if not found:
+        problem, mark, _ = str(error).partition("; give a results file")
+        if not mark:
             raise
         right = "move it away or use" if Path(path).is_dir() else "use --fresh to replace it or"
-        raise StorageError(f"{what}; {right} --out for another folder") from error
+        raise StorageError(f"{problem}; {right} --out for another folder") from error
 
 
 def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
-    """The largest size of all parts that the same decides, by that."""
-    found: dict[str, int] = {}
+    """The largest size of all parts with the same key, by key."""
+    largest: dict[str, int] = {}
     for part in parts.values():
-        found |= {key: max(size, found.get(key, 0)) for key, size in part.items()}
-    return found
+        largest |= {key: max(size, largest.get(key, 0)) for key, size in part.items()}
+    return largest
 
 
 def _stored_sizes(stored: dict[str, Any]) -> dict[str, int]:
-    """The sizes of the parts of results; one that nothing else has where the file does not tell."""
+    """The sizes of the parts of results, by key; under a key of no part where the file does not state them."""
     try:
         return _sizes(json.loads(stored["parts"]))
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -131,13 +131,13 @@ def _stored_sizes(stored: dict[str, Any]) -> dict[str, int]:
 
 
 def computed_by(about: dict[str, Any]) -> str:
-    """By which sources of spi results or sums were computed, of which this is known, as a clause about them."""
+    """A clause that says by which sources of spi results or sums, with these attributes, were computed."""
     version = f"spi {about['spi_version']}, " if about.get("spi_version") else ""
     return f"other sources of spi computed ({version}digest {str(about.get('source_digest'))[:8]})"
 
 
 def spec_and_sources(path: str | Path) -> tuple[str, str] | None:
-    """Of which spec, and by which sources, a file has results: two digests; None if there is no such file."""
+    """The digests of the spec and of the sources of the results in a file; None if there is no such file."""
     try:
         stored = read_root(path)
         return str(stored.get("spec_hash")), str(stored.get("source_digest"))

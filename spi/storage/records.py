@@ -1,4 +1,4 @@
-"""What a study hands to storage, tables and figures: plain arrays with names."""
+"""Records that a study hands to storage, tables and figures: plain arrays with names."""
 
 import math
 import sys
@@ -12,7 +12,7 @@ import numpy as np
 from ..ensemble.random_states import RandomState
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Whether what a file holds has the types and shapes that a record says; checksums only tell who wrote last.
+# Checks that the contents of a file have the types and shapes of a record; checksums only identify the last writer.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -21,12 +21,12 @@ def fits(value: Any, hint: Any) -> bool:
     if hint is Any:
         return True
     if get_origin(hint) in (Union, UnionType):
-        return any(fits(value, one) for one in get_args(hint))
+        return any(fits(value, member) for member in get_args(hint))
     if hint in (None, NoneType):
         return value is None
     if get_origin(hint) is tuple:
-        each = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
-        return each and all(fits(one, get_args(hint)[0]) for one in value)
+        is_row = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+        return is_row and all(fits(entry, get_args(hint)[0]) for entry in value)
     if get_origin(hint) is dict:
         return isinstance(value, Mapping)
     if hint in (int, float):
@@ -38,32 +38,32 @@ def fits(value: Any, hint: Any) -> bool:
 def check_fact(name: str, value: Any, hint: Any) -> None:
     """Raise TypeError if a fact is not of its type."""
     if not fits(value, hint):
-        told = getattr(hint, "__name__", str(hint)) if get_origin(hint) is None else str(hint)
-        raise TypeError(f"{name!r} is {type(value).__name__}, not {told}")
+        expected = getattr(hint, "__name__", str(hint)) if get_origin(hint) is None else str(hint)
+        raise TypeError(f"{name!r} is {type(value).__name__}, not {expected}")
 
 
 def check_axis(name: str, values: np.ndarray, is_text: bool) -> None:
-    """Raise ValueError if the values along an axis are none, of a wrong type, or no row."""
+    """Raise ValueError if the values along an axis are missing, of a wrong type, or not one-dimensional."""
     if values.ndim != 1 or not values.size or (values.dtype.kind == "U") != is_text:
         raise ValueError(f"{name!r} is an axis of {values.dtype} of shape {values.shape}")
 
 
 def check_array(name: str, variable: tuple[tuple[str, ...], np.ndarray], axes: tuple[str, ...], sizes: Any) -> None:
-    """Raise ValueError if an array is not one of numbers over its axes; `sizes` are the values along each axis."""
-    found, values = variable
+    """Raise ValueError if an array does not hold numbers over its axes; `sizes` has the values along each axis."""
+    own, values = variable
     if values.dtype.kind not in "iufb":
         raise ValueError(f"{name!r} holds no numbers but {values.dtype}")
     shape = tuple(len(sizes[axis]) for axis in axes if axis in sizes)
-    if tuple(found) != axes or len(shape) != len(axes) or values.shape != shape:
-        raise ValueError(f"{name!r} is over {found} and of shape {values.shape}, not over {axes}")
+    if tuple(own) != axes or len(shape) != len(axes) or values.shape != shape:
+        raise ValueError(f"{name!r} is over {own} and of shape {values.shape}, not over {axes}")
 
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
-HEAVY_TAILS = 100.0  #: a kurtosis of which a person is told: few samples carry the variance, whose estimate is poor
+HEAVY_TAILS = 100.0  #: a kurtosis that is worth a warning: few samples carry the variance, whose estimate is poor
 
 
 def in_standard_errors(difference: np.ndarray, stderr: np.ndarray) -> np.ndarray:
-    """Differences in standard errors; NaN where one of these is not finite, as it says nothing of the difference."""
+    """Differences in standard errors; NaN where a standard error is not finite and so says nothing."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.asarray(difference / np.where(np.isfinite(stderr), stderr, np.nan))
 
@@ -75,28 +75,28 @@ Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of 
 
 
 class Part(NamedTuple):
-    """What of a case is computed at a time: one scheme, with one estimator where a study has several."""
+    """The part of a case that is computed at a time: one scheme, with one estimator where a study has several."""
 
     scheme: str  #: its name in ``spi.schemes.SCHEMES``
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
-    also: tuple[int, ...] = ()  #: further levels, whose results come of the same paths
+    also: tuple[int, ...] = ()  #: further levels, whose results come from the same paths
 
     def each(self) -> tuple["Part", ...]:
-        """The part as that of each of its levels of extrapolation, with the others behind it."""
+        """One part for each level of extrapolation, with the other levels as its `also`."""
         levels = self.extrapolate, *self.also
         return tuple(self._replace(extrapolate=n, also=tuple(k for k in levels if k != n)) for n in levels)
 
     @property
     def variant(self) -> str:
-        """What the scheme, at this eps if it has one and extrapolated so often, is called in a file."""
+        """The name in a file of the scheme, with its eps if it has one and its levels of extrapolation."""
         name = self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
         return f"{name}_extrapolated_{self.extrapolate}" if self.extrapolate else name
 
     @property
     def name(self) -> str:
-        """What the part is called in progress and checkpoints."""
+        """The name of the part in progress and checkpoints."""
         return f"{self.variant}/{self.estimator}" if self.estimator else self.variant
 
 
@@ -141,7 +141,7 @@ class Order(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """Which of the values of a swept parameter a case has."""
+    """The value of a swept parameter that a case has."""
 
     word: str  #: the parameter
     value: float
@@ -158,22 +158,22 @@ class Swept(NamedTuple):
 
 
 class Description(NamedTuple):
-    """What was integrated, as the attributes of every group tell it.
+    """The system and scheme that were integrated, from the attributes of a group.
 
-    Of a sweep, what differs from value to value is None, or missing among the parameters.
+    Of a whole sweep, a field that differs from value to value is None, or missing among the parameters.
     """
 
     case: str
     case_title: str
     variant: str  #: the scheme, at one eps if it has one, extrapolated so often: unique within a case
     scheme: str  #: its name in ``spi.schemes.SCHEMES``
-    scheme_label: str  #: what the scheme is called in print, whatever its eps
+    scheme_label: str  #: the name of the scheme in print, without its eps
     eps: float | None
     estimator: str  #: "" where a study has no estimators
     seed: int
     model: str  #: its name in a spec file
     parameters: dict[str, Any]  #: of the model
-    variables: tuple[str, ...]  #: what the system calls its components, () if it gives them no names
+    variables: tuple[str, ...]  #: the names of the components in the system, () if it gives them none
     initial: tuple[float, ...] | None
     final_time: float | None
     truncate_noise: bool
@@ -185,12 +185,12 @@ class Description(NamedTuple):
 
     @property
     def owner(self) -> str:
-        """The name of the case in the spec, of which the case is one of the values if a parameter is swept."""
+        """The name of the case in the spec, which is another one than that of the group if a parameter is swept."""
         return self.swept.case if self.swept else self.case
 
     @property
     def label(self) -> str:
-        """What the scheme is called in print, with its eps if it has one and with its extrapolation."""
+        """The name of the scheme in print, with its eps if it has one and with its extrapolation."""
         text = self.scheme_label if self.eps is None else f"{self.scheme_label}, eps = {self.eps:g}"
         return ", ".join([text, *[self.extrapolation] * (self.extrapolate > 0)])
 
@@ -202,7 +202,7 @@ class Description(NamedTuple):
 
     @classmethod
     def describe(cls, case: Any, row: Any, part: Part) -> "Description":
-        """Of `part` of `case`; `row` is its scheme's row of SCHEMES."""
+        """The description of `part` of `case`; `row` is its scheme's row of SCHEMES."""
         return cls(
             case=case.name,
             case_title=case.title,
@@ -226,7 +226,7 @@ class Description(NamedTuple):
         )
 
     def attributes(self) -> dict[str, Any]:
-        """What a group keeps of it besides the names of the case and the variant."""
+        """The attributes of a group that store it, without the names of the case and the variant."""
         plain = self._asdict()
         parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
         empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator", "driver")}
@@ -240,10 +240,10 @@ class Description(NamedTuple):
 
     @classmethod
     def of(cls, group: Group) -> "Description":
-        """What a group tells; KeyError if it is not of this layout."""
+        """The description of a group, from its attributes; KeyError if these are not of this layout."""
         a = group.attributes
         parameters = {key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)}
-        found = cls(
+        description = cls(
             case=group.case,
             variant=group.variant,
             estimator=group.estimator,
@@ -265,34 +265,34 @@ class Description(NamedTuple):
             swept=_swept(a),
         )
         for name, hint in get_type_hints(cls).items():
-            check_fact(name, getattr(found, name), hint)
+            check_fact(name, getattr(description, name), hint)
         for name, value in parameters.items():
             check_fact(f"{_MODEL}{name}", value, float | str | bool | tuple[Any, ...])
-        return found
+        return description
 
 
-_MODEL = "model_"  # what the attributes begin with that are parameters of the model
-_SWEPT = "swept_"  # and those about a swept parameter
+_MODEL = "model_"  # prefix of the attributes that are parameters of the model
+_SWEPT = "swept_"  # prefix of those about a swept parameter
 
 
 def _swept_of(sweep: Any) -> Swept | None:
-    """Of the key ``sweep`` of a case what results tell; None where the case is none of its values."""
+    """The record of the key ``sweep`` of a case; None where the case is none of its values."""
     if sweep is None or sweep.value is None:
         return None
-    found = Swept(sweep.word, sweep.value, sweep.case, sweep.title, sweep.of)
+    swept = Swept(sweep.word, sweep.value, sweep.case, sweep.title, sweep.of)
     return (
-        found._replace(second_word=sweep.second_word, second_value=sweep.second_value) if sweep.second_word else found
+        swept._replace(second_word=sweep.second_word, second_value=sweep.second_value) if sweep.second_word else swept
     )
 
 
 def _swept(attributes: dict[str, Any]) -> Swept | None:
-    """What a group tells of a swept parameter; KeyError if that is not all."""
+    """The swept parameter in the attributes of a group; KeyError if some of them are missing."""
     if f"{_SWEPT}word" not in attributes:
         return None
     of = tuple(attributes.get(f"{_SWEPT}of") or ())
     word, value, case, title = (attributes[f"{_SWEPT}{name}"] for name in ("word", "value", "case", "title"))
     second = attributes.get(f"{_SWEPT}second_word", ""), attributes.get(f"{_SWEPT}second_value", math.nan)
-    told = Swept(word, value, case, title, of, *second)
+    swept = Swept(word, value, case, title, of, *second)
     for name, hint in get_type_hints(Swept).items():
-        check_fact(f"{_SWEPT}{name}", getattr(told, name), hint)
-    return told
+        check_fact(f"{_SWEPT}{name}", getattr(swept, name), hint)
+    return swept

@@ -2,8 +2,8 @@
 
 Every axis has a dimension scale, so that xarray and MATLAB open a file as it is.
 
-How values are kept: strings are UTF-8; arrays of bools are int8 with the attribute ``dtype = "bool"`` (netCDF has no
-bool; xarray turns these back); a bool among the attributes is a uint8, which nothing else is; tuples are arrays;
+Values are stored as follows: strings are UTF-8; arrays of bools are int8 with the attribute ``dtype = "bool"`` (netCDF
+has no bool; xarray turns these back); a bool among the attributes is a uint8, which nothing else is; tuples are arrays;
 an attribute that is None is left out, and a None inside a tuple of numbers (a noise that is off) becomes nan.
 """
 
@@ -18,16 +18,16 @@ import numpy as np
 from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
 from .records import RENAMED_KINDS, Group, Results, check_fact
 
-#: The root attribute by which our results are known, and the version of their layout.
+#: The root attribute that marks a results file, and the version of its layout.
 MARK, VERSION = "spi_results", 3
 
-#: What is said of an array, beside it.
+#: The attributes of an array.
 _NOTES = ("long_name", "formula", "units")
 
 #: The dataset of ``Results.chunks``, beside the groups of the cases; a case has another name, for lack of a space.
 _CHUNKS = "digests of chunks"
 
-#: The types of the attributes of the whole file that are more than shown; some may be missing.
+#: The types of the attributes of the whole file that programs use; some may be missing.
 _ROOT: dict[str, Any] = {
     **dict.fromkeys(("kind", "title", "asks", "spec", "spec_hash", "paths_hash", "profile", "expect"), str),
     **dict.fromkeys(("model_sources", "model_code", "model_modules", "source_digest"), str),
@@ -41,7 +41,7 @@ _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 def write(path: str | Path, results: Results, check: Callable[[], None] = lambda: None) -> None:
     """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole.
 
-    `check` raises what keeps it from being replaced; see :func:`~spi.storage.files.aside`.
+    `check` raises an error if the file must not be replaced; see :func:`~spi.storage.files.aside`.
     """
     with aside(path, check=check) as temporary, create(temporary) as file:
         file.attrs[MARK] = VERSION
@@ -150,7 +150,7 @@ def read_array(dataset: h5py.Dataset) -> np.ndarray:
 
 
 def _bools(values: np.ndarray) -> np.ndarray:
-    """What is kept as 0 and 1; ValueError if it is anything else, which we never write."""
+    """The bools stored as 0 and 1; ValueError if there is any other value, which is never written."""
     if not np.isin(values, (0, 1)).all():
         raise ValueError("a bool that is neither 0 nor 1")
     return values.astype(bool)
@@ -167,7 +167,7 @@ def _read_attributes(source: h5py.Group) -> dict[str, Any]:
 
 
 def _read_root(file: h5py.File) -> dict[str, Any]:
-    """The attributes of the whole file; TypeError if one is not of the type that all commands count on."""
+    """The attributes of the whole file; TypeError if one is not of the type that all commands rely on."""
     attributes = _read_attributes(file)
     for name, hint in _ROOT.items():
         check_fact(name, attributes.get(name), hint | None)
@@ -192,7 +192,7 @@ def _encode(name: str, value: Any) -> Any:
 
 
 def _decode(value: Any) -> Any:
-    """The inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which we never write."""
+    """The inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which is never written."""
     values = np.asarray(value)
     for text in values.flat if values.dtype.kind in "OU" else ():
         str(text).encode()  # h5py gives bytes that mean nothing as surrogates
@@ -207,7 +207,7 @@ def _tuples(value: Any) -> Any:
 
 @contextlib.contextmanager
 def _open_results(path: Path) -> Iterator[h5py.File]:
-    """The results file, its checksum and the version of its layout being right."""
+    """The results file, open for reading; StorageError if its checksum or the version of its layout is wrong."""
     try:
         data = contents(path, MOST_BYTES)
     except FileNotFoundError:
@@ -228,9 +228,9 @@ def _open_results(path: Path) -> Iterator[h5py.File]:
             raise StorageError(f"{path}: an HDF5 file, but not of ours; give a results file written by `spi run`")
         if version != VERSION:
             whose = "an earlier" if version < VERSION else "a later"
-            what = f"was written by {whose} version of spi (layout {version}, this one reads {VERSION})"
+            problem = f"was written by {whose} version of spi (layout {version}, this one reads {VERSION})"
             right = ("run the experiment again with --fresh", "update spi, or move the file away")[version > VERSION]
-            raise StorageError(f"{path}: {what}; {right}")
+            raise StorageError(f"{path}: {problem}; {right}")
         if sound is None:
             raise StorageError(f"{path}: has no checksum, so it was changed or is of an earlier spi, or {_DAMAGED}")
         yield file

@@ -1,4 +1,4 @@
-"""One description of a result: a class whose annotated fields name what a file holds.
+"""One description of a result: a class whose annotated fields are the contents of a group of a results file.
 
     class Energies(Stored):
         \"\"\"Mean energies of one scheme.\"\"\"
@@ -8,7 +8,7 @@
         order: Order
         samples: Annotated[int, fact("number of paths", column=True)]
 
-A study makes such a record; ``record.group()`` is what a file keeps of it and ``Energies.of(group)`` the record again.
+A study makes such a record; ``record.group()`` is the group that stores it and ``Energies.of(group)`` the record again.
 Long names, formulas and units go into the file with the arrays, and from there to xarray; the columns of tables
 (``spi.printing.rows``) and the page docs/reference/results.md come from the same fields.
 
@@ -54,7 +54,7 @@ NUMBERED = {
 
 
 class Meaning(NamedTuple):
-    """What a field holds."""
+    """The description of a field: its long name, unit, formula and axes, and how it is stored."""
 
     text: str = ""
     unit: str = ""
@@ -63,13 +63,13 @@ class Meaning(NamedTuple):
     name: str = ""  #: under which it is stored, if not under that of the field
     column: str = ""  #: its name in JSON and CSV; of each place along further axes where it has a {}; "" if it is none
     is_axis: bool = False
-    prefix: str = ""  #: of the names of what a nested record holds
+    prefix: str = ""  #: of the names of the fields of a nested record
 
     @property
     def notes(self) -> dict[str, str]:
-        """What a file says of an array."""
-        told = {"long_name": self.text, "formula": self.formula, "units": self.unit}
-        return {name: text for name, text in told.items() if text}
+        """The attributes of an array in a file."""
+        texts = {"long_name": self.text, "formula": self.formula, "units": self.unit}
+        return {name: text for name, text in texts.items() if text}
 
 
 def axis(text: str, unit: str = "", name: str = "") -> Meaning:
@@ -78,7 +78,7 @@ def axis(text: str, unit: str = "", name: str = "") -> Meaning:
 
 
 def array(axes: str, text: str, unit: str = "", formula: str = "", name: str = "", column: str = "") -> Meaning:
-    """An array over `axes`, names divided by blanks, or of an order or of a nested record what all in it is over."""
+    """An array over `axes`, names divided by blanks; of an order or a nested record, the axes of all arrays in it."""
     return Meaning(text, unit, formula, tuple(axes.split()), name, column)
 
 
@@ -88,7 +88,7 @@ def fact(text: str, unit: str = "", name: str = "", column: bool = False) -> Mea
 
 
 def nested(axes: str = "", prefix: str = "") -> Meaning:
-    """A record within a record: the axes that all its arrays have first, and what its names begin with in a file."""
+    """A record within a record: the first axes of all its arrays, and the prefix of its names in a file."""
     return Meaning(axes=tuple(axes.split()), prefix=prefix)
 
 
@@ -117,13 +117,13 @@ class Field(NamedTuple):
         return isinstance(self.type, type) and issubclass(self.type, Described)
 
 
-def _field(hint: Any, one: Any) -> Field:
+def _field(hint: Any, field: Any) -> Field:
     meaning = Meaning()
     if get_origin(hint) is Annotated:
         hint, meaning = get_args(hint)[:2]
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     (kind,) = (member for member in members if member is not type(None))
-    return Field(one.name, kind, len(members) > 1, one.default, meaning)
+    return Field(field.name, kind, len(members) > 1, field.default, meaning)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
@@ -135,12 +135,14 @@ class Described:
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
         hints = get_type_hints(cls, include_extras=True)
-        own: Any = cls  # of which mypy does not know that it is a dataclass by now
-        cls.described = tuple(_field(hints[one.name], one) for one in dataclass_fields(own) if one.name != "about")
+        own: Any = cls  # mypy does not see that it is a dataclass by now
+        cls.described = tuple(
+            _field(hints[field.name], field) for field in dataclass_fields(own) if field.name != "about"
+        )
 
 
 class Stored(Described):
-    """What one part of an experiment gives, and a group of a results file holds."""
+    """The results of one part of an experiment, stored as a group of a results file."""
 
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
 
@@ -149,7 +151,7 @@ class Stored(Described):
     threads: Annotated[int, fact("number of threads")] = 1
 
     def group(self) -> Group:
-        """What a file keeps of it."""
+        """The group of a results file that stores it."""
         about = self.about
         group = Group(about.case, about.variant, {}, {}, about.attributes(), about.estimator, {})
         _put(self, group, Meaning())
@@ -165,7 +167,7 @@ class Stored(Described):
 
     @classmethod
     def of(cls, group: Group) -> Self:
-        """The record in a group; KeyError, with its name, if the group lacks what the record needs."""
+        """The record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
 
 
@@ -181,7 +183,7 @@ def by_case(readings: Iterable[R]) -> list[list[R]]:
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:
-    """Under which names a field is stored, of an order those of its four arrays."""
+    """The names under which a field is stored; of an order those of its four arrays."""
     name = field.meaning.name or prefix + field.name
     if not field.is_order:
         return (name,)
@@ -203,8 +205,8 @@ def _put(record: Described, group: Group, outer: Meaning) -> None:
             shape = (-1,) if axes else ()
             for name, values, kind in zip(names, columns, (float, float, float, np.int64), strict=True):
                 group.variables[name] = axes, values.astype(kind).reshape(shape)
-            told = meaning if meaning.text else ORDER, *ENDS
-            group.notes.update((name, one.notes) for name, one in zip(names, told, strict=True))
+            meanings = meaning if meaning.text else ORDER, *ENDS
+            group.notes.update((name, part.notes) for name, part in zip(names, meanings, strict=True))
         elif field.is_array:
             if meaning.is_axis:
                 group.coordinates[names[0]] = np.asarray(value)
@@ -221,7 +223,7 @@ def _taken(cls: type[Described], group: Group, outer: Meaning) -> dict[str, Any]
 
 
 def _value(field: Field, group: Group, outer: Meaning) -> Any:
-    """What a group holds of a field; KeyError if it has nothing that is needed."""
+    """The value of a field in a group; KeyError if it is missing and needed."""
     if field.is_record:
         there = _is_there(field, group)
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
@@ -238,7 +240,7 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
 
 
 def _check(field: Field, group: Group, names: tuple[str, ...], axes: tuple[str, ...]) -> None:
-    """Raise an error, with the name, if a group holds something of another type or shape than the field has."""
+    """Raise an error, with the name, if the value in a group has another type or shape than the field."""
     for name in names:
         if field.meaning.is_axis:
             check_axis(name, group.coordinates[name], field.type is not Array)
@@ -249,20 +251,20 @@ def _check(field: Field, group: Group, names: tuple[str, ...], axes: tuple[str, 
 
 
 def _is_there(field: Field, group: Group) -> bool:
-    """Whether a group holds a nested record: whether it holds the first thing that this cannot lack."""
-    needed = next(one for one in field.type.described if not one.optional and one.default is MISSING)
+    """Whether a group holds a nested record: whether it has the first of the fields that this cannot lack."""
+    needed = next(inner for inner in field.type.described if not inner.optional and inner.default is MISSING)
     if needed.is_record:
         return _is_there(needed, group)
     return stored_names(needed, field.meaning.prefix)[0] in {**group.coordinates, **group.variables, **group.attributes}
 
 
-#: What an order is, where no field says more.
+#: The description of an order whose field has none.
 ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
 ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
 
 
 class Entry(NamedTuple):
-    """What a file holds under one name."""
+    """An array, axis or attribute of a file, by its name."""
 
     name: str
     axes: tuple[str, ...]
@@ -272,7 +274,7 @@ class Entry(NamedTuple):
 
 
 def layout(cls: type[Described], outer: Meaning = Meaning(), always: bool = True) -> Iterator[Entry]:  # noqa: B008
-    """All that a file holds of a record, name by name."""
+    """The entries of a file that store a record, name by name."""
     for field in cls.described:
         needed = always and not field.optional and field.default is MISSING
         if field.is_record:
@@ -282,4 +284,4 @@ def layout(cls: type[Described], outer: Meaning = Meaning(), always: bool = True
         axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
         meaning = ORDER if field.is_order and not field.meaning.text else field.meaning
         yield Entry(name, axes, meaning, needed, not (field.is_array or field.is_order))
-        yield from (Entry(end, axes, told, needed, False) for end, told in zip(ends, ENDS, strict=False))
+        yield from (Entry(end, axes, part, needed, False) for end, part in zip(ends, ENDS, strict=False))

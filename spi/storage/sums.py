@@ -1,4 +1,4 @@
-"""Files of sums over paths, from which results are made and with which an unfinished run goes on.
+"""Files of sums over paths, from which results are made and unfinished runs are continued.
 
 NumPy's npz, a zip archive with a checksum for each member: ``about`` and, for each part, a structure as JSON in which
 the arrays stand as numbers, and the arrays one behind the other.
@@ -21,17 +21,17 @@ import numpy as np
 from .files import MOST_BYTES, aside, contents, write_bytes
 from .records import check_fact
 
-#: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
+#: Increased where the layout changes, or the division into chunks: runs continue with chunks of the same size only.
 VERSION = 4
 
-#: The types of what is told about sums.
+#: The types of the entries of ``about``.
 _ABOUT: dict[str, Any] = {
     **dict.fromkeys(("paths_hash", "spec_hash", "source_digest", "spi_version"), str | None),
     "machines": tuple[str, ...] | None,
     **{"samples": int | None, "finished": bool | None, "parts": tuple[str, ...]},
 }
 
-#: What reading a damaged file may raise.
+#: The errors that reading a damaged file may raise.
 _DAMAGE = (
     *(OSError, EOFError, zipfile.BadZipFile, zlib.error, struct.error),
     *(ArithmeticError, AttributeError, LookupError, MemoryError, RuntimeError, TypeError, ValueError),
@@ -39,9 +39,9 @@ _DAMAGE = (
 
 
 def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None:
-    """Keep `parts`, name -> dicts, lists, arrays, numbers and texts; `about` is what can be read without the rest.
+    """Write `parts`, name -> dicts, lists, arrays, numbers and texts, and `about`, which can be read without them.
 
-    The file that was there is kept as the previous one.
+    The file that was there becomes the previous one.
     """
     members: dict[str, Any] = {"about": _text({"version": VERSION, "parts": list(parts), **about})}
     for number, part in enumerate(parts.values()):
@@ -71,7 +71,7 @@ def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
 
 
 def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
-    """What can be read without the sums themselves; None if there is no such file or it is damaged.
+    """The attributes ``about`` the sums, read without these; None if there is no such file or it is damaged.
 
     A file of another version of the layout counts as damaged, unless any version will do.
     """
@@ -87,13 +87,13 @@ def remove_sums(path: Path) -> None:
 
 
 def previous(path: Path) -> Path:
-    """Where the file before this one is kept."""
+    """The path of the file before this one."""
     return path.with_name(path.name + ".previous")
 
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """The archive in a file, of which members are read when they are asked for; NumPy leaves a damaged one open."""
+    """The archive in a file, whose members are read on access; NumPy leaves a damaged one open."""
     with np.load(io.BytesIO(contents(path, MOST_BYTES)), allow_pickle=False) as archive:
         yield archive
 
@@ -108,11 +108,11 @@ def _about(file: Any, any_version: bool = False) -> dict[str, Any]:
 
 
 def _member(file: Any, name: str) -> np.ndarray:
-    """What the archive has under a name; ValueError if that is not what was written."""
-    found: np.ndarray = file[name]
-    if json.loads(file["digests"].tobytes())[name] != _digest(found):
+    """The member of the archive with a name; ValueError if it is not as it was written."""
+    member: np.ndarray = file[name]
+    if json.loads(file["digests"].tobytes())[name] != _digest(member):
         raise ValueError(f"{name} was edited")
-    return found
+    return member
 
 
 def _digest(member: np.ndarray) -> str:
@@ -126,9 +126,9 @@ def _text(value: Any) -> np.ndarray:
 def _without_arrays(value: Any, arrays: io.BytesIO) -> Any:
     """`value` as JSON, its arrays as {"array": [dtype, shape, first byte]}; writes them to `arrays`."""
     if isinstance(value, dict):
-        return {key: _without_arrays(one, arrays) for key, one in value.items()}
+        return {key: _without_arrays(entry, arrays) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_without_arrays(one, arrays) for one in value]
+        return [_without_arrays(entry, arrays) for entry in value]
     if isinstance(value, np.generic):
         return value.item()
     if not isinstance(value, np.ndarray):
@@ -141,11 +141,11 @@ def _without_arrays(value: Any, arrays: io.BytesIO) -> Any:
 def _with_arrays(value: Any, data: bytes) -> Any:
     """The inverse of :func:`_without_arrays`."""
     if isinstance(value, list):
-        return [_with_arrays(one, data) for one in value]
+        return [_with_arrays(entry, data) for entry in value]
     if not isinstance(value, dict):
         return value
     if set(value) != {"array"}:
-        return {key: _with_arrays(one, data) for key, one in value.items()}
+        return {key: _with_arrays(entry, data) for key, entry in value.items()}
     dtype, shape, first = value["array"]
     count = int(np.prod(shape))
     return np.frombuffer(data, dtype, count, first).reshape(shape).copy() if count else np.zeros(shape, dtype)

@@ -21,11 +21,11 @@ from .results import BATCHES, LEAST_PATHS, Averages
 Array = np.ndarray
 
 
-class _Found(NamedTuple):
-    """What is found at one step size; of F functions, G groups of paths, L lags."""
+class _Estimates(NamedTuple):
+    """Estimates at one step size, of F functions, from G groups of paths, at L lags."""
 
     average: Array  #: (F,)
-    without: Array  #: (G, F) the same without each group
+    without: Array  #: (G, F) the averages without each group
     stderr_paths: Array
     stderr_tau: Array
     stderr_batches: Array
@@ -38,46 +38,49 @@ class _Found(NamedTuple):
 
 
 def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Averages:
-    """What is found of the functions of a case, from the paths of each step size."""
-    each = [_found(*one, case.samples) for one in zip(recorders, totals, strict=True)]
+    """The record of the functions of a case, from the sums over the paths of each step size."""
+    each = [_estimates(recorder, paths, case.samples) for recorder, paths in zip(recorders, totals, strict=True)]
     series, spacing = recorders[0].series, case.between
-    over = {name: np.array([getattr(one, name) for one in each]) for name in _Found._fields[:7]}
-    tau, window, closed = (np.array(one) for one in zip(*(one.correlation for one in each), strict=True))
-    covariance = np.array([one.covariance for one in each])
+    over = {name: np.array([getattr(at_h, name) for at_h in each]) for name in _Estimates._fields[:7]}
+    tau, window, closed = (np.array(rows) for rows in zip(*(at_h.correlation for at_h in each), strict=True))
+    covariance = np.array([at_h.covariance for at_h in each])
     count = case.samples * series.kept
     with np.errstate(all="ignore"):
         correlation = covariance / covariance[..., :1]
         tau_stderr = tau * np.sqrt(2 * (2 * window + 1) / count)
-    known = known_laws(case, [_edges(one) for one in recorders])
-    if (at_finest := known.at_finest).any():
-        known.value[at_finest], known.error[at_finest] = over["average"][-1, at_finest], _stderr(each[-1])[at_finest]
-    orders = [_order(case, known, each, f) for f in range(len(recorders[0].functions))]
+    references = known_laws(case, [_edges(recorder) for recorder in recorders])
+    if (at_finest := references.at_finest).any():
+        references.value[at_finest], references.error[at_finest] = (
+            over["average"][-1, at_finest],
+            _stderr(each[-1])[at_finest],
+        )
+    orders = [_order(case, references, each, f) for f in range(len(recorders[0].functions))]
     return Averages(
         functions=tuple(case.functions),
-        texts=tuple(one.told for one in recorders[0].functions),
+        texts=tuple(function.told for function in recorders[0].functions),
         temperature=case.temperature,
         spacing=spacing,
         kept=series.kept,
         average=over["average"],
-        average_half=np.array([one.half for one in each]),
+        average_half=np.array([at_h.half for at_h in each]),
         **{name: over[name] for name in ("stderr_paths", "stderr_tau", "stderr_batches", "halves")},
         tau=spacing * tau,
         tau_stderr=spacing * tau_stderr,
         window=np.where(closed, spacing * window, np.nan),
         variance=covariance[..., 0],
-        variance_stderr=np.array([one.variance_stderr for one in each]),
-        reference=known.value,
-        reference_stderr=known.error,
-        reference_variance=known.variance,
+        variance_stderr=np.array([at_h.variance_stderr for at_h in each]),
+        reference=references.value,
+        reference_stderr=references.error,
+        reference_variance=references.variance,
         order=tuple(order for order, _ in orders),
         constant=np.array([constant for _, constant in orders]),
         lag=spacing * np.arange(series.lags),
         correlation=correlation,
-        correlation_stderr=np.array([one.correlation_stderr for one in each]),
-        cell_low=np.array([one.low for one in recorders]),
-        cell_width=np.array([one.width for one in recorders]),
+        correlation_stderr=np.array([at_h.correlation_stderr for at_h in each]),
+        cell_low=np.array([recorder.low for recorder in recorders]),
+        cell_width=np.array([recorder.width for recorder in recorders]),
         **_histogram(recorders, totals, case.samples),
-        density_exact=known.shares / np.array([one.width for one in recorders])[..., np.newaxis],
+        density_exact=references.shares / np.array([recorder.width for recorder in recorders])[..., np.newaxis],
     )
 
 
@@ -86,12 +89,12 @@ def _edges(recorder: Recorder) -> Array:
     return recorder.low[:, np.newaxis] + np.outer(recorder.width, np.arange(recorder.bins + 1))
 
 
-def _stderr(found: _Found) -> Array:
-    return np.where(np.isfinite(found.stderr_paths), found.stderr_paths, found.stderr_tau)
+def _stderr(estimates: _Estimates) -> Array:
+    return np.where(np.isfinite(estimates.stderr_paths), estimates.stderr_paths, estimates.stderr_tau)
 
 
-def _found(recorder: Recorder, paths: Paths, samples: int) -> _Found:
-    """What the sums over the paths of one step size say."""
+def _estimates(recorder: Recorder, paths: Paths, samples: int) -> _Estimates:
+    """The estimates from the sums over the paths of one step size."""
     counts, kept = group_counts(samples), recorder.series.kept
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = mean_over_paths(paths.values, counts)
@@ -111,7 +114,7 @@ def _found(recorder: Recorder, paths: Paths, samples: int) -> _Found:
         of_mean[2] = np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1))
         freedom = samples - 1 if enough else samples * kept / (2 * correlation.window + 1)
         spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_mean[1]
-        return _Found(
+        return _Estimates(
             average=mean + recorder.origins,
             without=without[:, 0] + recorder.origins,
             stderr_paths=of_mean[0],
@@ -128,41 +131,47 @@ def _found(recorder: Recorder, paths: Paths, samples: int) -> _Found:
         )
 
 
-def _order(case: Any, known: Known, each: Sequence[_Found], f: int) -> tuple[Order, float]:
+def _order(case: Any, references: Known, each: Sequence[_Estimates], f: int) -> tuple[Order, float]:
     """The order of the bias of a function in the step size, and C of bias = C h^p.
 
-    Of a reference that is the mean at the smallest step size, that step size is left out.
+    Where the reference is the mean at the smallest step size, that step size is left out.
     """
     h, none = np.array(case.steps), (Order(np.nan, np.nan, np.nan, 0), np.nan)
-    own = bool(known.at_finest[f])
-    if len(h) - own < 3 or not np.isfinite(known.value[f]) or case.samples < LEAST_PATHS:
+    own = bool(references.at_finest[f])
+    if len(h) - own < 3 or not np.isfinite(references.value[f]) or case.samples < LEAST_PATHS:
         return none
-    used, without = slice(0, len(h) - own), np.array([one.without[:, f] for one in each]).T
-    reference = without[:, -1:] if own else known.value[f]
-    bias = np.array([one.average[f] for one in each]) - known.value[f]
-    error = np.hypot([_stderr(one)[f] for one in each], known.error[f])
+    used, without = slice(0, len(h) - own), np.array([at_h.without[:, f] for at_h in each]).T
+    reference = without[:, -1:] if own else references.value[f]
+    bias = np.array([at_h.average[f] for at_h in each]) - references.value[f]
+    error = np.hypot([_stderr(at_h)[f] for at_h in each], references.error[f])
     value, left_out = np.abs(bias[used]), np.abs((without - reference)[:, used])
     resolved = is_resolved(value, error[used])
-    lacking, found = np.ones_like(value), none[0]
+    lacking, fit = np.ones_like(value), none[0]
     with np.errstate(all="ignore"):
         for _ in range(4 if own else 1):  # C (h^p - h_0^p) in place of C h^p
-            what = h[used], value / lacking, left_out / lacking, group_counts(case.samples), resolved
-            found = fit_order(*what, stderr=error[used] / lacking)
-            if not math.isfinite(found.order):
-                return found, np.nan
-            lacking = 1 - (h[-1] / h[used]) ** max(found.order, 0.1) if own else lacking
+            fit = fit_order(
+                h[used],
+                value / lacking,
+                left_out / lacking,
+                group_counts(case.samples),
+                resolved,
+                stderr=error[used] / lacking,
+            )
+            if not math.isfinite(fit.order):
+                return fit, np.nan
+            lacking = 1 - (h[-1] / h[used]) ** max(fit.order, 0.1) if own else lacking
         weights = np.where(resolved, value / error[used], 0) ** 2
-        logarithm = np.log(np.where(resolved, value / lacking / h[used] ** found.order, 1.0))
+        logarithm = np.log(np.where(resolved, value / lacking / h[used] ** fit.order, 1.0))
         sign = np.sign((weights * bias[used]).sum())
-        return found, float(sign * np.exp((weights * logarithm).sum() / weights.sum()))
+        return fit, float(sign * np.exp((weights * logarithm).sum() / weights.sum()))
 
 
 def _histogram(recorders: Sequence[Recorder], totals: Sequence[Paths], samples: int) -> dict[str, Array]:
     """Densities in cells and their standard errors, (S, F, cells)."""
-    counts, found = group_counts(samples), []
+    counts, pairs = group_counts(samples), []
     for recorder, paths in zip(recorders, totals, strict=True):
         scale = recorder.series.kept * recorder.width[:, np.newaxis]
         share, without = mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
-        found.append((share, jackknife_stderr(share, without, counts)))
-    density, stderr = (np.array(one) for one in zip(*found, strict=True))
+        pairs.append((share, jackknife_stderr(share, without, counts)))
+    density, stderr = (np.array(rows) for rows in zip(*pairs, strict=True))
     return {"density": density, "density_stderr": stderr}

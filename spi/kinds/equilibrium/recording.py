@@ -1,4 +1,4 @@
-"""The paths of a study of long times: what is kept of them, and growth, bias and law that follow."""
+"""The paths of a study of long times: sums over them, and growth, bias and law that follow."""
 
 import math
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ from spi.statistics.estimators import GROUPS, fit_order, stderr_of_mean
 from .results import BATCHES, Law
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The paths of a study of long times: what is kept of them, and growth, bias and law that follow.
+# The paths of a study of long times: sums over them, and growth, bias and law that follow.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Paths(NamedTuple):
-    """What is known of the paths of some blocks, which stand along the last axes, after `n` steps of one step size.
+    """Values of the paths of some blocks, along the last axes, and sums over them, after `n` steps of one step size.
 
-    Until all steps are done there is nothing to say of whole paths, and `paths` is 0.
+    Until all steps are done no path is whole, and `paths` is 0.
     """
 
     paths: int
@@ -34,7 +34,7 @@ class Paths(NamedTuple):
     casimir: np.ndarray  #: (records, C, paths), relative error
     report: np.ndarray  #: (len(REPORT),)
     nonfinite: int  #: of the paths
-    snapshots: int  #: how many count for the law
+    snapshots: int  #: number that counts for the law
     moments: np.ndarray  #: (moments, paths), sums over snapshots
     counts: np.ndarray  #: (variables, bins, paths)
     stretch: np.ndarray  #: (F, blocks, LANES, 2 L) the last values of functions, until all steps are done
@@ -45,7 +45,7 @@ class Paths(NamedTuple):
     cells: np.ndarray  #: (F, bins + 2, GROUPS) int64: values below all bins or NaN, in each, and above all
 
     def plus(self, later: "Paths") -> "Paths":
-        """These paths and some later ones, all steps done."""
+        """The record of these paths and some later ones, all steps done."""
         joined: dict[str, Any] = {
             name: np.concatenate((getattr(self, name), getattr(later, name)), axis=-1) for name in OF_PATHS
         }
@@ -59,7 +59,7 @@ class Paths(NamedTuple):
         )
 
     def counted(self, law: SphereLaw, states: np.ndarray) -> "Paths":
-        """With one more snapshot in the sums, of states (d, paths)."""
+        """The record with one more snapshot, of states (d, paths), in the sums."""
         counts, moments = self.counts.copy(), self.moments + law.moments_of(states)
         law.count(states, counts)
         return self._replace(moments=moments, counts=counts, snapshots=self.snapshots + 1)
@@ -68,7 +68,7 @@ class Paths(NamedTuple):
 OF_PATHS = ("casimir", "moments", "counts")  #: the fields in which the paths stand along the last axis
 ADDED = ("values", "lagged", "ends", "cells")  #: those that are sums over paths
 
-#: What is recorded of no functions.
+#: The fields of :class:`Paths` about functions where there are none.
 NOTHING: dict[str, Any] = {
     "stretch": np.zeros((0, 0, 0, 0)),
     "batches": np.zeros((0, 0, 0, 0)),
@@ -81,10 +81,10 @@ _FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit thei
 
 
 def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
-    """What becomes of the relative errors of the Casimirs over time, from those of each path after n (records,) steps.
+    """Statistics over paths of the relative errors (levels, records, C, paths) of Casimirs after n (records,) steps.
 
-    The errors (levels, records, C, paths) themselves, the exponent with which they grow, with its 95 % interval, and
-    their bias in a step.
+    Mean, root mean square and largest errors, those of path 0, the exponent with which they grow, with its 95 %
+    interval, and their bias in a step.
     """
     levels, _, conserved, _ = casimir.shape
     growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
@@ -122,8 +122,8 @@ def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
 def law_of_states(law: SphereLaw, totals: Sequence[Paths]) -> Law:
     """Means and fractions in bins against their exact values, from the paths of each step size."""
     snapshots = max(totals[0].snapshots, 1)
-    moments = np.array([of_one.moments for of_one in totals]) / snapshots
-    fractions = np.array([of_one.counts for of_one in totals]) / snapshots
+    moments = np.array([paths.moments for paths in totals]) / snapshots
+    fractions = np.array([paths.counts for paths in totals]) / snapshots
     below = np.cumsum(fractions, axis=2)[:, :, :-1]
     away = np.abs(below.mean(axis=3) - np.arange(1, BINS) / BINS)
     farthest = away.argmax(axis=2)[..., None]
@@ -141,54 +141,54 @@ def law_of_states(law: SphereLaw, totals: Sequence[Paths]) -> Law:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What is recorded of functions of the state along long paths: sums over time, and of these over jackknife groups.
+# Records of functions of the state along long paths: sums over time, and of these over jackknife groups.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Array = np.ndarray
 
-_MOST_LAGS = 512  # at which autocovariances are known
+_MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
 
-#: What is summed up over paths of each function: its mean over time and the square of that, the difference of its means
-#: over both halves of the time and the square of that, and the squares of its means over batches.
+#: Sums over paths of each function: of its mean over time and the square of that, the difference of its means over both
+#: halves of the time and the square of that, and the squares of its means over batches.
 COLUMNS = 5
 
 
 class Series(NamedTuple):
-    """Which steps of the paths of one step size are looked at."""
+    """The snapshots of the paths of one step size at which functions are evaluated."""
 
     stride: int  #: steps from one to the next
-    total: int  #: how many there are
-    kept: int  #: how many of these count, the last ones
+    total: int  #: their number
+    kept: int  #: number of those that count, the last ones
 
     @classmethod
     def of(cls, case: Any, number: int) -> "Series":
-        """That of a step size of a case."""
+        """The snapshots at step size number `number` of a case."""
         total = round(case.final_time / case.between)
         burnt = math.ceil(case.burnt / case.between - 1e-9)
         return cls(round(case.between / case.steps[number]), total, max(0, total - burnt) // BATCHES * BATCHES)
 
     @property
     def first(self) -> int:
-        """How many of them do not count."""
+        """The number of those that do not count, the first ones."""
         return self.total - self.kept
 
     @property
     def lags(self) -> int:
-        """At how many lags autocovariances are known: a tenth of the kept ones, a power of two."""
+        """The number of lags of autocovariances: about a tenth of `kept`, a power of two."""
         return min(1 << math.ceil(math.log2(self.kept / 10)), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
-        """Steps of so many blocks of which states may be recorded at a time, whole tosses."""
+        """Number of steps, in whole tosses, whose states may be recorded at a time for `blocks` blocks."""
         each = 8 * LANES * dimension * blocks * STEPS_PER_TOSS // self.stride + 1
         return STEPS_PER_TOSS << max(0, (_MOST_BYTES // each).bit_length() - 1)
 
 
 class Recorder(NamedTuple):
-    """What is recorded of the paths of one step size, F functions."""
+    """Records F functions along the paths of one step size."""
 
     functions: tuple[PathFunction, ...]
-    origins: Array  #: (F,) values are less that, so that variances do not cancel
+    origins: Array  #: (F,) subtracted from values, so that variances do not cancel
     series: Series
     low: Array  #: (F,) where the first bin begins
     width: Array  #: (F,) of a bin
@@ -196,14 +196,14 @@ class Recorder(NamedTuple):
 
     @classmethod
     def of(cls, case: Any, number: int, bins: Any) -> "Recorder":
-        """That of a step size of a case, with `bins` (low, width)."""
+        """The recorder at step size number `number` of a case, with `bins` (low, width)."""
         functions = case.path_functions
-        origins = np.array([origin_of(one, case.initial) for one in functions])
+        origins = np.array([origin_of(function, case.initial) for function in functions])
         low, width = bins
         return cls(functions, origins, Series.of(case, number), low, width, case.bins)
 
     def empty(self, blocks: int) -> dict[str, Any]:
-        """The fields of :class:`Paths` that hold what is recorded, of so many blocks before the first step."""
+        """The fields of :class:`Paths` about functions, of `blocks` blocks before the first step."""
         count, lags = len(self.functions), self.series.lags
         return {
             "stretch": np.zeros((count, blocks, LANES, 2 * lags)),
@@ -222,14 +222,14 @@ class Recorder(NamedTuple):
         begin = 1 + max(0, self.series.first - n // self.series.stride)
         end = 1 + max(0, self.series.total - n // self.series.stride)
         states = np.moveaxis(y.reshape(*y.shape[:2], -1, LANES)[:, begin:end], 2, 0)
-        found = np.empty((len(self.functions), *states.shape[1:]))
+        values = np.empty((len(self.functions), *states.shape[1:]))
         with np.errstate(all="ignore"):
             for f, function in enumerate(self.functions):
-                found[f] = function.values(states) - self.origins[f]
-        return np.ascontiguousarray(np.swapaxes(found, 2, 3))
+                values[f] = function.values(states) - self.origins[f]
+        return np.ascontiguousarray(np.swapaxes(values, 2, 3))
 
     def recorded(self, paths: Paths, values: Array, n: int, first: int, end: int) -> Paths:
-        """Paths that had done n steps with values (F, blocks, LANES, K) more, block `first` being the first."""
+        """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
         if not count:
@@ -252,18 +252,18 @@ class Recorder(NamedTuple):
         return paths
 
     def _count(self, cells: Array, values: Array, f: int, first: int, end: int) -> None:
-        """Add to the cells of a function: below all bins or not a number, in each, and above all."""
+        """Count values of a function in its cells: below all bins or NaN, in each, and above all."""
         with np.errstate(all="ignore"):
             places = values * (1 / self.width[f])
             places += 1 - (self.low[f] - self.origins[f]) / self.width[f]
             places = np.fmin(np.fmax(places, 0, out=places), self.bins + 1, out=places).astype(np.int64)
         size = self.bins + 2
         places += size * np.arange(LANES)[:, np.newaxis]
-        counts = np.array([np.bincount(one.ravel(), minlength=size * LANES) for one in places])
+        counts = np.array([np.bincount(row.ravel(), minlength=size * LANES) for row in places])
         cells += by_group(counts.reshape(-1, LANES, size), first, end)
 
     def _correlate(self, paths: Paths, is_first: bool, first: int, end: int) -> None:
-        """Add the products of a stretch that is full with itself and the one before it, which it then replaces."""
+        """Add the products of a full stretch with itself and with the one before it, which it then replaces."""
         lags = self.series.lags
         for f, both in enumerate(paths.stretch):
             spectrum = by_group(lagged_products(both[..., :lags], both[..., lags:]), first, end)
@@ -290,13 +290,13 @@ class Recorder(NamedTuple):
             ending = np.cumsum(last[f, ..., :0:-1], axis=-1)
             paths.ends[f] += 2 * kept * by_group(mean[f], first, end)
             paths.ends[f, 1:] -= by_group(ending, first, end)
-        values = np.array([[by_group(each, first, end) for each in one] for one in columns])
+        values = np.array([[by_group(each, first, end) for each in column] for column in columns])
         begun = {"stretch": paths.stretch[:, :0], "batches": paths.batches[:, :0]}
         return {**begun, "values": values, "lagged": paths.lagged, "ends": paths.ends}
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
-    """(low, width), (F,) each, of bins that hold values (F, n) and some more on both sides.
+    """(low, width), (F,) each, of bins that cover values (F, n) with some room on both sides.
 
     Rounded to eighths of a power of two, so that step sizes and schemes of the same law mostly have the same bins.
     """

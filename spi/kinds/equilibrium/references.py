@@ -1,4 +1,4 @@
-"""What is known of means at equilibrium: numbers, the Gibbs law by quadrature, or the smallest step size."""
+"""References for means at equilibrium: numbers, the Gibbs law by quadrature, or the smallest step size."""
 
 import functools
 from collections.abc import Sequence
@@ -15,31 +15,31 @@ EXACT, FINEST = "exact", "finest"
 
 
 class Known(NamedTuple):
-    """What is known of F functions, NaN where nothing is."""
+    """References of F functions; NaN where there is none."""
 
     value: np.ndarray  #: (F,)
     error: np.ndarray  #: (F,) numerical
     variance: np.ndarray  #: (F,)
-    at_finest: np.ndarray  #: (F,) whether the mean at the smallest step size stands for it
+    at_finest: np.ndarray  #: (F,) whether the reference is the mean at the smallest step size
     shares: np.ndarray  #: (S, F, bins) probabilities of bins
 
 
 def number_in(text: str) -> float:
-    """The real number that a formula without variables stands for; NumberError if it is none."""
+    """The real number that is the value of a formula without variables; NumberError if it is none."""
     number = parse(text)
     if isinstance(number, complex):
         raise NumberError("complex")
     return float(number)
 
 
-def check(case: Any, name: str, known: str) -> None:
-    """Raise the error about what is said to be known of the function `name`, if it cannot be."""
+def check(case: Any, name: str, reference: str) -> None:
+    """Raise the error about the reference of the function `name`, if it is not valid."""
     if name not in case.functions:
         raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
-    if known == FINEST:
+    if reference == FINEST:
         if len(case.steps) < 2:
             raise wrong(f"is '{FINEST}', and there is one step size", "give more steps", "reference", name)
-    elif known == EXACT:
+    elif reference == EXACT:
         try:
             _mean(case.model, case.initial, case.temperature, case.variables, case.functions[name])
         except ValueError as error:
@@ -47,38 +47,38 @@ def check(case: Any, name: str, known: str) -> None:
             raise wrong(f"is '{EXACT}', but {error}", right, "reference", name) from None
     else:
         try:
-            number_in(known)
+            number_in(reference)
         except NumberError as error:
             right = f"must be a formula without variables, {EXACT} or {FINEST}"
-            raise wrong(f"is {shown(known)} ({error})", right, "reference", name) from None
+            raise wrong(f"is {shown(reference)} ({error})", right, "reference", name) from None
 
 
 def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
-    """What is known of the functions of a case, with the probabilities of bins between edges (F, bins + 1) each."""
+    """References of the functions of a case; `edges` (F, bins + 1) at each step size are those of the bins."""
     value, error, variance = np.full((3, len(case.functions)), np.nan)
     shares = np.full((len(edges), len(case.functions), edges[0].shape[1] - 1), np.nan)
     given = [case.reference.get(name, "") for name in case.functions]
     law = case.model, case.initial, case.temperature, case.variables
-    for f, (known, text) in enumerate(zip(given, case.functions.values(), strict=True)):
-        if known == EXACT:
+    for f, (reference, text) in enumerate(zip(given, case.functions.values(), strict=True)):
+        if reference == EXACT:
             value[f], error[f] = _mean(*law, text)
             variance[f] = _variance(*law, text)
-            for i, one in enumerate(edges):
-                shares[i, f] = _shares(*law, text, tuple(one[f].tolist()))
-        elif known not in ("", FINEST):
-            value[f], error[f] = number_in(known), 0.0
-    return Known(value, error, variance, np.array([known == FINEST for known in given]), shares)
+            for i, of_step in enumerate(edges):
+                shares[i, f] = _shares(*law, text, tuple(of_step[f].tolist()))
+        elif reference not in ("", FINEST):
+            value[f], error[f] = number_in(reference), 0.0
+    return Known(value, error, variance, np.array([reference == FINEST for reference in given]), shares)
 
 
 @functools.lru_cache(maxsize=64, typed=True)
 def _mean(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> tuple[float, float]:
     """Mean of a function and its numerical error; ValueError, with the reason in a phrase, where it is not known.
 
-    Kept, as all schemes have the same; typed, because models of two classes may be equal tuples.
+    Cached, as all schemes have the same; typed, because models of two classes may be equal tuples.
     """
     values = path_function(model, names, text).values
-    found: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
-    return found
+    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    return expectation
 
 
 @functools.lru_cache(maxsize=64, typed=True)

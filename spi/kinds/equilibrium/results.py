@@ -1,4 +1,4 @@
-"""What is stored of long times."""
+"""The records of long times."""
 
 from collections.abc import Iterable, Iterator
 from typing import Annotated
@@ -10,15 +10,15 @@ from spi.statistics.claims import WIDEST, Quantity, at_steps, each_step, lost_is
 from spi.storage.records import INTERVAL, Description, Order, in_standard_errors
 from spi.storage.stored import Array, Described, Stored, array, axis, fact
 
-#: What the figure can show: of Casimir functions and the uniform law, and of functions.
+#: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
 OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
 PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
 
-#: Into so many batches the kept time of a path is divided.
+#: Number of batches into which the time of a path after the burn-in is divided.
 BATCHES = 16
-#: From so many paths on a standard error is that of independent paths, with fewer that of correlated values.
+#: Least number of paths whose standard error is that of independent paths; with fewer it is that of correlated values.
 LEAST_PATHS = 8
-#: So many integrated autocorrelation times a path must have at least.
+#: Least number of integrated autocorrelation times that a path must have.
 LONG_ENOUGH = 50
 #: Two standard errors may differ by this factor, beyond their own uncertainty.
 APART = 1.5
@@ -51,7 +51,7 @@ class Law(Described):
 
 
 class Averages(Described):
-    """Means of functions over the later part of the time and over all paths, with what is needed to judge them."""
+    """Means of functions over the later part of the time and over all paths, and quantities by which to judge them."""
 
     functions: Annotated[tuple[str, ...], axis("function", name="function")]
     texts: Annotated[tuple[str, ...], fact("what the functions are")]
@@ -90,7 +90,7 @@ class Averages(Described):
 
     @property
     def stderr(self) -> np.ndarray:
-        """(S, F) the standard error that intervals are made of."""
+        """(S, F) the standard error from which intervals are computed."""
         return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
 
     @property
@@ -100,22 +100,25 @@ class Averages(Described):
 
     @property
     def bias_stderr(self) -> np.ndarray:
-        """(S, F) with the error of the reference, which at a step size that is its own is 0."""
+        """(S, F) its standard error, with that of the reference; 0 at the step size that is the reference itself."""
         return np.where(self.bias == 0, 0.0, np.hypot(self.stderr, self.reference_stderr))
 
     @property
     def deviation(self) -> np.ndarray:
-        """(S, F) the same in standard errors."""
+        """(S, F) the bias in standard errors."""
         return in_standard_errors(self.bias, self.bias_stderr)
 
     def response(self, f: int) -> tuple[str, float]:
-        """What a variance becomes, "heat capacity" or "susceptibility", and the factor; NaN without a temperature."""
+        """The response proportional to the variance, by name, and the factor; NaN without a temperature.
+
+        It is the "heat capacity" Var H / T^2, or of another function f the "susceptibility" Var f / T.
+        """
         name = "heat capacity" if self.texts[f] == "H" else "susceptibility"
         power = 2 if self.texts[f] == "H" else 1
         return name, 1 / self.temperature**power if np.isfinite(self.temperature) else np.nan
 
     def disagreement(self, samples: int) -> np.ndarray:
-        """(S, F) the largest quotient of two of the standard errors, less what their own uncertainty explains."""
+        """(S, F) the largest quotient of two of the standard errors, beyond twice its own uncertainty."""
         count = samples * self.kept
         with np.errstate(divide="ignore", invalid="ignore"):
             of_tau = self.tau_stderr / (2 * self.tau)
@@ -123,8 +126,8 @@ class Averages(Described):
             of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * BATCHES) - 1, 1)))
             each = np.log([self.stderr_paths, self.stderr_tau, self.stderr_batches])
             spread = np.array([of_paths, of_tau, of_batches])
-            found = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
-            return np.exp(np.fmax.reduce(found))
+            excess = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+            return np.exp(np.fmax.reduce(excess))
 
 
 class Equilibrium(Stored):
@@ -164,18 +167,18 @@ class Equilibrium(Stored):
 
     @property
     def casimir_count(self) -> int:
-        """How many Casimir functions there are."""
+        """The number of Casimir functions."""
         return self.casimir_rms.shape[2]
 
     @property
     def largest_finite(self) -> int | None:
-        """Number of the largest step size at which all paths are finite; None if there is none."""
+        """The number of the largest step size at which all paths are finite; None if there is none."""
         finite = np.flatnonzero(self.nonfinite == 0)
         return int(finite[np.argmax(self.h[finite])]) if len(finite) else None
 
 
 def with_laws(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Law]]:
-    """The results of which the law is known, each with its law."""
+    """The results with a law, each with it."""
     return ((reading, reading.law) for reading in readings if reading.law)
 
 
@@ -188,55 +191,59 @@ Record = Equilibrium
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of long times.
+# Quantities of long times that a spec may expect.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 def quantities(readings: Iterable[Equilibrium]) -> Iterator[Quantity]:
-    """For each step size how errors of the Casimirs grow, their bias per step, the worst, and how many paths diverged.
+    """At each step size the growth of errors of the Casimirs, their bias per step, the worst, and diverged paths.
 
     Where the stationary law is known, the distance from it in each variable and the largest |z| of the means as well;
-    of functions their means, and how far these are from what is known.
+    of functions their means, and the distances of these from their references.
     """
-    for one in readings:
-        for c in range(one.casimir_count):
-            yield from _growth(one, c)
-            yield from each_step("bias", one.about, one.h, one.bias[:, c], one.bias_stderr[:, c])
-            worst = lost_is_infinite(one.casimir_worst[:, :, c].max(axis=1))
-            yield from each_step("casimir_worst", one.about, one.h, worst)
-        if one.law:
-            yield from _law(one, one.law)
-        if one.averages:
-            yield from _averages(one, one.averages)
-        yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
+    for reading in readings:
+        for c in range(reading.casimir_count):
+            yield from _growth(reading, c)
+            yield from each_step("bias", reading.about, reading.h, reading.bias[:, c], reading.bias_stderr[:, c])
+            worst = lost_is_infinite(reading.casimir_worst[:, :, c].max(axis=1))
+            yield from each_step("casimir_worst", reading.about, reading.h, worst)
+        if reading.law:
+            yield from _law(reading, reading.law)
+        if reading.averages:
+            yield from _averages(reading, reading.averages)
+        yield from each_step("nonfinite", reading.about, reading.h, reading.nonfinite)
 
 
-def _growth(one: Equilibrium, c: int) -> Iterator[Quantity]:
-    ends = (values[:, c].tolist() for values in (one.growth, one.growth_low, one.growth_high))
-    for h, value, low, high in zip(one.h.tolist(), *ends, strict=True):
-        yield Quantity("growth", one.about, value, low, high, h=h, widest=WIDEST)
+def _growth(reading: Equilibrium, c: int) -> Iterator[Quantity]:
+    ends = (values[:, c].tolist() for values in (reading.growth, reading.growth_low, reading.growth_high))
+    for h, value, low, high in zip(reading.h.tolist(), *ends, strict=True):
+        yield Quantity("growth", reading.about, value, low, high, h=h, widest=WIDEST)
 
 
-def _law(one: Equilibrium, law: Law) -> Iterator[Quantity]:
+def _law(reading: Equilibrium, law: Law) -> Iterator[Quantity]:
     for distance, stderr in zip(law.distance.T, law.distance_stderr.T, strict=True):
-        yield from each_step("law_distance", one.about, one.h, distance, stderr)
-    yield from each_step("mean_z", one.about, one.h, np.abs(law.z).max(axis=1))
+        yield from each_step("law_distance", reading.about, reading.h, distance, stderr)
+    yield from each_step("mean_z", reading.about, reading.h, np.abs(law.z).max(axis=1))
 
 
-def _averages(one: Equilibrium, found: Averages) -> Iterator[Quantity]:
-    for f, name in enumerate(found.functions):
-        at, (response, factor) = (one.about, one.h, name), found.response(f)
-        yield from of_function("average", *at, found.average[:, f], found.average_half[:, f], found.reference[f])
-        yield from of_function("tau", *at, found.tau[:, f], INTERVAL * found.tau_stderr[:, f])
-        yield from of_function("halves", *at, np.abs(found.halves[:, f]))
-        if np.isfinite(found.reference[f]):
-            own = found.bias[:, f] == 0  # where the reference is the mean itself, which is no deviation
-            steps, values = one.h[~own], np.abs(found.deviation[~own, f])
-            yield from of_function("deviation", one.about, steps, name, values)
+def _averages(reading: Equilibrium, averages: Averages) -> Iterator[Quantity]:
+    for f, name in enumerate(averages.functions):
+        at, (response, factor) = (reading.about, reading.h, name), averages.response(f)
+        yield from of_function(
+            "average", *at, averages.average[:, f], averages.average_half[:, f], averages.reference[f]
+        )
+        yield from of_function("tau", *at, averages.tau[:, f], INTERVAL * averages.tau_stderr[:, f])
+        yield from of_function("halves", *at, np.abs(averages.halves[:, f]))
+        if np.isfinite(averages.reference[f]):
+            own = averages.bias[:, f] == 0  # where the reference is the mean itself, which is no deviation
+            steps, values = reading.h[~own], np.abs(averages.deviation[~own, f])
+            yield from of_function("deviation", reading.about, steps, name, values)
         if np.isfinite(factor):
-            values, half = factor * found.variance[:, f], INTERVAL * abs(factor) * found.variance_stderr[:, f]
-            yield from of_function(response.replace(" ", "_"), *at, values, half, factor * found.reference_variance[f])
-        yield order(one.about, found.order[f], function=name)
+            values, half = factor * averages.variance[:, f], INTERVAL * abs(factor) * averages.variance_stderr[:, f]
+            yield from of_function(
+                response.replace(" ", "_"), *at, values, half, factor * averages.reference_variance[f]
+            )
+        yield order(reading.about, averages.order[f], function=name)
 
 
 def of_function(
@@ -249,5 +256,5 @@ def of_function(
     expected: float = np.nan,
 ) -> Iterator[Quantity]:
     """A quantity of a function at each step size in `h` (S,), with half the widths of intervals."""
-    for one in at_steps(name, about, h, values, np.broadcast_to(halves, len(h)), function):
-        yield one._replace(expected=float(expected))
+    for quantity in at_steps(name, about, h, values, np.broadcast_to(halves, len(h)), function):
+        yield quantity._replace(expected=float(expected))

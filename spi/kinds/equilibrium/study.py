@@ -1,12 +1,12 @@
 """Long times: how rounding errors of Casimirs grow over very many steps, and the law of the states.
 
-Paths are integrated from snapshot to snapshot.  Casimirs are looked at after 128, 256, 512, ... steps and at the end.
+Paths are integrated from snapshot to snapshot.  Casimirs are evaluated after 128, 256, 512, ... steps and at the end.
 On a sphere all flows preserve the area, so that with noise the law of the states tends to the uniform one: then y_j is
 uniform on [-|y_0|, |y_0|], and means, and fractions of the snapshots in bins of equal probability, are compared with
 their exact values.  Standard errors come from the paths, which are independent of one another.
 
 Where functions are given, all step sizes run until the same time, and means over that time, autocorrelations and
-histograms are found, see ``recording`` and ``averages``.
+histograms are estimated, see ``recording`` and ``averages``.
 """
 
 import functools
@@ -43,23 +43,23 @@ from .averages import averages
 from .recording import NOTHING, OF_PATHS, Paths, Recorder, bins_around, casimir_errors, law_of_states
 from .results import Equilibrium
 
-#: About how many snapshots of each path.
+#: About the number of snapshots of each path.
 SNAPSHOTS = 8192
 
-_CHUNK_BLOCKS = 16  # which go from the first step to the last together
+_CHUNK_BLOCKS = 16  # which are integrated from the first step to the last together
 _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme."""
+    """The parts of a case, one for each scheme, which are run one after the other."""
     return [Part(scheme) for scheme in case.schemes]
 
 
 def plan(case: Any, part: Part) -> "EquilibriumPlan":
     """The plan for one scheme of a case."""
-    known = not case.functions and not obstacle(case.model, case.initial)
-    law = SphereLaw.of(case.model, case.initial) if known else None
+    has_law = not case.functions and not obstacle(case.model, case.initial)
+    law = SphereLaw.of(case.model, case.initial) if has_law else None
     return EquilibriumPlan(case=case, part=part, law=law)
 
 
@@ -67,11 +67,11 @@ def plan(case: Any, part: Part) -> "EquilibriumPlan":
 class EquilibriumPlan(Plan):
     """Very many steps of one scheme, with one step size after the other."""
 
-    law: SphereLaw | None  #: to which the law of the states tends, None where that is not known
+    law: SphereLaw | None  #: the limit of the law of the states, None where that is not known
 
     @property
     def records(self) -> np.ndarray:
-        """The numbers of steps after which Casimirs are looked at, which all step sizes reach."""
+        """The numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
         count = self.case.counts[0]
         count = count if self.case.step_count else count // STEPS_PER_TOSS * STEPS_PER_TOSS
         return np.union1d(STEPS_PER_TOSS << np.arange(int(np.log2(count / STEPS_PER_TOSS)) + 1), [count])
@@ -83,19 +83,21 @@ class EquilibriumPlan(Plan):
 
     @functools.cached_property
     def recorders(self) -> tuple[Recorder, ...]:
-        """What is recorded of functions at each step size; none without functions."""
+        """The recorder of functions at each step size; none without functions."""
         if not self.case.functions:
             return ()
         return tuple(Recorder.of(self.case, i, self._bins(i)) for i in range(len(self.case.steps)))
 
     def _bins(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where the bins of the functions begin and how wide they are, from the first block."""
+        """(low, width), (F,) each, of the bins of the functions, from values of the first block."""
         steps = min(self.case.counts[number], _PILOT)
         y, _, _ = self._integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
         states = np.moveaxis(y.reshape(y.shape[1], -1, LANES)[y.shape[1] // 2 :], 1, 0)
         with np.errstate(all="ignore"):
-            found = [np.broadcast_to(one.values(states), states.shape[1:]) for one in self.case.path_functions]
-        return bins_around(np.array(found).reshape(len(found), -1), self.case.bins)
+            values = [
+                np.broadcast_to(function.values(states), states.shape[1:]) for function in self.case.path_functions
+            ]
+        return bins_around(np.array(values).reshape(len(values), -1), self.case.bins)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -109,7 +111,7 @@ class EquilibriumPlan(Plan):
         return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps) + recorded)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of the paths at a step size no other one."""
+        """See :meth:`Plan.deciding`; the paths of one step size do not depend on the other ones."""
         if number is None:
             return super().deciding(None)
         records = {} if self.case.step_count else {"records": self.records.tolist()}
@@ -120,7 +122,7 @@ class EquilibriumPlan(Plan):
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
     def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
-        """No paths, or so many blocks from block `first` on before their first step."""
+        """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
         paths, conserved = blocks * LANES, len(casimirs(self.model, self.initial))
         moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
         return Paths(
@@ -138,7 +140,7 @@ class EquilibriumPlan(Plan):
         )
 
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
-        """The states of so many blocks before their first step."""
+        """The states of `blocks` blocks before their first step."""
         times = grid(self.case.steps[number], 1)
         return states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 
@@ -146,12 +148,12 @@ class EquilibriumPlan(Plan):
         """One step of the first block."""
         return self.calls_of_a_step(grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
 
-    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
-            begun = known and len(known.y) == chunk.blocks
-            paths: Any = known if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
-            known = None
+            begun = started and len(started.y) == chunk.blocks
+            paths: Any = started if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
+            started = None
             with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + BATCH_SECONDS
                 while not paths.paths:
@@ -161,7 +163,7 @@ class EquilibriumPlan(Plan):
                         until = time.perf_counter() + BATCH_SECONDS
 
     def next_stop(self, n: int, number: int = 0) -> int:
-        """The number of steps until which paths are run next that have done n."""
+        """The number of steps at which paths that have done n steps stop next."""
         stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)
         if self.recorders:
             piece = self.recorders[number].series.piece(len(self.initial), _CHUNK_BLOCKS)
@@ -174,7 +176,7 @@ class EquilibriumPlan(Plan):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (blocks, 1 + stored, d * LANES) after each `every` steps from t = 0 on, the last ones, and reports.
 
-        The blocks, of which the first is number `first`, have the states y after n steps and take so many more; for 0
+        The blocks, of which the first is number `first`, have the states y after n steps and take `steps` more; for 0
         as `every` nothing is stored.
         """
         h, case = self.case.steps[number], self.case
@@ -183,8 +185,8 @@ class EquilibriumPlan(Plan):
         count = 1 + (n + steps) // every - n // every if every else 0
         stored = np.empty((len(y), count, len(self.initial) * LANES))
         observer = (state_recorder(times, stored, every),) if every else ()
-        what = self.scheme, self.model, y[:, np.newaxis], times, self.stream, first, len(y), end
-        rows, report = integrated(*what, *observer)
+        states = y[:, np.newaxis]
+        rows, report = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end, *observer)
         return stored, rows, report
 
     def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
@@ -194,8 +196,7 @@ class EquilibriumPlan(Plan):
         recorder = self.recorders[number] if self.recorders else None
         looked = recorder is not None and stop > recorder.series.first * recorder.series.stride
         every = recorder.series.stride if recorder and looked else 0
-        what = number, stop - before, before, chunk.end, every, chunk.first
-        stored, rows, report = self._integrated(paths.y, *what)
+        stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
         y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
         paths = paths._replace(n=stop, y=y, report=add_reports(paths.report[np.newaxis], report)[0])
         with np.errstate(all="ignore"):
@@ -243,7 +244,7 @@ class EquilibriumPlan(Plan):
 
     def so_far(self, state: State) -> State | None:
         """The state of the first step sizes, as many as are complete."""
-        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
+        complete = [state.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(state.path_sets)]
         steps = self.case.steps[: [*complete, False].index(False)]
         return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
 

@@ -26,115 +26,117 @@ from spi.printing.text import (
 from .results import APART, LONG_ENOUGH, Averages, Equilibrium, Law, with_averages, with_laws
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The table of means of functions at equilibrium, and what is to be said of them: warnings, orders, what to run.
+# The table of means of functions at equilibrium, and remarks on them: warnings, orders, what to run.
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-#: A difference between both halves of the kept time of so many standard errors has this probability by chance.
+#: The probability by chance of the difference between both halves of the time from which on there is a warning.
 _SELDOM = 0.01
 
 
 def averages_table(readings: Sequence[Equilibrium]) -> "Table":
-    """Per scheme, function and step size the mean, how far it is from what is known, and its autocorrelation time."""
-    first = next(found for _, found in with_averages(readings))
-    known = bool(np.isfinite(first.reference).any())
+    """Per scheme, function and step size the mean, its bias, and its autocorrelation time."""
+    first = next(averages for _, averages in with_averages(readings))
+    has_reference = bool(np.isfinite(first.reference).any())
     responses = [first.response(f)[0] for f in range(len(first.functions)) if np.isfinite(first.response(f)[1])]
-    headings = ["scheme", "function", "h", "mean (95 %)", *["bias (95 %)", "in std.\nerrors"] * known]
+    headings = ["scheme", "function", "h", "mean (95 %)", *["bias (95 %)", "in std.\nerrors"] * has_reference]
     headings += ["autocor-\nrelation time", *[f"{' or '.join(dict.fromkeys(responses))}\n(95 %)"] * bool(responses)]
-    found_table = new_table("means over time", headings, left=3, labels=0)
-    for reading, found in with_averages(readings):
+    table = new_table("means over time", headings, left=3, labels=0)
+    for reading, averages in with_averages(readings):
         lines = []
-        for f, name in enumerate(found.functions):
+        for f, name in enumerate(averages.functions):
             for i, h in enumerate(reading.h.tolist()):
-                more = _response(found, i, f) if responses else ()
-                lines.append([lines_of(reading.about), name, power_of_two(h), *_cells(found, i, f, known), *more])
-        add_rows(found_table, lines, labels=2)
-    return found_table
+                more = _response(averages, i, f) if responses else ()
+                lines.append(
+                    [lines_of(reading.about), name, power_of_two(h), *_cells(averages, i, f, has_reference), *more]
+                )
+        add_rows(table, lines, labels=2)
+    return table
 
 
 def _cell(value: float, half: float) -> str:
     return with_interval(float(value), float(half)) if math.isfinite(value) and math.isfinite(half) else "-"
 
 
-def _cells(found: Averages, i: int, f: int, known: bool) -> Iterator[str]:
-    yield _cell(found.average[i, f], found.average_half[i, f])
-    if known:
-        factor = found.average_half[i, f] / found.stderr[i, f] if found.stderr[i, f] else INTERVAL
-        of_bias = found.bias[i, f], factor * found.bias_stderr[i, f]
-        yield _cell(*of_bias) if found.bias_stderr[i, f] else "reference"
-        yield decimal(found.deviation[i, f]) if np.isfinite(found.deviation[i, f]) else "-"
-    yield _cell(found.tau[i, f], INTERVAL * found.tau_stderr[i, f])
+def _cells(averages: Averages, i: int, f: int, has_reference: bool) -> Iterator[str]:
+    yield _cell(averages.average[i, f], averages.average_half[i, f])
+    if has_reference:
+        factor = averages.average_half[i, f] / averages.stderr[i, f] if averages.stderr[i, f] else INTERVAL
+        of_bias = averages.bias[i, f], factor * averages.bias_stderr[i, f]
+        yield _cell(*of_bias) if averages.bias_stderr[i, f] else "reference"
+        yield decimal(averages.deviation[i, f]) if np.isfinite(averages.deviation[i, f]) else "-"
+    yield _cell(averages.tau[i, f], INTERVAL * averages.tau_stderr[i, f])
 
 
-def _response(found: Averages, i: int, f: int) -> Iterator[str]:
-    _, factor = found.response(f)
-    yield _cell(factor * found.variance[i, f], INTERVAL * abs(factor) * found.variance_stderr[i, f])
+def _response(averages: Averages, i: int, f: int) -> Iterator[str]:
+    _, factor = averages.response(f)
+    yield _cell(factor * averages.variance[i, f], INTERVAL * abs(factor) * averages.variance_stderr[i, f])
 
 
 def averages_remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
-    """What was kept, warnings, orders of biases, and what to run for a wanted accuracy."""
-    for k, (reading, found) in enumerate(with_averages(readings)):
+    """The time of averaging, warnings, orders of biases, and what to run for a wanted accuracy."""
+    for k, (reading, averages) in enumerate(with_averages(readings)):
         if not k:
-            time = found.kept * found.spacing
-            values = f"{found.kept} values of each path {found.spacing:g} apart"
+            time = averages.kept * averages.spacing
+            values = f"{averages.kept} values of each path {averages.spacing:g} apart"
             yield f"means over the last {time:.6g} of the time, {values}"
-            yield from (f"{n}: {text}" for n, text in zip(found.functions, found.texts, strict=True) if n != text)
-        yield from (f"{reading.about.label}, {line}" for line in _warnings(reading, found))
-        for f, name in enumerate(found.functions):
-            if math.isfinite((order := found.order[f]).order):
-                law = f"{found.constant[f]:.2g} h^{order.order:.2f}"
+            yield from (f"{n}: {text}" for n, text in zip(averages.functions, averages.texts, strict=True) if n != text)
+        yield from (f"{reading.about.label}, {line}" for line in _warnings(reading, averages))
+        for f, name in enumerate(averages.functions):
+            if math.isfinite((order := averages.order[f]).order):
+                law = f"{averages.constant[f]:.2g} h^{order.order:.2f}"
                 yield f"{reading.about.label}: bias of {name} {law}, order in [{order.low:.2f}, {order.high:.2f}]"
-        yield from planned(reading, found)
+        yield from planned(reading, averages)
 
 
-def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
-    """One line for each thing that makes the errors of the means doubtful, of the worst step size and function."""
+def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
+    """A line for each reason to doubt the errors of the means, about the worst step size and function."""
     from scipy.special import stdtrit  # not needed to start the program
 
-    count, paths = found.average.size, reading.samples
+    count, paths = averages.average.size, reading.samples
     likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
     for text, value, bad in (
         (
             "burn-in: the second half of the kept time differs from the first by {} standard errors of that; "
             "give a longer burn_in and final_time",
-            halves := np.abs(found.halves),
+            halves := np.abs(averages.halves),
             halves > likely,
         ),
         (
             f"a path has {{:.0f}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer",
-            lengths := found.kept * found.spacing / np.maximum(found.tau, 1e-300),
+            lengths := averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300),
             lengths < LONG_ENOUGH,
         ),
         (
             "correlations last longer than they are recorded; take a larger spacing{:.0s}",
-            found.tau,
-            ~np.isfinite(found.window) & np.isfinite(found.tau) & (lengths >= LONG_ENOUGH),
+            averages.tau,
+            ~np.isfinite(averages.window) & np.isfinite(averages.tau) & (lengths >= LONG_ENOUGH),
         ),
         (
             "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more "
             "than by chance; run longer",
-            apart := found.disagreement(paths),
+            apart := averages.disagreement(paths),
             apart > APART,
         ),
     ):
         if bad.any():
             worst = np.where(bad, value if value is not lengths else -value, -np.inf).argmax()
             i, f = np.unravel_index(worst, value.shape)
-            found_value = decimal(value[i, f]) if "{}" in text else value[i, f]
-            averages_told = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(found_value)
-            yield f"{found.functions[f]}, h = {reading.h[i]:g}: {averages_told}"
+            worst_value = decimal(value[i, f]) if "{}" in text else value[i, f]
+            message = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(worst_value)
+            yield f"{averages.functions[f]}, h = {reading.h[i]:g}: {message}"
 
 
-def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
-    """For each function the time for a standard error s, and with an accuracy that is wanted the numbers for it.
+def planned(reading: Equilibrium, averages: Averages) -> Iterator[str]:
+    """For each function the time that a standard error s takes, or the step size and time for a wanted accuracy.
 
     A mean over the time t of all paths has the variance 2 tau Var / t; the bias is C h^p, where that was fitted.
     """
-    for f, name in enumerate(found.functions):
+    for f, name in enumerate(averages.functions):
         i = len(reading.h) - 1
-        rate = 2 * found.tau[i, f] * found.variance[i, f]
+        rate = 2 * averages.tau[i, f] * averages.variance[i, f]
         if not math.isfinite(rate) or rate <= 0:
             continue
         wanted = reading.accuracy
@@ -142,23 +144,23 @@ def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
             needed = f"{short(float(rate))}/s^2 of time in all paths"
             yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
             continue
-        step, why = step_for(reading, found, f, wanted)
+        step, why = step_for(reading, averages, f, wanted)
         time = rate / wanted**2
-        each = max(time / reading.samples, LONG_ENOUGH * found.tau[i, f])
+        each = max(time / reading.samples, LONG_ENOUGH * averages.tau[i, f])
         length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
         which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
         yield f"{which} and {length}, for an accuracy of {short(wanted)}"
 
 
-def step_for(reading: Equilibrium, found: Averages, f: int, wanted: float) -> tuple[float, str]:
-    """A step size at which the bias of a function is at most `wanted`, and how that is known.
+def step_for(reading: Equilibrium, averages: Averages, f: int, wanted: float) -> tuple[float, str]:
+    """A step size at which the bias of a function is at most `wanted`, and the reason.
 
-    By the fitted bias, or else the largest one at which mean and reference are that close; or none is known.
+    It follows from the fitted bias, or is the largest one at which mean and reference are that close, or the smallest.
     """
-    constant, order = found.constant[f], found.order[f].order
+    constant, order = averages.constant[f], averages.order[f].order
     if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
         return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
-    near = np.abs(found.bias[:, f]) + INTERVAL * found.bias_stderr[:, f] <= wanted  # false for NaN
+    near = np.abs(averages.bias[:, f]) + INTERVAL * averages.bias_stderr[:, f] <= wanted  # false for NaN
     if near.any():
         return float(reading.h[near].max()), "no bias is seen there"
     return float(reading.h[-1]), "the smallest here, its bias is not known"
@@ -176,7 +178,7 @@ _PER_CASIMIR = ("growth", "growth_low", "growth_high", "bias", "bias_stderr")
 
 
 def rows(readings: Iterable[Equilibrium]) -> Iterator[dict[str, Any]]:
-    """A record per step size and number of steps; the last ones of each step size tell all that has no number of steps.
+    """A record per step size and number of steps; only the last of each step size has fields without number of steps.
 
     Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
     """
@@ -199,7 +201,7 @@ def show(console: "Console", heading: str, readings: Sequence[Equilibrium]) -> N
 
 
 def _casimirs(heading: str, readings: Sequence[Equilibrium]) -> "Table":
-    """Per scheme, step size and Casimir its errors after all steps and how they grew."""
+    """Per scheme, step size and Casimir its errors after all steps and their growth."""
     count = readings[0].casimir_count
     several = count > 1
     names = ["scheme", "h", "di-\nverged", *["Cas-\nimir"] * several]
@@ -228,7 +230,7 @@ def _casimir_cells(reading: Equilibrium, i: int, c: int) -> Iterator["str | Text
 
 
 def _laws(readings: Sequence[Equilibrium], variables: tuple[str, ...]) -> "Table":
-    """Per scheme and step size how far distribution functions and means are from the exact ones."""
+    """Per scheme and step size the distances of distribution functions and means from the exact ones."""
     chosen = [name for name in variables if name in SHOWN] or variables
     distances = [f"distance of the\nlaw of {name} (95 %)" for name in chosen]
     headings = ["scheme", "h", *distances, "largest |z|\nof the means", "of"]
@@ -244,7 +246,7 @@ def _laws(readings: Sequence[Equilibrium], variables: tuple[str, ...]) -> "Table
 
 
 def _largest_z(law: Law, i: int) -> tuple[str, str]:
-    """The largest |mean - exact| in standard errors, and of which moment it is."""
+    """The largest |mean - exact| in standard errors, and its moment."""
     z = np.abs(law.z[i])
     if np.isnan(z).any():
         return "not finite", ""
@@ -252,7 +254,7 @@ def _largest_z(law: Law, i: int) -> tuple[str, str]:
 
 
 def chance(count: int) -> float:
-    """What the largest |z| of `count` independent standard normals stays below in 95 % of cases."""
+    """The bound of the largest |z| of `count` independent standard normals in 95 % of cases."""
     return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
 
 

@@ -31,7 +31,7 @@ def _lines(readings: Sequence[Exponents], looks: style.Looks) -> list[layout.Lin
         return pictures
     count = len(readings[0].number)
     panels = [partial(_panel, readings=readings, looks=looks, k=k) for k in range(count + (count > 1))]
-    legend = [[layout.scheme_entry(one.about, looks, markersize=4) for one in readings]]
+    legend = [[layout.scheme_entry(reading.about, looks, markersize=4) for reading in readings]]
     return [layout.Line(panels, SIZE, legend=legend, least=2.4), *_pictures(readings)]
 
 
@@ -42,43 +42,43 @@ def _panel(ax: Axes, readings: Sequence[Exponents], looks: style.Looks, k: int) 
     ax.set_xlabel("averaged until time $t$")
     ax.set_ylabel("$\\sum_k \\lambda_k$" if is_sum else f"$\\lambda_{{{k + 1}}}$")
     rules(ax)
-    if is_sum and (known := readings[0].total_known) is not None:
-        ax.axhline(known, color="#777777", linestyle=(0, (2, 2)), linewidth=1.0, zorder=1)
+    if is_sum and (exact := readings[0].total_known) is not None:
+        ax.axhline(exact, color="#777777", linestyle=(0, (2, 2)), linewidth=1.0, zorder=1)
     ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
-    for one in readings:
-        marker, colour = looks[one.about.variant]
-        value = one.total if is_sum else one.exponent[k]
-        half = one.total_half if is_sum else one.exponent_half[k]
-        ax.fill_between(one.t, value - half, value + half, color=colour, alpha=0.2, linewidth=0)
-        ax.plot(one.t, value, color=colour, marker=marker, markersize=4)
+    for reading in readings:
+        marker, colour = looks[reading.about.variant]
+        value = reading.total if is_sum else reading.exponent[k]
+        half = reading.total_half if is_sum else reading.exponent_half[k]
+        ax.fill_between(reading.t, value - half, value + half, color=colour, alpha=0.2, linewidth=0)
+        ax.plot(reading.t, value, color=colour, marker=marker, markersize=4)
 
 
 def _pictures(readings: Sequence[Exponents]) -> list[layout.Line]:
     """Lines of pictures, those of each scheme for itself, with the same colours."""
     lines = []
-    for one in readings:
-        if (found := one.pictures) is None or "pullback" not in one.panels:
+    for reading in readings:
+        if (pictures := reading.pictures) is None or "pullback" not in reading.panels:
             continue
-        density = found.density
+        density = pictures.density
         least, most = density[density > 0].min(initial=np.inf), density.max(initial=0.0)
         norm = LogNorm(least, max(most, 2 * least)) if most > 0 else None
-        panels = [partial(_picture, reading=one, i=i, norm=norm) for i in range(len(found.t))]
+        panels = [partial(_picture, reading=reading, i=i, norm=norm) for i in range(len(pictures.t))]
         few = layout.mark("o", "all cells that have states", markerfacecolor="none", markersize=9)
-        circled = any(0 < np.count_nonzero(cells) <= _FEW for cells in found.count)
+        circled = any(0 < np.count_nonzero(cells) <= _FEW for cells in pictures.count)
         lines += layout.in_lines(panels, _ACROSS, PICTURE, least=2.4)
         lines[-1] = lines[-1]._replace(legend=[[few]] if circled else ())
     return lines
 
 
 def _picture(ax: Axes, reading: Exponents, i: int, norm: LogNorm | None) -> None:
-    """Where the states are that noise has moved since -t."""
-    found = reading.pictures
-    assert found is not None
-    edges = cell_edges(found, i)
-    cells = np.where(found.count[i] > 0, found.density[i], np.nan)
-    if len(few := np.argwhere(found.count[i] > 0)) <= _FEW:  # which alone could not be seen
-        places = found.low[i] + found.width[i] * (few + 0.5)
-        across, up = places.T[::-1] if found.is_sphere else places.T
+    """A picture of the states that noise has moved since -t."""
+    pictures = reading.pictures
+    assert pictures is not None
+    edges = cell_edges(pictures, i)
+    cells = np.where(pictures.count[i] > 0, pictures.density[i], np.nan)
+    if len(few := np.argwhere(pictures.count[i] > 0)) <= _FEW:  # which alone could not be seen
+        places = pictures.low[i] + pictures.width[i] * (few + 0.5)
+        across, up = places.T[::-1] if pictures.is_sphere else places.T
         ax.plot(across, up, "o", color="black", markerfacecolor="none", markersize=9, zorder=4)
-    shown = (edges[1], edges[0], cells) if found.is_sphere else (*edges, cells.T)
-    dress_map(ax, reading.about, found, i, ax.pcolormesh(*shown, cmap=_COLOURS, norm=norm, rasterized=True))
+    shown = (edges[1], edges[0], cells) if pictures.is_sphere else (*edges, cells.T)
+    dress_map(ax, reading.about, pictures, i, ax.pcolormesh(*shown, cmap=_COLOURS, norm=norm, rasterized=True))

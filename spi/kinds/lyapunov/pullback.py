@@ -37,7 +37,7 @@ _LEAST = 1e-16  # distance, relative to |y|, that counts as this one
 
 
 class Counts(NamedTuple):
-    """Of the states of the pictures at T times."""
+    """Sums over the states of the pictures at T times."""
 
     paths: int
     seconds: float
@@ -46,12 +46,12 @@ class Counts(NamedTuple):
     distances: np.ndarray  #: (2, T, 2, GROUPS) sums of distances of two states and their logarithms, and of the squares
 
     def plus(self, later: "Counts") -> "Counts":
-        """These states and some later ones."""
+        """The sums over these states and some later ones."""
         return sum_of_fields(self, later)
 
 
 class Seen(NamedTuple):
-    """What some blocks contribute."""
+    """The contributions of some blocks."""
 
     places: np.ndarray  #: (blocks, T, 1, LANES) the number of the cell and a half, -1 outside, NaN if lost
     distances: np.ndarray  #: (blocks, T, 2, LANES) distance of each to its partner, and the logarithm
@@ -69,7 +69,7 @@ class Pulled:
 
     @cached_property
     def steps(self) -> list[int]:
-        """(T,) how many steps each picture takes."""
+        """(T,) the number of steps of each picture."""
         return [round(t / self.plan.grid.reference_step) for t in self._keys.times]
 
     @property
@@ -86,27 +86,27 @@ class Pulled:
         return given
 
     def _until_now(self, steps: int) -> Given:
-        """The noise of so many steps, the last of which is number 0."""
+        """The noise of `steps` steps, the last of which is number 0."""
         whole = self._noise
         parts = len(whole.dW) // max(self.steps)
         dW = whole.dW.reshape(-1, parts, *whole.dW.shape[1:])[:steps][::-1].reshape(steps * parts, *whole.dW.shape[1:])
-        areas, coins = (np.ascontiguousarray(one[:steps][::-1]) for one in (whole.areas, whole.coins))
+        areas, coins = (np.ascontiguousarray(rows[:steps][::-1]) for rows in (whole.areas, whole.coins))
         return Given(np.ascontiguousarray(dW), areas, coins, 0)
 
     def states(self, first: int, count: int, end: int) -> np.ndarray:
-        """(blocks, T, d, LANES): those of some blocks at the end of each picture."""
+        """(blocks, T, d, LANES) the states of some blocks at the end of each picture."""
         p, d = self.plan, dimension(self.plan.model)
         begin = block_states(p.case.points_law, p.stream, first, count).reshape(count, 1, d * LANES)
-        found = np.empty((count, len(self.steps), d, LANES))
+        states = np.empty((count, len(self.steps), d, LANES))
         for i, steps in enumerate(self.steps):
             start = p.case.last_time - steps * p.grid.reference_step
             times = p.grid._replace(reference_steps=steps, start=start)
             moved, _ = integrated(p.scheme, p.model, begin, times, self._until_now(steps), first, count, end)
-            found[:, i] = moved.reshape(count, d, LANES)
-        return found
+            states[:, i] = moved.reshape(count, d, LANES)
+        return states
 
     def sides(self, states: np.ndarray) -> np.ndarray:
-        """(2, ...) of states (blocks, T, d, LANES) where they stand in the plane."""
+        """(2, ...) the coordinates of states (blocks, T, d, LANES) in the plane of the picture."""
         y = np.moveaxis(states, 2, 0)
         if self._keys.of:
             trees = [parse_expression(text, len(y), self.plan.case.variables) for text in self._keys.of]
@@ -136,7 +136,7 @@ class Pulled:
 
     @cached_property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """(T, 2) where the first cell begins, and the width of a cell."""
+        """(T, 2) the lower ends of the first cell, and (T, 2) the widths of a cell."""
         shape = len(self.steps), 2
         if self._sphere is not None:
             half = np.array([HALF_HEIGHT, HALF_WIDTH])
@@ -145,13 +145,13 @@ class Pulled:
         return cells_around(values, self._number, _MARGIN)
 
     def empty(self) -> Counts:
-        """Of no states."""
+        """The sums over no states."""
         times, (rows, columns) = len(self.steps), self._number
         cells = np.zeros((times, 1, 2 + rows * columns), np.int64)
         return Counts(0, 0.0, 0.0, cells, np.zeros((2, times, 2, GROUPS)))
 
     def rows(self, first: int, count: int, end: int) -> Seen:
-        """What some blocks contribute; the partner of lane l is l + 32, which is in the same jackknife group."""
+        """The contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group."""
         y = self.states(first, count, end)
         with np.errstate(all="ignore"):
             apart = y - np.roll(y, LANES // 2, axis=-1)

@@ -1,4 +1,4 @@
-"""What is stored of Lyapunov exponents."""
+"""The records of Lyapunov exponents."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from spi.statistics.claims import Quantity, lost_among, quantity
 from spi.statistics.estimators import RESOLVED, group_counts, student
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
-#: What a figure can show.
+#: The panels of a figure.
 PANELS = ("lyapunov", "pullback")
 
 #: The sides of a picture of a sphere.
@@ -19,13 +19,13 @@ SPHERE_SIDES = "Mollweide y", "Mollweide x"
 #: The relative spread of values that are alike on all paths.
 EQUAL = 1e-6
 
-_SMALL = 0.1  # a change of the mean of H that is less, beside the spread of H, does not count
+_SMALL = 0.1  # share of the spread of H up to which a change of its mean does not count
 
 
 class Pictures(Described):
-    """Many states on one path of noise that ends now: where they are, and how far from each other.
+    """Many states on one path of noise that ends now: their places, and their distances from each other.
 
-    A picture at t is of the noise from -t to 0, the same for all t as far as they go, so that pictures converge.
+    A picture at t is of the noise from -t to 0, which all pictures share as far as they go, so that they converge.
     Its cells have equal areas; on a sphere they are those of Mollweide's projection, whose area is 4 pi.
     """
 
@@ -60,8 +60,8 @@ class Pictures(Described):
     @property
     def density(self) -> np.ndarray:
         """(times, rows, columns) share of the states in the cell by its area: on a sphere per steradian."""
-        found: np.ndarray = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
-        return found
+        density: np.ndarray = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
+        return density
 
 
 class Exponents(Stored):
@@ -122,7 +122,7 @@ class Exponents(Stored):
     def is_stationary(self) -> bool:
         """Whether nothing speaks against a stationary law: the mean of H does not change from half to half.
 
-        A change counts that is resolved and not small beside the spread of H over the paths.
+        A change counts if it is resolved and not small beside the spread of H over the paths.
         """
         if self.energy is None or self.energy_stderr is None or self.energy_change is None:
             return True
@@ -146,27 +146,27 @@ def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
     reached = np.take_along_axis(np.concatenate((zero, sums)), j, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = reached / np.abs(np.take_along_axis(np.concatenate((exponents, zero + np.inf)), j, axis=0))
-    found: np.ndarray = np.where(
+    dimension: np.ndarray = np.where(
         np.isfinite(exponents).all(axis=0), (j + np.where(j == len(exponents), 0, share))[0], np.nan
     )
-    return found
+    return dimension
 
 
 Record = Exponents
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of Lyapunov exponents: the largest, their sum and the dimension.
+# Quantities of Lyapunov exponents that a spec may expect: the largest, their sum and the dimension.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 def quantities(readings: Sequence[Exponents]) -> Iterator[Quantity]:
-    """At the last time, and how many paths diverged."""
-    for one in readings:
-        yield quantity("nonfinite", one.about, one.nonfinite)
-        yield quantity("largest_exponent", one.about, one.exponent[0, -1], one.exponent_half[0, -1])
-        known = math.nan if one.total_known is None else one.total_known
-        yield quantity("exponent_sum", one.about, one.total[-1], one.total_half[-1], expected=known)
-        if one.dimension_half is not None:
-            lost = lost_among(one.exponent[:, -1], "exponents")
-            yield quantity("dimension", one.about, one.dimension, one.dimension_half, lost=lost)
+    """The quantities at the last time, and the number of paths that diverged."""
+    for reading in readings:
+        yield quantity("nonfinite", reading.about, reading.nonfinite)
+        yield quantity("largest_exponent", reading.about, reading.exponent[0, -1], reading.exponent_half[0, -1])
+        exact = math.nan if reading.total_known is None else reading.total_known
+        yield quantity("exponent_sum", reading.about, reading.total[-1], reading.total_half[-1], expected=exact)
+        if reading.dimension_half is not None:
+            lost = lost_among(reading.exponent[:, -1], "exponents")
+            yield quantity("dimension", reading.about, reading.dimension, reading.dimension_half, lost=lost)

@@ -50,7 +50,7 @@ from .results import EQUAL, PANELS, Exponents, kaplan_yorke
 # Tangent vectors of the Casimir surface, by differences of paths on the same noise.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: Near paths are so far away, relative to the state: what is left out is of this size, and roundings are 1e-9 of it.
+#: Distance of near paths, relative to the state: the neglected terms are of this size, rounding errors 1e-9 of it.
 NEAR = 1e-7
 _BY = 1e-6  # relative, by which a state is moved for the gradient of a Casimir function
 _RANK = 1e-10  # singular values of B(y_0), relative to the largest, that are 0
@@ -58,8 +58,8 @@ _RANK = 1e-10  # singular values of B(y_0), relative to the largest, that are 0
 
 def size_of(*states: np.ndarray) -> np.ndarray:
     """(blocks, 1, LANES) the largest component of any of some states (blocks, d, LANES), 1 where all are 0."""
-    found = np.maximum.reduce([np.abs(y).max(axis=1, keepdims=True) for y in states])
-    return np.where(found > 0.0, found, 1.0)
+    largest = np.maximum.reduce([np.abs(y).max(axis=1, keepdims=True) for y in states])
+    return np.where(largest > 0.0, largest, 1.0)
 
 
 def tangents(model: Any, y: Any) -> np.ndarray:
@@ -86,14 +86,14 @@ def normals_at(model: Any, y: np.ndarray) -> np.ndarray:
     by = _BY * size_of(y)[:, 0]
     to = np.array([1.0, -1.0])[:, np.newaxis, np.newaxis] * np.eye(d)  # (2, j, i) by which component i is moved
     states = np.moveaxis(y, 1, 0)[:, np.newaxis, np.newaxis] + np.multiply.outer(to.transpose(2, 0, 1), by)
-    found = at_states(partial(casimirs, model), states.reshape(d, -1)).reshape(count, 2, d, blocks, lanes)
-    gradients = np.ascontiguousarray(np.moveaxis((found[:, 0] - found[:, 1]) / (2.0 * by), 1, 2))
+    values = at_states(partial(casimirs, model), states.reshape(d, -1)).reshape(count, 2, d, blocks, lanes)
+    gradients = np.ascontiguousarray(np.moveaxis((values[:, 0] - values[:, 1]) / (2.0 * by), 1, 2))
     orthonormalise(gradients)
     return gradients
 
 
 def make_tangent(vectors: np.ndarray, normals: np.ndarray) -> None:
-    """Take from vectors (m, blocks, d, LANES), in place, what is not tangent to the Casimir surfaces.
+    """Subtract from vectors (m, blocks, d, LANES), in place, their parts normal to the Casimir surfaces.
 
     The normal direction neither grows nor shrinks, so that of a vector that shrinks nothing else would be left in the
     end.
@@ -117,12 +117,12 @@ def log_density(model: Any, y: np.ndarray, normals: np.ndarray) -> np.ndarray:
     columns = np.ascontiguousarray(columns.reshape(d, d, blocks, lanes).transpose(1, 2, 0, 3))
     for normal in normals:
         columns += np.moveaxis(normal, 1, 0)[:, :, np.newaxis] * normal
-    found: np.ndarray = 0.5 * orthonormalise(columns).sum(axis=0)
-    return found
+    half_log_determinant: np.ndarray = 0.5 * orthonormalise(columns).sum(axis=0)
+    return half_log_determinant
 
 
 def orthonormalise(vectors: np.ndarray) -> np.ndarray:
-    """Make vectors (m, blocks, d, LANES) orthonormal in place, one after the other; the logarithms of what is left.
+    """Make vectors (m, blocks, d, LANES) orthonormal in place; returns the logarithms of their lengths before scaling.
 
     By Gram and Schmidt, one vector after the other; the result is (m, blocks, LANES), the logarithms of the diagonal
     of R in vectors = Q R.
@@ -137,14 +137,14 @@ def orthonormalise(vectors: np.ndarray) -> np.ndarray:
     return log(sizes)
 
 
-_TIMES = 16  # at which results are known
+_TIMES = 16  # at which results are stored
 _BATCH_BYTES = 64e6
 _LEAST_NS = 1e5  # of work of a thread in a call
 _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
 class Sums(NamedTuple):
-    """Of the exponents, their sum, H, and the change of H at T times, over some paths."""
+    """Sums over some paths of the exponents, their sum, H, and the change of H at T times."""
 
     paths: int
     seconds: float
@@ -154,12 +154,12 @@ class Sums(NamedTuple):
     nonfinite: int
 
     def plus(self, later: "Sums") -> "Sums":
-        """These paths and some later ones."""
+        """The sums over these paths and some later ones."""
         return sum_of_fields(self, later)._replace(change=max(self.change, later.change))
 
 
 class Rows(NamedTuple):
-    """What some blocks contribute."""
+    """The contributions of some blocks."""
 
     values: np.ndarray  #: (blocks, T, m + 3, LANES)
     change: np.ndarray  #: (blocks,)
@@ -167,7 +167,7 @@ class Rows(NamedTuple):
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme."""
+    """The parts of a case, one for each scheme, which are run one after the other."""
     return [Part(scheme) for scheme in case.schemes]
 
 
@@ -190,12 +190,12 @@ class LyapunovPlan(MeansPlan):
         return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of the states of the pictures also their times and axes."""
-        found = super().deciding(number)
-        return found | {"pullback": self.case.pullback.model_dump(exclude={"points"})} if number else found
+        """See :meth:`Plan.deciding`; for the states of the pictures also their times and axes."""
+        entries = super().deciding(number)
+        return entries | {"pullback": self.case.pullback.model_dump(exclude={"points"})} if number else entries
 
     def kernel_calls(self) -> list[KernelCall]:
-        """Those of both."""
+        """The calls of the exponents and of the pictures."""
         return [*super().kernel_calls(), *(self.pulled.kernel_calls() if self.pulled else [])]
 
     @cached_property
@@ -220,7 +220,7 @@ class LyapunovPlan(MeansPlan):
         return int(np.searchsorted(self.stops * self.grid.reference_step, self.case.warm_up * (1 + 1e-12), "right"))
 
     @cached_property
-    def known(self) -> np.ndarray:
+    def stored(self) -> np.ndarray:
         """The numbers of stops until which averages are stored, the last among them."""
         count = len(self.stops)
         return np.unique(np.ceil(np.linspace(count, self.begin, _TIMES, endpoint=False)).astype(int))
@@ -236,11 +236,11 @@ class LyapunovPlan(MeansPlan):
         """The sums over no paths, or no states of pictures."""
         if number and self.pulled:
             return self.pulled.empty()
-        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + _FURTHER, GROUPS)), 0.0, 0)
+        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.stored), self.case.count + _FURTHER, GROUPS)), 0.0, 0)
 
     def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        times, copies = len(self.pulled.steps if number and self.pulled else self.known), 4 * (1 + self.case.count)
+        """The largest number of blocks in a batch, because of memory."""
+        times, copies = len(self.pulled.steps if number and self.pulled else self.stored), 4 * (1 + self.case.count)
         floats = copies * (len(self.initial) + times)
         return max(1, int(_BATCH_BYTES / (8 * LANES * floats)))
 
@@ -256,7 +256,7 @@ class LyapunovPlan(MeansPlan):
         make_tangent(q, normals)  # random initial states have tangent spaces of their own
         orthonormalise(q)
         total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
-        values = np.zeros((blocks, len(self.known), m + _FURTHER, LANES))
+        values = np.zeros((blocks, len(self.stored), m + _FURTHER, LANES))
         before, begun = np.append(0, self.stops), self._log_lengths(y, normals)
         with (
             limited_threads(self._threads(blocks)),
@@ -275,21 +275,21 @@ class LyapunovPlan(MeansPlan):
                     begun = self._log_lengths(y, normals)
                 if number_of_stop > self.begin:
                     total += grown
-                at = np.searchsorted(self.known, number_of_stop)
-                if at < len(self.known) and self.known[at] == number_of_stop:
+                at = np.searchsorted(self.stored, number_of_stop)
+                if at < len(self.stored) and self.stored[at] == number_of_stop:
                     since = (stop - before[self.begin]) * self.grid.reference_step
                     means = (total + (self._log_lengths(y, normals) - begun)) / since
                     values[:, at, :m] = np.moveaxis(means, 0, 1)
                     values[:, at, m] = means.sum(axis=0)
                     values[:, at, m + 1] = self._energies(y)
-            half = len(self.known) // 2
+            half = len(self.stored) // 2
             if half:
                 energies = values[:, :, m + 1]
                 values[:, -1, m + 2] = energies[:, half:].mean(axis=1) - energies[:, :half].mean(axis=1)
         return Rows(values, change, np.logical_not(np.isfinite(values[:, -1, : m + 1]).all(axis=1)))
 
     def _threads(self, blocks: int) -> int:
-        """How many threads are worth waiting for in each of many short calls."""
+        """The number of threads that are worth waiting for in each of many short calls."""
         work = blocks * LANES * self.case.every * typical_ns(self.row, self.model)
         return max(1, min(blocks, int(work / _LEAST_NS)))
 
@@ -317,9 +317,9 @@ class LyapunovPlan(MeansPlan):
         return self.scheme, self.model
 
     def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
-        """States (blocks, d, LANES) at a stop, from those at the one before; on numbers of its own.
+        """States (blocks, d, LANES) at a stop, from those at the one before; each stop has random numbers of its own.
 
-        Those of a stop begin with a multiple of STEPS_PER_TOSS, in which portions coins are drawn.
+        They begin at a multiple of STEPS_PER_TOSS, since coins are drawn for so many steps at a time.
         """
         h, unit = self.grid.reference_step, STEPS_PER_TOSS * (stop - 1)
         done = self.stops[stop - 2] if stop > 1 else 0
@@ -340,14 +340,14 @@ class LyapunovPlan(MeansPlan):
         return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
 
     def so_far(self, state: State) -> State | None:
-        """The state of the first paths, with those states of the pictures that are known without a gap."""
-        found = super().so_far(state)
-        if found is None or self.pulled is None:
-            return found
+        """The state of the first paths, with those states of the pictures that are computed without a gap."""
+        shorter = super().so_far(state)
+        if shorter is None or self.pulled is None:
+            return shorter
         points = state.tally(1).leading(state.path_sets[1])
-        own: Any = found.plan
-        known = self.case.pullback.model_copy(update={"points": points}) if points else None
-        return state.of(replace(own, case=own.case.model_copy(update={"pullback": known})))
+        own: Any = shorter.plan
+        pullback = self.case.pullback.model_copy(update={"points": points}) if points else None
+        return state.of(replace(own, case=own.case.model_copy(update={"pullback": pullback})))
 
     def _known_sum(self) -> float | None:
         """The sum of the exponents of the equation; None where it is not known."""
@@ -367,7 +367,7 @@ class LyapunovPlan(MeansPlan):
             stderr = spread / np.sqrt(self.samples - 1)  # paths are independent of one another
             alike = ~(spread > EQUAL * np.abs(mean))  # squares of values that are nearly equal leave no digits
             stderr = np.where(alike, jackknife_stderr(mean, without, groups), stderr)
-        dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :m], -1, 0)) for one in (mean, without))
+        dimension, others = (kaplan_yorke(np.moveaxis(rows[..., -1, :m], -1, 0)) for rows in (mean, without))
         is_known = m == self._leaf or dimension < m
         of_energy: dict[str, Any] = {}
         if self._energy is not None:
@@ -376,7 +376,7 @@ class LyapunovPlan(MeansPlan):
         return Exponents(
             **self.whole(state),
             number=np.arange(1, m + 1),
-            t=self.stops[self.known - 1] * self.grid.reference_step,
+            t=self.stops[self.stored - 1] * self.grid.reference_step,
             exponent=mean[:, :m].T,
             exponent_stderr=stderr[:, :m].T,
             total=mean[:, m],

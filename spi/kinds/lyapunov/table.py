@@ -37,18 +37,18 @@ def show(console: "Console", heading: str, readings: Sequence[Exponents]) -> Non
     print_with_remarks(console, [table], _remarks(readings))
 
 
-def _cells(one: Exponents) -> Iterator[str]:
-    yield lines_of(one.about)
-    yield from map(_value, one.exponent[:, -1], one.exponent_half[:, -1])
-    yield _value(one.total[-1], one.total_half[-1])
-    yield _dimension(one)
+def _cells(reading: Exponents) -> Iterator[str]:
+    yield lines_of(reading.about)
+    yield from map(_value, reading.exponent[:, -1], reading.exponent_half[:, -1])
+    yield _value(reading.total[-1], reading.total_half[-1])
+    yield _dimension(reading)
 
 
-def _dimension(one: Exponents) -> str:
-    half = one.dimension_half
-    if half is None and math.isfinite(one.dimension):
-        return f"{one.dimension:g} or more"
-    return _value(one.dimension, half) if half else f"{one.dimension:g}"
+def _dimension(reading: Exponents) -> str:
+    half = reading.dimension_half
+    if half is None and math.isfinite(reading.dimension):
+        return f"{reading.dimension:g} or more"
+    return _value(reading.dimension, half) if half else f"{reading.dimension:g}"
 
 
 def _value(value: float, half: float) -> str:
@@ -57,25 +57,26 @@ def _value(value: float, half: float) -> str:
 
 def _remarks(readings: Sequence[Exponents]) -> Iterator[str]:
     yield "per unit of time; the dimension is that of Kaplan and Yorke"
-    for one in readings:
-        lost = f", {one.nonfinite} of them diverged" * bool(one.nonfinite)
-        speed = f"{one.ns_per_step:.1f} ns per step and path with its near ones"
-        yield f"{one.about.label}: {one.samples} paths until t = {one.t[-1]:g} with h = {one.step:g}{lost}, {speed}"
-        if one.change > _LARGE:
-            yield f"    vectors changed by factors of {one.change:.0e} between two stops: take a smaller `every`"
-        if not one.is_stationary:
-            yield f"    {_drift(one)}"
-        if (found := one.pictures) is not None:
-            yield f"    {found.points} states on one path of noise, which began a time t ago:"
-            for i, t in enumerate(found.t):
-                mean = _value(found.distance[i], found.distance_half[i])
-                told = f"mean distance {mean}, typical one {short(float(found.typical[i]))}"
-                yield f"    t = {t:g}: {told}, in {found.occupied[i]:.1%} of the cells"
+    for reading in readings:
+        lost = f", {reading.nonfinite} of them diverged" * bool(reading.nonfinite)
+        speed = f"{reading.ns_per_step:.1f} ns per step and path with its near ones"
+        paths = f"{reading.samples} paths until t = {reading.t[-1]:g} with h = {reading.step:g}{lost}"
+        yield f"{reading.about.label}: {paths}, {speed}"
+        if reading.change > _LARGE:
+            yield f"    vectors changed by factors of {reading.change:.0e} between two stops: take a smaller `every`"
+        if not reading.is_stationary:
+            yield f"    {_drift(reading)}"
+        if (pictures := reading.pictures) is not None:
+            yield f"    {pictures.points} states on one path of noise, which began a time t ago:"
+            for i, t in enumerate(pictures.t):
+                mean = _value(pictures.distance[i], pictures.distance_half[i])
+                distances = f"mean distance {mean}, typical one {short(float(pictures.typical[i]))}"
+                yield f"    t = {t:g}: {distances}, in {pictures.occupied[i]:.1%} of the cells"
 
 
-def _drift(one: Exponents) -> str:
-    """That the energy still changes."""
-    assert one.energy is not None and one.energy_stderr is not None
-    ends = (_value(one.energy[i], float(student(one.samples - 1)) * one.energy_stderr[i]) for i in (0, -1))
-    began, ended = (f"{end} at t = {t:g}" for end, t in zip(ends, one.t[[0, -1]], strict=True))
+def _drift(reading: Exponents) -> str:
+    """A remark that the energy still changes."""
+    assert reading.energy is not None and reading.energy_stderr is not None
+    ends = (_value(reading.energy[i], float(student(reading.samples - 1)) * reading.energy_stderr[i]) for i in (0, -1))
+    began, ended = (f"{end} at t = {t:g}" for end, t in zip(ends, reading.t[[0, -1]], strict=True))
     return f"no stationary law was found, so that exponents are no limit: the mean of H goes from {began} to {ended}"

@@ -18,7 +18,7 @@ from spi.drawing.layout import Entry, Line
 from .results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Maps of regimes: what a scheme keeps, over step size and a parameter.
+# Maps of the regimes of a scheme over step size and a parameter.
 # ---------------------------------------------------------------------------------------------------------------------
 
 MAP_SIZE = (2.3, 2.45)  # inches of a map
@@ -39,14 +39,14 @@ _TICKS = 9
 
 
 def map_lines(cases: Sequence[Sequence[Stability]], titles: list[str]) -> list[Line]:
-    """A line of maps per case, a map per scheme; under the last line what the colours mean."""
+    """A line of maps per case, a map per scheme, with the legend of the colours under the last line."""
     variants = list(dict.fromkeys(reading.about.variant for readings in cases for reading in readings))
-    found = []
+    lines = []
     for readings, title in zip(cases, titles, strict=True):
         of = {reading.about.variant: reading for reading in readings}
         panels = [partial(_map, reading=of.get(variant)) for variant in variants]
-        found.append(Line(panels, MAP_SIZE, title, least=LEAST, shared=True))
-    return [*found[:-1], found[-1]._replace(legend=[_map_legend([reading for case in cases for reading in case])])]
+        lines.append(Line(panels, MAP_SIZE, title, least=LEAST, shared=True))
+    return [*lines[:-1], lines[-1]._replace(legend=[_map_legend([reading for case in cases for reading in case])])]
 
 
 def _map_legend(readings: Iterable[Stability]) -> list[Entry]:
@@ -116,14 +116,14 @@ ZERO = 2.0  # standard errors: up to these a value is statistically zero
 
 
 class _Quantity(NamedTuple):
-    """What a panel shows."""
+    """The quantity of a panel."""
 
     label: str
     field: str  #: of a reading, perhaps of a part that it need not have
     is_log: bool = True
-    lacking: str = "not stored"  #: what an empty panel says
-    dotted: str = ""  #: the same for a second, dotted line
-    nan_is_lost: bool = True  #: whether NaN stands for what is no number rather than for what is not known
+    lacking: str = "not stored"  #: the text of an empty panel
+    dotted: str = ""  #: the field of a second, dotted line
+    nan_is_lost: bool = True  #: whether NaN means that paths diverged rather than that nothing is known
 
 
 class _Values(NamedTuple):
@@ -172,7 +172,7 @@ WORDS = ("regimes", *QUANTITIES)
 def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
     """The figure of a study of kind stability.
 
-    Of the word ``regimes`` a line of maps per case, a map per scheme; of all other words a panel each, again lines of
+    The word ``regimes`` gives a line of maps per case, a map per scheme; all other words give a panel each, in lines of
     their own for each case, below the maps.
     """
     for readings in cases:
@@ -183,7 +183,7 @@ def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
     if len(set(map(tuple, swept))) == 1:
         shared = [*swept[0], *shared]
     else:
-        own = [[*one, *facts] for one, facts in zip(swept, own, strict=True)]
+        own = [[*value, *facts] for value, facts in zip(swept, own, strict=True)]
     looks = _looks(cases)
     mapped = [i for i, readings in enumerate(cases) if "regimes" in readings[0].panels]
     variants = {reading.about.variant for i in mapped for reading in cases[i]}
@@ -205,7 +205,7 @@ def _single_value(reading: Stability) -> list[str]:
 
 
 def _looks(cases: Sequence[Sequence[Stability]]) -> Looks:
-    """How each scheme is drawn; markers differ in size, the last lies on top."""
+    """The look of each scheme; markers differ in size, the last lies on top."""
     looks = style.looks(cases)
     variants = dict.fromkeys(reading.about.variant for readings in cases for reading in readings)
     return {
@@ -225,9 +225,9 @@ def _lines(
     size = SIZE if len(words) > 1 else ALONE
     columns = layout.even(len(words), COLUMNS)
     panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words]
-    found = layout.in_lines(panels, columns, size)
-    found[0] = found[0]._replace(title=title(size[0] * columns))
-    return [*found[:-1], found[-1]._replace(legend=_legend(readings, words, looks))]
+    lines = layout.in_lines(panels, columns, size)
+    lines[0] = lines[0]._replace(title=title(size[0] * columns))
+    return [*lines[:-1], lines[-1]._replace(legend=_legend(readings, words, looks))]
 
 
 def _without_repetition(lines: list[layout.Line]) -> list[layout.Line]:
@@ -242,9 +242,11 @@ def _shown(reading: Stability) -> list[int] | list[None]:
 
 
 def _legend(readings: Sequence[Stability], words: list[str], looks: Looks) -> list[list[layout.Entry]]:
-    """What markers, shades and edge marks mean, of all panels of a case."""
+    """The rows of the legend of all panels of a case: markers, shades and edge marks."""
     abouts = [reading.about for reading in readings]
-    rows: list[list[layout.Entry]] = [[(Line2D([], [], **looks[one.variant]), style.label(one)) for one in abouts]]
+    rows: list[list[layout.Entry]] = [
+        [(Line2D([], [], **looks[about.variant]), style.label(about)) for about in abouts]
+    ]
     shown, h = _shown(readings[0]), readings[0].h
     if len(shown) > 1:
         handles = [Line2D([], [], color=layout.shade("#000000", i, len(shown)), linewidth=2) for i in range(len(shown))]
@@ -259,42 +261,42 @@ def _legend(readings: Sequence[Stability], words: list[str], looks: Looks) -> li
 
 
 def _marks(readings: Sequence[Stability], words: list[str]) -> list[layout.Entry]:
-    """Entries for what is no ordinary point in some panel."""
-    found = []
-    logs = [one for word in words if QUANTITIES[word].is_log for one in _values_of(readings, word)]
-    if any((one.values == 0).any() for one in logs):
+    """Entries of the legend for marks that are no ordinary points in some panel."""
+    entries = []
+    logs = [curve for word in words if QUANTITIES[word].is_log for curve in _values_of(readings, word)]
+    if any((curve.values == 0).any() for curve in logs):
         text = r"0, or an angle $\leq\pi/4$" if "angle" in words else "0"
-        found.append(layout.mark("v", text, markerfacecolor="none"))
-    if any((~(one.values <= CAP)).any() for one in logs):
-        found.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
-    if "law" in words and any(_is_zero(one).any() for one in _values_of(readings, "law")):
-        found.append(layout.zero_mark())
-    return found
+        entries.append(layout.mark("v", text, markerfacecolor="none"))
+    if any((~(curve.values <= CAP)).any() for curve in logs):
+        entries.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
+    if "law" in words and any(_is_zero(curve).any() for curve in _values_of(readings, "law")):
+        entries.append(layout.zero_mark())
+    return entries
 
 
 def _panel(ax: Axes, readings: Sequence[Stability], word: str, looks: Looks) -> None:
     """One quantity over the swept value, a line per scheme and step size; over the step size if it is the only one."""
-    quantity, found = QUANTITIES[word], _values_of(readings, word)
-    if not found:
+    quantity, curves = QUANTITIES[word], _values_of(readings, word)
+    if not curves:
         layout.empty(ax, quantity.lacking)
         return
-    x = _x_axis(ax, found[0].reading)
+    x = _x_axis(ax, curves[0].reading)
     ax.set_ylabel(quantity.label)
     ax.set_yscale("log" if quantity.is_log else "linear")
-    _y_limits(ax, word, np.concatenate([one.values.ravel() for one in found]))
-    for one in found:
-        look, shown = looks[one.reading.about.variant], _shown(one.reading)
+    _y_limits(ax, word, np.concatenate([curve.values.ravel() for curve in curves]))
+    for curve in curves:
+        look, shown = looks[curve.reading.about.variant], _shown(curve.reading)
         for i, j in reversed(list(enumerate(shown))):
             at = (0, slice(None)) if j is None else (slice(None), j)
             colour = layout.shade(look["color"], i, len(shown))
-            poor = _is_zero(one) if word == "law" else np.zeros(one.values.shape, bool)
-            _line(ax, x, one.values[at], one.half[at], poor[at], look | {"color": colour})
-            if one.dotted is not None:
-                _joined(ax, x, one.dotted[at], {"color": colour, "linestyle": ":"})
+            poor = _is_zero(curve) if word == "law" else np.zeros(curve.values.shape, bool)
+            _line(ax, x, curve.values[at], curve.half[at], poor[at], look | {"color": colour})
+            if curve.dotted is not None:
+                _joined(ax, x, curve.dotted[at], {"color": colour, "linestyle": ":"})
 
 
 def _x_axis(ax: Axes, reading: Stability) -> np.ndarray:
-    """Scale, ticks and label of the horizontal axis; returns where its points are."""
+    """Scale, ticks and label of the horizontal axis; returns the places of its points."""
     values = reading.values
     if len(values) == 1:
         error_axes(ax, reading.h)
@@ -303,23 +305,23 @@ def _x_axis(ax: Axes, reading: Stability) -> np.ndarray:
 
 
 def _y_limits(ax: Axes, word: str, values: np.ndarray) -> None:
-    known = values[np.isfinite(values)]
+    shown = values[np.isfinite(values)]
     if not QUANTITIES[word].is_log:
-        top = 1.0 if word in ("finite", "positive") else known.max(initial=1.0)
+        top = 1.0 if word in ("finite", "positive") else shown.max(initial=1.0)
         ax.set_ylim(-0.05 * top, 1.05 * top)
         return
-    known = known[(known > 0) & (known <= (HUGE if word == "angle" else CAP))]
-    ax.set_ylim(limits(known if known.size else np.array([1.0])))
+    shown = shown[(shown > 0) & (shown <= (HUGE if word == "angle" else CAP))]
+    ax.set_ylim(limits(shown if shown.size else np.array([1.0])))
 
 
 def _line(
     ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
 ) -> None:
-    """A line with its bars, hollow where it is poor; marks at the edges for what lies outside, nothing for NaN."""
-    known = ~np.isnan(values)
+    """A line with its bars, hollow where it is poor; marks at the edges for values outside, nothing for NaN."""
+    is_number = ~np.isnan(values)
     _joined(ax, x, values, {"color": look["color"]})
     layout.points(ax, x, values, half, poor, look)
-    layout.edge_marks(ax, x[known], values[known], look["color"])
+    layout.edge_marks(ax, x[is_number], values[is_number], look["color"])
 
 
 def _joined(ax: Axes, x: np.ndarray, values: np.ndarray, look: dict[str, Any]) -> None:
@@ -330,8 +332,8 @@ def _joined(ax: Axes, x: np.ndarray, values: np.ndarray, look: dict[str, Any]) -
 
 
 def _values_of(readings: Iterable[Stability], word: str) -> list[_Values]:
-    """The quantity of each reading that has it and where anything of it is known."""
-    quantity, found = QUANTITIES[word], []
+    """The quantity of each reading that has values of it other than NaN."""
+    quantity, curves = QUANTITIES[word], []
     for reading in readings:
         values = reading.known(quantity.field)
         if values is None:
@@ -341,11 +343,11 @@ def _values_of(readings: Iterable[Stability], word: str) -> list[_Values]:
             continue
         stderr = reading.known(f"{quantity.field}_stderr")
         half = np.full(values.shape, np.nan) if stderr is None else INTERVAL * stderr
-        found.append(_Values(reading, values, half, reading.known(quantity.dotted) if quantity.dotted else None))
-    return found
+        curves.append(_Values(reading, values, half, reading.known(quantity.dotted) if quantity.dotted else None))
+    return curves
 
 
-def _is_zero(one: _Values) -> np.ndarray:
+def _is_zero(curve: _Values) -> np.ndarray:
     """Where a value is zero within ZERO standard errors."""
     with np.errstate(invalid="ignore"):
-        return one.values <= ZERO / INTERVAL * one.half
+        return curve.values <= ZERO / INTERVAL * curve.half

@@ -1,4 +1,4 @@
-"""What is stored of stability: what a scheme keeps of the equation at a step size and a value of a parameter."""
+"""The records of stability: properties that a scheme keeps at a step size and a value of a parameter."""
 
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any
@@ -15,9 +15,9 @@ REGIMES = (
     *("Casimir lost", "not bounded", "solver fails", "paths diverged"),
 )
 
-FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme
+FAILING = 1e-3  #: share of the solves: with more failures it is another scheme that is integrated
 CASIMIR_LOST = 1e-2  #: relative error of a Casimir
-CASIMIR_KEPT = 1e-8  #: the same, of what is kept but for rounding and the solver's tolerance
+CASIMIR_KEPT = 1e-8  #: the same where it is preserved but for rounding and the solver's tolerance
 GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step size
 
 
@@ -29,12 +29,12 @@ class CasimirErrors(Described):
 
     @property
     def largest_worst(self) -> np.ndarray:
-        """(V, S) that of the Casimir with the largest error; NaN counts as the largest."""
+        """(V, S) the error on the worst path of the Casimir where it is largest; NaN counts as the largest."""
         return self.worst.max(axis=-1)
 
     @property
     def largest_median(self) -> np.ndarray:
-        """(V, S) the same of the median path."""
+        """(V, S) the error on the median path of the Casimir where it is largest."""
         return self.median.max(axis=-1)
 
 
@@ -57,7 +57,7 @@ class Law(Described):
 
 
 class Stability(Stored):
-    """What one scheme keeps of the equation at each value of the swept parameter and step size, from large to small."""
+    """Properties that one scheme keeps at each value of the swept parameter and step size, from large to small."""
 
     headline = ("error",)
 
@@ -82,11 +82,11 @@ class Stability(Stored):
     panels: Annotated[tuple[str, ...], fact("what the figure shows")]
 
     def known(self, field: str) -> Any:
-        """What stands under a name such as ``law.distance``; None if there is nothing."""
-        found: Any = self
+        """The value of a field such as ``law.distance``; None if there is none."""
+        value: Any = self
         for name in field.split("."):
-            found = getattr(found, name, None)
-        return found
+            value = getattr(value, name, None)
+        return value
 
     @property
     def all_finite(self) -> np.ndarray:
@@ -134,10 +134,10 @@ Record = Stability
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of stability.
+# Quantities of stability that a spec may expect.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: Where a result has each quantity, with its standard error if it has one.
+#: The field of a record for each quantity, whose standard error stands beside it if it has one.
 _FIELDS = {
     "finite": "finite",
     "largest_norm": "largest_norm",
@@ -151,13 +151,13 @@ _FIELDS = {
 
 
 def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:
-    """For each step size and value of the sweep what :class:`~.results.Stability` has; NaN is infinite but of laws."""
-    for one in readings:
+    """The fields of :class:`~.results.Stability` at each step size and value; NaN counts as infinite except in laws."""
+    for reading in readings:
         for name, field in _FIELDS.items():
-            if (values := one.known(field)) is None:
+            if (values := reading.known(field)) is None:
                 continue
             values = values if name == "law_distance" else lost_is_infinite(values)
-            stderr = one.known(f"{field}_stderr")
-            for i, value in enumerate(one.values.tolist()):
-                for found in each_step(name, one.about, one.h, values[i], None if stderr is None else stderr[i]):
-                    yield found._replace(swept=(one.word, value))
+            stderr = reading.known(f"{field}_stderr")
+            for i, value in enumerate(reading.values.tolist()):
+                for at_h in each_step(name, reading.about, reading.h, values[i], None if stderr is None else stderr[i]):
+                    yield at_h._replace(swept=(reading.word, value))

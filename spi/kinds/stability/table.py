@@ -1,4 +1,4 @@
-"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept parameter."""
+"""Tables of stability: the step sizes up to which a scheme keeps each property, for each value of the parameter."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,18 +31,18 @@ def rows(readings: Iterable[Stability]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[Stability]) -> None:
     """Print the table of a case: a line per scheme and value."""
-    told = [list(_summary(reading)) for reading in readings]
-    shown = [name for name in _HEADINGS if any(name in line for lines in told for line in lines)]
+    summaries = [list(_summary(reading)) for reading in readings]
+    shown = [name for name in _HEADINGS if any(name in line for lines in summaries for line in lines)]
     headings = ["scheme", readings[0].word, *(_HEADINGS[name] for name in shown)]
     table = new_table(heading, headings, left=1, labels=0)
-    for reading, lines in zip(readings, told, strict=True):
+    for reading, lines in zip(readings, summaries, strict=True):
         values = zip(reading.values.tolist(), lines, strict=True)
         label = lines_of(reading.about)
         add_rows(table, ([label, f"{value:g}", *(line.get(name, "") for name in shown)] for value, line in values))
     print_with_remarks(console, [table], _remarks(readings))
 
 
-#: What a line of the table may say, and the heading of its column.
+#: The columns of the table, with their headings.
 _HEADINGS = {
     "finite": "all paths\nfinite, h",
     "kept": "Casimir\nkept, h",
@@ -56,7 +56,7 @@ _HEADINGS = {
 
 
 def _summary(reading: Stability) -> Iterator[dict[str, str]]:
-    """What the table says of each value: the text of each of its columns."""
+    """The texts of the columns, for each value."""
     for i in range(len(reading.values)):
         line = {
             "finite": _step(reading.h, reading.all_finite[i]),
@@ -92,19 +92,21 @@ def _percent(fraction: float) -> str:
 
 def _range(values: np.ndarray) -> str:
     """From the smallest to the largest number, with one decimal."""
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return ""
-    low, high = f"{known.min():.1f}", f"{known.max():.1f}"
+    low, high = f"{finite.min():.1f}", f"{finite.max():.1f}"
     return low if low == high else f"{low}-{high}"
 
 
 def _remarks(readings: Sequence[Stability]) -> Iterator[str]:
-    """What holds for the whole table."""
+    """Remarks on the whole table."""
     first = readings[0]
-    kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; " if first.casimirs else ""
+    meaning = (
+        f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; " if first.casimirs else ""
+    )
     yield (
-        f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
+        f"h: the largest step size at which this holds, as at all smaller ones; {meaning}"
         f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
     )
     seconds = sum(reading.wall_seconds for reading in readings)

@@ -1,4 +1,4 @@
-"""What is stored of trajectories, and where a quantity along a path is not defined."""
+"""The records of trajectories, and the times at which a quantity along a path is not defined."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,7 @@ from spi.storage.stored import Array, Described, Stored, array, axis, fact, nest
 
 
 class SolverMeans(Described):
-    """What an implicit scheme reports of its equations, over all steps."""
+    """The report of an implicit scheme on its equations, over all steps."""
 
     failures: Annotated[int, fact("solves that did not converge")]
     iterations_mean: Annotated[float, fact("iterations of a solve")]
@@ -51,7 +51,7 @@ class Trajectory(Stored):
 
     @property
     def shown(self) -> list[int]:
-        """The numbers of the states that are drawn as fields: by default the first, the one in the middle, the last."""
+        """The numbers of the states that are drawn as fields: by default the first, the middle and the last one."""
         if self.times:
             return np.searchsorted(self.t, [t - self.t[1] / 2 for t in self.times]).tolist()
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
@@ -71,7 +71,7 @@ class Trajectory(Stored):
 
     @property
     def preserves_nothing(self) -> bool:
-        """Whether the scheme makes no promise that would hold its paths together."""
+        """Whether the scheme preserves nothing that would keep its paths bounded."""
         return self.preserves == "nothing"
 
     @property
@@ -86,11 +86,11 @@ class Trajectory(Stored):
 
 
 class Losses(NamedTuple):
-    """At how many times something is not defined although y is finite."""
+    """The times at which a quantity is not defined although y is finite."""
 
-    number: int
-    times: int  #: how many there are
-    first: float  #: of those times
+    number: int  #: of these times
+    times: int  #: number of all times
+    first: float  #: the first of these times
     lasting: bool  #: whether it is undefined from then on, as long as y is finite
 
     def __str__(self) -> str:
@@ -100,7 +100,7 @@ class Losses(NamedTuple):
 
 
 def losses(reading: Trajectory, values: np.ndarray) -> Losses | None:
-    """Those of `values` (t, ...) along the path of a reading; None if they are finite wherever y is."""
+    """The losses of `values` (t, ...) along the path of a reading; None if they are finite wherever y is."""
     alive = np.isfinite(reading.y).all(axis=1)
     lost = np.flatnonzero(alive & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
     if not len(lost):
@@ -110,7 +110,7 @@ def losses(reading: Trajectory, values: np.ndarray) -> Losses | None:
 
 
 def diverged(reading: Trajectory) -> str:
-    """From when on y is not finite; empty if it always is."""
+    """A phrase with the time from which on y is not finite; empty if it always is."""
     return "" if reading.nonfinite_from is None else f"diverged from t = {reading.nonfinite_from:g}"
 
 
@@ -118,22 +118,22 @@ Record = Trajectory
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of trajectories.
+# Quantities of trajectories that a spec may expect.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:
-    """Of the whole path: max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if it was lost."""
-    for one in readings:
+    """max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if the path diverged."""
+    for reading in readings:
         with np.errstate(invalid="ignore"):
-            change = np.abs(one.hamiltonian - one.hamiltonian[0])
-        told = {
+            change = np.abs(reading.hamiltonian - reading.hamiltonian[0])
+        values = {
             "hamiltonian_drift": lost_is_infinite(change).max(),
-            "lowest": one.lowest.min() if np.isfinite(one.lowest).any() else np.nan,
-            "nonfinite": one.nonfinite_from is not None,
+            "lowest": reading.lowest.min() if np.isfinite(reading.lowest).any() else np.nan,
+            "nonfinite": reading.nonfinite_from is not None,
         }
-        if one.casimir_drift:
-            told["casimir_drift"] = lost_is_infinite(np.array(one.casimir_drift)).max()
-        for name, value in told.items():
-            lost = lost_among(np.abs(one.y).max(axis=1), "times") if name == "lowest" else ""
-            yield quantity(name, one.about, value, lost=lost)
+        if reading.casimir_drift:
+            values["casimir_drift"] = lost_is_infinite(np.array(reading.casimir_drift)).max()
+        for name, value in values.items():
+            lost = lost_among(np.abs(reading.y).max(axis=1), "times") if name == "lowest" else ""
+            yield quantity(name, reading.about, value, lost=lost)

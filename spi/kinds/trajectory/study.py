@@ -29,7 +29,7 @@ class Path(NamedTuple):
 
     paths: int  #: 0 until all steps are made
     seconds: float  #: wall clock
-    steps: int  #: how many are made
+    steps: int  #: number of those made
     y: np.ndarray  #: (stored + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),) of the whole block
 
@@ -39,7 +39,7 @@ class Path(NamedTuple):
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme."""
+    """The parts of a case, one for each scheme, which are run one after the other."""
     return [Part(scheme, eps=eps) for scheme, eps in case.runs]
 
 
@@ -59,23 +59,23 @@ class TrajectoryPlan(PathsPlan):
         return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of a large model not the final time, as a path goes on from its last state."""
-        found, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
-        return {key: value for key, value in found.items() if key != "final_time" or ends}
+        """See :meth:`Plan.deciding`; not the final time of a large model, whose path goes on from its last state."""
+        entries, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
+        return {key: value for key, value in entries.items() if key != "final_time" or ends}
 
     def sizes(self) -> list[int]:
         """The number of steps."""
         return [self.grid.reference_steps]
 
     def adopted(self, number: int, sums: Any) -> Path | None:
-        """The path, to go on with if it is shorter and ends where coins are tossed anew."""
+        """The path; a shorter one can go on if it ends where coins are tossed anew."""
         if sums.steps >= self.grid.reference_steps:
             return sums if sums.steps == self.grid.reference_steps else None
         return None if sums.steps % self._unit else sums._replace(paths=0)
 
     @property
     def _unit(self) -> int:
-        """Of how many steps the number is a multiple after which a path can go on from its state."""
+        """The number of steps after whose multiples a path can go on from its state."""
         return math.lcm(STEPS_PER_TOSS, self.case.every)
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
@@ -87,7 +87,7 @@ class TrajectoryPlan(PathsPlan):
         return Path(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
     def _start(self, y: np.ndarray, n: int) -> Any:
-        """Where to go on from after n steps: of a large model the stored state in the lane of the path."""
+        """The states to go on from after n steps: of a large model the stored state in the lane of the path."""
         if not large(self.model):
             return self.initial
         states = np.zeros((1, 1, len(self.initial) * LANES))
@@ -95,7 +95,7 @@ class TrajectoryPlan(PathsPlan):
         return states
 
     def _stop(self, n: int) -> int:
-        """Until which step to go on from step n: to the last, but of a large model for about half a second."""
+        """The step at which to stop next after step n: the last, but of a large model after about half a second."""
         last = self.grid.reference_steps
         if not large(self.model):
             return last
@@ -104,18 +104,18 @@ class TrajectoryPlan(PathsPlan):
 
     @property
     def _paths(self) -> int:
-        """How many paths make steps: a block, of a large model only those up to the one that is wanted."""
+        """The number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
         return self.case.path % LANES + 1 if large(self.model) else LANES
 
     @property
     def _seconds_per_step(self) -> float:
-        """Of one thread at typical speed."""
+        """Seconds of one thread at typical speed for a step of all these paths."""
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
-    def advance(self, chunks: Sequence[Chunk], known: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
         """Run the path, at once or, of a large model, in batches."""
         block, lane = divmod(self.case.path, LANES)
-        path = known or self.empty(0)
+        path = started or self.empty(0)
         y = np.empty((self.case.steps_stored + 1, len(self.initial)))
         y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
         y[: len(path.y)] = path.y
@@ -146,9 +146,9 @@ class TrajectoryPlan(PathsPlan):
             return None
         times = tuple(t for t in self.case.times or () if t <= path.steps * self.case.step) or None
         case = self.case.model_copy(update={"final_time": path.steps * self.case.step, "times": times})
-        found = state.of(replace(self, case=case, grid=self.grid._replace(reference_steps=path.steps)))
-        found.tallies[0] = Tally({}, {0: path._replace(paths=1)})
-        return found
+        shorter = state.of(replace(self, case=case, grid=self.grid._replace(reference_steps=path.steps)))
+        shorter.tallies[0] = Tally({}, {0: path._replace(paths=1)})
+        return shorter
 
     def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""
@@ -181,10 +181,12 @@ class TrajectoryPlan(PathsPlan):
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
-    """What the scheme reports of its equations and of angles; nothing where there is nothing."""
-    told = report_columns(report)
-    found: dict[str, Any] = {"largest_angle": float(told["largest_angle"])} if "largest_angle" in told else {}
-    if "solves" in told:
-        mean, residual = float(told["iterations"] / told["solves"]), float(told["largest_residual"])
-        found["solver"] = SolverMeans(failures=int(told["failures"]), iterations_mean=mean, largest_residual=residual)
-    return found
+    """The fields of the record about equations solved and angles, from the report of the scheme, where it has them."""
+    columns = report_columns(report)
+    fields: dict[str, Any] = {"largest_angle": float(columns["largest_angle"])} if "largest_angle" in columns else {}
+    if "solves" in columns:
+        mean, residual = float(columns["iterations"] / columns["solves"]), float(columns["largest_residual"])
+        fields["solver"] = SolverMeans(
+            failures=int(columns["failures"]), iterations_mean=mean, largest_residual=residual
+        )
+    return fields

@@ -47,10 +47,10 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
 
 def _undefined(readings: Sequence[Trajectory]) -> Iterator[str]:
-    """What is not defined along some paths, where these did not diverge."""
+    """Sentences on quantities that are not defined along paths which did not diverge."""
     for reading in readings:
         count = reading.casimirs.shape[1]
         named = {f"C{c + 1 if count > 1 else ''}": reading.casimirs[:, c] for c in range(count)}
         for name, values in {"H": reading.hamiltonian, **named}.items():
-            if found := losses(reading, values):
-                yield f"{reading.about.label}: {name} is {found}"
+            if lost := losses(reading, values):
+                yield f"{reading.about.label}: {name} is {lost}"

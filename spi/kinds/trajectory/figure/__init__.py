@@ -37,7 +37,7 @@ from .fields import (
 from .fields import film as film
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What the panels of a trajectory can show.
+# The panels of a trajectory.
 # ---------------------------------------------------------------------------------------------------------------------
 
 OUTSIDE, ZERO = "#f6e6e1", "#555555"  #: negative populations, and the line where they begin
@@ -69,7 +69,7 @@ def casimirs(paths: list[Path]) -> Iterator[Panel]:
 
 
 def casimir_errors(paths: list[Path]) -> Iterator[Panel]:
-    """How each Casimir changes over time."""
+    """The change of each Casimir over time."""
     for c, name in enumerate(_casimir_names(paths)):
         curves = [path.reading.casimir_changes[:, c] for path in paths]
         grown = r"e^{k\gamma t}" if "damping" in paths[0].reading.about.parameters else ""
@@ -119,7 +119,7 @@ def _lowest(paths: list[Path], component: int) -> float:
 def _negative(
     ax: Axes, spans: Iterable[Callable], lines: Iterable[Callable], limits: Iterable[tuple[float, float]]
 ) -> Entry:
-    """Shade what is below zero, and return a note of it."""
+    """Shade the region below zero, and return its entry of the legend."""
     for span, line, (low, _) in zip(spans, lines, limits, strict=True):
         if low < 0:
             span(low, 0, color=OUTSIDE, linewidth=0, zorder=0)
@@ -175,7 +175,7 @@ def _plane(paths: list[Path], names: list[str], positive: bool, ax: Axes) -> lis
 
 
 def sphere(paths: list[Path]) -> Iterator[Panel]:
-    """The first path that its scheme keeps on the sphere, or the first of all."""
+    """The first path whose scheme preserves the sphere, or the first of all."""
     path = next((path for path in paths if path.reading.preserves_casimirs), paths[0])
     if path.reading.y.shape[1] != 3:
         raise ValueError("the panel 'sphere' needs three components")
@@ -202,12 +202,12 @@ def spectrum(paths: list[Path]) -> Iterator[Panel]:
 
 
 def enstrophies(paths: list[Path]) -> Iterator[Panel]:
-    """How the enstrophy changes over time, relative to that of the first scheme at the start."""
+    """The change of the enstrophy over time, relative to that of the first scheme at the start."""
     need_lattice(paths, "enstrophy")
     with np.errstate(all="ignore"):
         values = [enstrophy(path.reading.y) for path in paths]
         first = float(values[0][0])
-        changes = [one / first - 1 if first else one for one in values]
+        changes = [of_path / first - 1 if first else of_path for of_path in values]
     label = "$Z(t)/Z(0)-1$" if first else "$Z(t)$"
     yield Panel(
         f"enstrophy $Z$, $Z(0)={style.number(first)}$", partial(_over_time, paths, changes, label, errors=True), paths
@@ -273,7 +273,7 @@ def _eye(azimuth: float) -> np.ndarray:
 
 
 def _azimuth(start: np.ndarray, y: np.ndarray) -> int:
-    """Where to look from: the start and most of the path are in front, no axis is seen end on."""
+    """The azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
     return max(
         (a for a in range(0, 360, 5) if 25 <= a % 90 <= 65),
         key=lambda a: (start @ _eye(a) > 0.3 * np.linalg.norm(start), (y @ _eye(a) > 0).sum()),
@@ -313,7 +313,7 @@ SIZES = {1: (5.6, 3.6), 2: (4.2, 3.1), 3: (3.5, 2.8), 4: (3.0, 2.6)}
 
 
 class Places(NamedTuple):
-    """Where the panels of all cases stand."""
+    """The places of the panels of all cases."""
 
     columns: int
     width: float  #: inches of a column
@@ -334,10 +334,10 @@ def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
         fields, panels = _parted(row)
         first = []  # of each kind: line, axes, and room for a title
         line = place // columns - _lines(fields)
-        for one in fields:
-            ax = one.draw(fig, grid[line : line + one.lines, :].subgridspec(one.lines, one.columns))
+        for field in fields:
+            ax = field.draw(fig, grid[line : line + field.lines, :].subgridspec(field.lines, field.columns))
             first.append((line, ax, columns * width))
-            line += one.lines
+            line += field.lines
         for i, panel in enumerate(panels):
             line, column = divmod(place + i, columns)
             ax = fig.add_subplot(grid[line, column], projection="3d" if panel.solid else None)
@@ -357,12 +357,12 @@ def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
 
 
 def _parted(row: list[Panel | Fields]) -> tuple[list[Fields], list[Panel]]:
-    return [one for one in row if isinstance(one, Fields)], [one for one in row if isinstance(one, Panel)]
+    return [panel for panel in row if isinstance(panel, Fields)], [panel for panel in row if isinstance(panel, Panel)]
 
 
 def _lines(fields: Iterable[Fields]) -> int:
-    """How many lines the fields of a case take."""
-    return sum(one.lines for one in fields)
+    """The number of lines that the fields of a case take."""
+    return sum(field.lines for field in fields)
 
 
 def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel | Fields]]:
@@ -389,7 +389,7 @@ def _panels(words: Iterable[str], paths: list[Path]) -> list[Panel | Fields]:
 
 
 def _places(rows: list[list[Panel | Fields]], four: bool) -> Places:
-    """Where the panels of each case stand; with `four` four of a single case make a square.
+    """The places of the panels of each case; with `four` four of a single case make a square.
 
     Each case starts a line, unless all of them have one panel: those stand side by side.
     """
@@ -402,20 +402,20 @@ def _places(rows: list[list[Panel | Fields]], four: bool) -> Places:
     each = [1] * len(counts) if strip else [columns * math.ceil(count / columns) for count in counts]
     ends = np.cumsum(each) + columns * np.cumsum(tall)
     width, height = SIZES[columns]
-    wide = max([columns * width, *(one.width for row in fields for one in row)])
+    wide = max([columns * width, *(field.width for row in fields for field in row)])
     width = (page.current().width or wide) / columns
     heights = np.full(math.ceil(ends[-1] / columns), height)
     first = (ends - each).tolist()
     for place, row in zip(first, fields, strict=True):
         line = place // columns - _lines(row)
-        for one in row:
-            heights[line : line + one.lines] = one.height(columns * width)
-            line += one.lines
+        for field in row:
+            heights[line : line + field.lines] = field.height(columns * width)
+            line += field.lines
     return Places(columns, width, heights, first)
 
 
 def _legend(ax: Axes, notes: list[layout.Entry], width: float) -> int:
-    """Put a panel's own entries, short and long ones, into legends under its axis label; returns how many lines."""
+    """Put a panel's own entries, short and long ones, into legends under its axis label; returns their lines."""
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": 0, "frameon": False}
     spacing: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.8, "labelspacing": 0.3}
     lines = 0
@@ -438,7 +438,7 @@ def _legend(ax: Axes, notes: list[layout.Entry], width: float) -> int:
 
 
 def _case_title(ax: Axes, about: Description, facts: list[str], width: float) -> int:
-    """Write the title of a case above the title of its first panel; returns how many lines it has."""
+    """Write the title of a case above the title of its first panel; returns the number of its lines."""
     title = layout.case_title(about, facts, width)
     ax.set_title(f"{title}\n ", loc="left", fontweight="bold")
     return title.count("\n") + 1

@@ -25,7 +25,7 @@ from spi.models.zeitlin.fields import energy_spectrum, vorticity
 from ..results import Trajectory, diverged, losses
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Curves of paths in a frame that suits those which behave.
+# Curves of paths in a frame that suits those which stay bounded.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Bound = float | np.ndarray
@@ -35,7 +35,7 @@ MARKERS = 14  # along a curve
 
 
 class Path(NamedTuple):
-    """How a trajectory is drawn."""
+    """A trajectory with its look in a figure."""
 
     reading: Trajectory
     label: str
@@ -44,7 +44,7 @@ class Path(NamedTuple):
     turn: float  #: where between two markers of the first scheme this one's stand, from 0 to 1
 
     def look(self, points: int) -> dict[str, Any]:
-        """How a curve of so many points is drawn: with a few markers, which differ in place from scheme to scheme."""
+        """The look of a curve of `points` points: a few markers, whose places differ from scheme to scheme."""
         every = max(1, points // MARKERS)
         marks = {"marker": self.marker, "markerfacecolor": "none", "markersize": 5.5, "markeredgewidth": 1.1}
         return {"color": self.colour, "markevery": (int(every * self.turn), every), **marks}
@@ -54,7 +54,7 @@ def window(curves: list[tuple[Trajectory, np.ndarray]], errors: bool = False) ->
     """Limits for ``curves``, (reading, values) each, that suit the schemes which preserve something.
 
     Schemes that preserve nothing and diverging paths may take as much room again on either side;
-    what goes further is cut.  The room is that of the values, or with ``errors`` that of their changes, however small.
+    values beyond are cut.  The room is that of the values, or with ``errors`` that of their changes, however small.
     """
     finite = [(reading, values) for reading, values in curves if np.isfinite(values).all()]
     good = [values for reading, values in finite if not reading.preserves_nothing] or [values for _, values in finite]
@@ -65,8 +65,8 @@ def window(curves: list[tuple[Trajectory, np.ndarray]], errors: bool = False) ->
         low, high = np.quantile(everything, [0.1, 0.9]) if everything.size else (0.0, 0.0)
     tiny = np.finfo(float).eps if errors else 1.0
     room = (high - low if errors else max(high - low, abs(low), abs(high))) or tiny
-    kept = np.clip(everything, low - room, high + room)
-    low, high = min(low, kept.min(initial=low)), max(high, kept.max(initial=high))
+    clipped = np.clip(everything, low - room, high + room)
+    low, high = min(low, clipped.min(initial=low)), max(high, clipped.max(initial=high))
     least = tiny if errors else 0.1 * max(abs(low), abs(high)) or tiny
     spare = max(0.06 * (high - low), (least - (high - low)) / 2)
     return float(low - spare), float(high + spare)
@@ -75,7 +75,7 @@ def window(curves: list[tuple[Trajectory, np.ndarray]], errors: bool = False) ->
 def tamed(values: np.ndarray, frame: Frame) -> np.ndarray:
     """Values (t,) or (t, component) as they are drawn: nan where one is not finite, so that a curve has a gap there.
 
-    What is far outside the frame is drawn on its way out and on its way in, at a distance that can be drawn.
+    A curve far outside the frame is drawn on its way out and on its way in, at a distance that can be drawn.
     """
     (low, high), values = frame, np.array(values)
     span = np.subtract(high, low) / 2
@@ -125,8 +125,8 @@ def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: boo
         if first and not (len(outside) and outside[0] < first):
             x, y = values[first - 1] if plane else (np.full(values.shape[1], t[first - 1]), values[first - 1])
             ax.plot(x, y, marker="X", zorder=4, **look)
-        told = [str(losses(path.reading, values) or ""), diverged(path.reading)]
-        shown = [re.sub(r"t = (.*)", r"$t=\1$", text) for text in told if text]
+        texts = [str(losses(path.reading, values) or ""), diverged(path.reading)]
+        shown = [re.sub(r"t = (.*)", r"$t=\1$", text) for text in texts if text]
         notes += [(Line2D([], [], marker="X", **look), f"{path.label} {how}") for how in shown]
     return notes
 
@@ -182,17 +182,17 @@ class Fields(NamedTuple):
 
     @property
     def columns(self) -> int:
-        """How many fields stand side by side."""
+        """The number of fields side by side."""
         return page.current().panels(self.times, (LARGEST, LARGEST), LEAST)[0]
 
     @property
     def times(self) -> int:
-        """How many fields of one scheme there are."""
+        """The number of fields of one scheme."""
         return max(len(path.reading.shown) for path in self.paths)
 
     @property
     def lines(self) -> int:
-        """How many lines all fields take."""
+        """The number of lines that all fields take."""
         return len(self.paths) * math.ceil(self.times / self.columns)
 
     @property
@@ -210,7 +210,7 @@ class Fields(NamedTuple):
         return AROUND / self.lines + BETWEEN + min(LARGEST, (width - MARGIN) / self.columns)
 
     def draw(self, fig: Figure, place: GridSpecBase) -> Axes:
-        """Draw all fields in a place of so many lines, with one colour bar; returns the first axes."""
+        """Draw all fields in a grid of so many lines and columns, with one colour bar; returns the first axes."""
         shown = [field_values(path.reading, path.reading.shown) for path in self.paths]
         largest, beyond = colour_range([path.reading for path in self.paths], shown)
         axes = place.subplots(squeeze=False)
@@ -222,8 +222,8 @@ class Fields(NamedTuple):
                 ax.set_axis_off()
             label = "\n".join(style.wrapped(path.label.split(), " ", "axes.labelsize", self.least))
             row[0].set_ylabel(f"{label}\n$x_2$")
-        told = each if len(axes) > len(each) else each[:1]  # once for all schemes if their fields stand in columns
-        for row in told:
+        titled = each if len(axes) > len(each) else each[:1]  # once for all schemes if their fields stand in columns
+        for row in titled:
             for ax, t in zip(row, self.paths[0].reading.t[self.paths[0].reading.shown].tolist(), strict=False):
                 ax.set_title(f"$t={style.number(t)}$")
         for ax in axes[:, 1:].flat:
@@ -256,12 +256,12 @@ def field_values(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
 
 
 def colour_range(readings: Sequence[Trajectory], fields: Sequence[np.ndarray]) -> tuple[float, Any]:
-    """The largest value of the colours, and on which sides fields go beyond it, as matplotlib calls that.
+    """The largest value of the colours, and the sides on which fields go beyond it, in matplotlib's words.
 
     It suits the schemes that preserve something, if there are any, and the others may leave it.
     """
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in fields]
-    good = [size for one, size in zip(readings, sizes, strict=True) if not one.preserves_nothing]
+    good = [size for reading, size in zip(readings, sizes, strict=True) if not reading.preserves_nothing]
     largest = float(max(good or sizes)) or 1.0
     return largest, "both" if max(sizes) > (1 + _SEEN) * largest else "neither"
 
@@ -278,7 +278,7 @@ def draw_field(ax: Axes, field: np.ndarray, largest: float) -> AxesImage:
 
 
 def draw_spectrum(path: Path, limits: tuple[float, float], ax: Axes) -> list[Entry]:
-    """Energy by shell at the chosen times, and what the colours mean."""
+    """Draw the energy by shell at the chosen times; returns the entries of the legend."""
     chosen = path.reading.shown
     spectra = spectra_of(path.reading)
     k = np.arange(1, spectra.shape[1] + 1)
@@ -302,7 +302,7 @@ def draw_spectrum(path: Path, limits: tuple[float, float], ax: Axes) -> list[Ent
 
 
 def _slope(ax: Axes, energies: np.ndarray, limits: tuple[float, float]) -> list[Entry]:
-    """A line with the slope of the inertial range above a spectrum, towards its end; returns what it means."""
+    """A line with the slope of the inertial range above a spectrum, towards its end; returns its legend."""
     k = np.arange(1, len(energies) + 1)
     chosen = np.isfinite(energies) & (energies > limits[0]) & (k > math.sqrt(len(k)))
     if len(k) < _LEAST_SHELLS or not chosen.any():
@@ -327,18 +327,18 @@ def spectrum_limits(readings: Sequence[Trajectory]) -> tuple[float, float]:
 
     They end where rounding errors begin, and not far below the energies at the last time.
     """
-    good = [one for one in readings if not one.preserves_nothing] or readings
-    spectra = [spectra_of(one) for one in good]
-    values = _positive(np.concatenate([one.ravel() for one in spectra]))
+    good = [reading for reading in readings if not reading.preserves_nothing] or readings
+    spectra = [spectra_of(reading) for reading in good]
+    values = _positive(np.concatenate([energies.ravel() for energies in spectra]))
     if not values.size:
         return 0.1, 10.0
-    largest, last = float(values.max()), _positive(np.concatenate([one[-1] for one in spectra]))
+    largest, last = float(values.max()), _positive(np.concatenate([energies[-1] for energies in spectra]))
     deepest = _SPARE * float(last[last > _ROUNDING * largest].min(initial=largest))
     return max(float(values.min()), _ROUNDING * largest, deepest) / 3, 3 * largest
 
 
 def _positive(energies: np.ndarray) -> np.ndarray:
-    """Those that a logarithmic axis can show."""
+    """The energies that a logarithmic axis can show."""
     return energies[np.isfinite(energies) & (energies > 0)]
 
 
@@ -346,7 +346,7 @@ MOST_FRAMES = 200
 LARGE, SMALL = 3.0, 2.0  # inches of a field, where they are few and where they are many
 _FEW = 4
 
-Screen = tuple[Axes, AxesImage, Trajectory, list[int]]  #: where a path is shown, and by which of its states
+Screen = tuple[Axes, AxesImage, Trajectory, list[int]]  #: axes and image of a path, and the states that are shown
 
 
 def film(title: str, cases: Sequence[Sequence[Trajectory]]) -> Film:
@@ -379,13 +379,13 @@ def _screens(fig: Figure, readings: Sequence[Trajectory], axes: np.ndarray) -> l
     states = [spread(len(reading.t), MOST_FRAMES) for reading in readings]
     sizes = [_largest(reading, chosen) for reading, chosen in zip(readings, states, strict=True)]
     largest, beyond = colour_range(readings, sizes)
-    found = []
+    screens = []
     for ax, reading, chosen in zip(axes, readings, states, strict=False):
         image = draw_field(ax, field_values(reading, [0])[0], largest)
-        found.append((ax, image, reading, chosen))
+        screens.append((ax, image, reading, chosen))
     shown = list(axes[: len(readings)])
     fig.colorbar(image, ax=shown, label=r"vorticity $\omega$", extend=beyond, shrink=0.9, aspect=22, pad=0.02)
-    return found
+    return screens
 
 
 def _largest(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
@@ -394,7 +394,7 @@ def _largest(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
 
 
 def _show(screens: Sequence[Screen], frames: int, frame: int) -> None:
-    """Frame number `frame`; a path with fewer states stays the longer at each."""
+    """Show frame number `frame`; a path with fewer states stays longer at each."""
     for ax, image, reading, states in screens:
         state = states[frame * len(states) // frames]
         field = field_values(reading, [state])[0]
