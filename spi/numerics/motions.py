@@ -1,4 +1,4 @@
-"""What generated models call, besides the elementary functions."""
+"""Functions that generated models call, besides the elementary functions."""
 
 from typing import Any
 
