@@ -1,8 +1,8 @@
 """The states that noises and drift can reach: whether a law on the Casimir surface can be the only stationary one.
 
-The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y the
-same space as the vectors (D Phi)^-1 X_k(Phi(y)), Phi being flows of random combinations of all these fields (fields are analytic).
-Friction along the noises changes nothing in this.
+The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y
+the same space as the vectors (D Phi)^-1 X_k(Phi(y)), Phi being flows of random combinations of all these fields
+(fields are analytic).  Friction along the noises changes nothing in this.
 """
 
 from collections.abc import Sequence

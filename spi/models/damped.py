@@ -15,7 +15,7 @@ from .delegation import answering_as_inner, inner
 
 @answering_as_inner("squared_length_is_casimir", *vars(protocol))
 class Damped(NamedTuple):
-    """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
+    """A model with the field -gamma y added: its traits and methods are those of the model, with one more piece."""
 
     model: Any
     damping: float  #: gamma
