@@ -32,7 +32,7 @@ class Noise(NamedTuple):
 
     quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
     Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
-    -m may be given instead of m: it is the same noise, expressed by the mode that is in the state.
+    The mode -m may be given instead of m: it is the same noise, expressed by the mode that is in the state.
     """
 
     sigma: Annotated[float, Ge(0), "strength of the noise; 0 switches it off"]
