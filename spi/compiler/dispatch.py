@@ -207,7 +207,7 @@ def _trait(declaration, value_of):
     return chosen
 
 
-#: How many components, pieces, noises or Casimir functions a model may have.
+#: The largest number of components, pieces, noises or Casimir functions of a model.
 MOST = 64
 
 #: Records that stand for the integers 0, 1, 2, ... and are constants to the compiler by their types; one more for

@@ -88,7 +88,8 @@ def first_casimirs(lattice, count, y):
     return values
 
 
-#: How the amplitude of a noise depends on the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2) |m|).
+#: Forms of the amplitude of a noise as a function of the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2)
+#: |m|).
 QUADRATIC, REAL, IMAGINARY = range(3)
 
 
