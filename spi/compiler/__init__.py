@@ -1,1 +1,1 @@
-"""How functions of records become machine code; all that relies on Numba's private parts."""
+"""Functions of records and their compilation to machine code; all code that relies on Numba's private parts."""

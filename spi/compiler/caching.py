@@ -1,8 +1,8 @@
 """Numba's disk cache of compiled kernels, for several processes at once and for classes from elsewhere.
 
-A cache locator, which Numba lets a program bring along (NUMBA_CACHE_LOCATOR_CLASSES), cannot do this: it is asked once
-for each function, while the place of a compiled version depends on the types of its arguments.  Nor are that variable
-and NUMBA_CACHE_DIR set or read: they belong to the program that imports this package.
+A cache locator, which Numba lets a program bring along (NUMBA_CACHE_LOCATOR_CLASSES), cannot do this: it is called
+once for each function, while the place of a compiled version depends on the types of its arguments.  Nor are that
+variable and NUMBA_CACHE_DIR set or read: they belong to the program that imports this package.
 """
 
 import contextlib
@@ -40,8 +40,8 @@ class _OurFolder(UserProvidedCacheLocator):
         self._cache_path = str(kernels_folder() / self.get_suitable_cache_subpath(file))
 
 
-class _Kept(CompileResultCacheImpl):
-    """What Numba writes of a function, in our folder; RuntimeError, as Numba has it, if the function has no file."""
+class _FilesOfFunction(CompileResultCacheImpl):
+    """Numba's cache files of a function, in our folder; RuntimeError, as in Numba, if it has no source file."""
 
     def __init__(self, function):
         file = inspect.getfile(function)
@@ -54,7 +54,7 @@ class _Kept(CompileResultCacheImpl):
 
 
 class _WithDigest(IndexDataCacheFile):
-    """Files that end with their SHA-256.  One that is damaged counts as missing: what it had is compiled anew."""
+    """Files that end with their SHA-256.  A damaged one counts as missing: its functions are compiled anew."""
 
     @contextlib.contextmanager
     def _open_for_write(self, filepath):
@@ -87,13 +87,14 @@ class SharedCache(FunctionCache):
     Numba reads an index, chooses the next free file name and writes both.  Two processes that do so at once choose the
     same name, and one kernel would be loaded as the other.
 
-    The index names the classes of all records with which the function was called, and whoever reads it must be able to
-    import them.  Versions for classes that are no part of this package are therefore kept apart, in a folder named by
-    their modules and by the digests of the code of these: nobody else opens it, and an edit leads to another folder.
+    The index names the classes of all records with which the function was called, and every process that reads it must
+    be able to import them.  Versions for classes that are no part of this package therefore lie in a separate folder,
+    named by their modules and by the digests of their code: no other process opens it, and an edit leads to another
+    folder.
     """
 
-    _impl_class = _Kept
-    _told = False  #: whether it has been said that kernels cannot be kept
+    _impl_class = _FilesOfFunction
+    _warned = False  #: whether the message that kernels cannot be saved has been printed
 
     def __init__(self, function):
         super().__init__(function)
@@ -104,16 +105,16 @@ class SharedCache(FunctionCache):
         return None if place is None else super(SharedCache, place).load_overload(types, context)
 
     def save_overload(self, types, result):
-        """Keep a compiled version; where that is impossible, as on a full disk, say so once and go on without."""
+        """Save a compiled version; where that is impossible, as on a full disk, print so once and go on without."""
         if (place := self._place(types)) is not None:
             try:
                 with _alone_in(Path(place.cache_path)):
                     super(SharedCache, place).save_overload(types, result)
             except OSError as error:
-                if not SharedCache._told:
+                if not SharedCache._warned:
                     why = os.strerror(error.errno).lower() if error.errno else error
                     print(f"spi: {kernels_folder()}: {why}; compiled kernels cannot be saved", file=sys.stderr)
-                SharedCache._told = True
+                SharedCache._warned = True
 
     def holds(self, dispatcher, types):
         """Whether there is an entry for these types of arguments."""
@@ -142,9 +143,9 @@ class SharedCache(FunctionCache):
 
 @contextlib.contextmanager
 def _alone_in(folder):
-    """Within it no other process is; where the system has no such locks nothing is done."""
+    """Lock the folder against other processes within the block; without effect where the system has no such locks."""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "wb") as file:
         if fcntl:
             fcntl.flock(file, fcntl.LOCK_EX)
-        yield  # closing the file gives the lock back, and so does the end of the process
+        yield  # closing the file releases the lock, and so does the end of the process

@@ -23,7 +23,7 @@ from .generated import function_of
 from .inlining import ALONE, TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
-#: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
+#: The options of every compiled function.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
 #: infinities keep their meaning; ``rounding.py`` says where it is done.  With ``error_model="numpy"`` a division has no
 #: branch that would stop vectorisation.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -33,7 +33,7 @@ INLINED = {**OPTIONS, **TO_INLINE, "forceinline": True}
 
 
 def kernel(function=None, *, parallel=False):
-    """Decorator for a function that Python calls with arguments of known types; it is kept in the cache on disk.
+    """Decorator for a function that Python calls with arguments of known types; it is stored in the cache on disk.
 
     ``kernel(parallel=True)`` is for a function with a parallel loop.
     """
@@ -46,7 +46,7 @@ def device(function=None, *, inline=True, by_type=False):
     """Decorator for a function that compiled code calls: a copy of it is compiled into its caller.
 
     With ``inline=False`` it is called instead: for a large function, not within a loop over lanes.  Called from Python
-    the function is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except within
+    the function is compiled by itself, so that it rounds as in kernels, and stored in the cache on disk, except within
     :func:`~.inlining.uncompiled`; ``__wrapped__`` is the bare function.
 
     With ``by_type=True`` the decorated function returns the function that takes its place, a bare one.  It is given
@@ -77,7 +77,7 @@ def device(function=None, *, inline=True, by_type=False):
 
 
 def intrinsic(function):
-    """Decorator: the decorated function says what `function` is in compiled code, in instructions of LLVM.
+    """Decorator: the decorated function writes the code of `function` in compiled code, in instructions of LLVM.
 
     Given the Numba types of the arguments it returns a signature and a function that writes the instructions, as for
     ``numba.extending.intrinsic``; ``instructions.py`` has some.  Unlike an overload this is no function that has to be
@@ -86,8 +86,8 @@ def intrinsic(function):
 
     def decorate(write):
         def written(*types_of_arguments):
-            found = write(*types_of_arguments)
-            return (None, found) if callable(found) else (found, None)
+            result = write(*types_of_arguments)
+            return (None, result) if callable(result) else (result, None)
 
         @type_callable(function)
         def types_of_call(context):
@@ -106,9 +106,9 @@ def intrinsic(function):
 
 
 class Declared(NamedTuple):
-    """How a method or a trait was declared, see :func:`method` and :func:`trait`."""
+    """The declaration of a method or a trait, see :func:`method` and :func:`trait`."""
 
-    asked: str  #: who answers it: the name of the first parameter of the declaration, "model" for example
+    asked: str  #: the kind of record that has it: the name of the first parameter of the declaration, such as "model"
     parameters: int  #: of a method
     required: bool
     of: type | None = None  #: of a trait, the type of its values
@@ -124,7 +124,7 @@ def method(declaration=None, *, default=False, optional=False):
     if declaration is None:
         return functools.partial(method, default=default, optional=optional)
     name = declaration.__name__
-    asked, *others = inspect.signature(declaration).parameters
+    first, *others = inspect.signature(declaration).parameters
     by_default = declaration if default else None
 
     @functools.wraps(declaration)
@@ -139,19 +139,19 @@ def method(declaration=None, *, default=False, optional=False):
         cls = record_class(record)
         return cls and (_implementation(name, cls) or by_default)
 
-    chosen.declared = Declared(asked, 1 + len(others), not (default or optional))
+    chosen.declared = Declared(first, 1 + len(others), not (default or optional))
     return chosen
 
 
-def answers(asked, record):
-    """Whether a record, or a class of records, implements the method `asked`."""
-    return _implementation(asked.__name__, record if isinstance(record, type) else type(record)) is not None
+def answers(declared, record):
+    """Whether a record, or a class of records, implements the method `declared`."""
+    return _implementation(declared.__name__, record if isinstance(record, type) else type(record)) is not None
 
 
 def _implementation(name, cls):
     """The method `name` of a class; None if there is none (a field of that name is no method)."""
-    found = getattr(cls, name, None)
-    return found if inspect.isfunction(found) else None
+    attribute = getattr(cls, name, None)
+    return attribute if inspect.isfunction(attribute) else None
 
 
 class FieldOf(NamedTuple):
@@ -164,9 +164,9 @@ def trait(of, **default):
     """Declare a trait: a property of a record that depends on its type only, and is a constant in compiled code.
 
     ``@trait(int, default=0)`` declares a class attribute of that type, required unless there is a default; the
-    declaration carries only the documentation.  In place of the value a class may have a method that finds it, given a
-    record or the Numba type of one, or :class:`FieldOf`.  ``@trait`` alone declares a function which does so for all
-    classes, see ``records.py``.  A trait is asked of a record or of its class.
+    declaration carries only the documentation.  In place of the value a class may have a method that returns it, given
+    a record or the Numba type of one, or :class:`FieldOf`.  ``@trait`` alone declares a function that does so for all
+    classes, see ``records.py``.  A trait is a function of a record or of its class.
     """
     if inspect.isfunction(of):
         return _trait(of, of)
@@ -182,21 +182,21 @@ def trait(of, **default):
                 raise TypeError(f"{name} has no meaning for {class_of(record).__qualname__}")
             return value
 
-        asked = _trait(declaration, value_of)
-        asked.declared = Declared(*inspect.signature(declaration).parameters, 0, not default, of)
-        return asked
+        chosen = _trait(declaration, value_of)
+        chosen.declared = Declared(*inspect.signature(declaration).parameters, 0, not default, of)
+        return chosen
 
     return decorate
 
 
 def _trait(declaration, value_of):
     @functools.wraps(declaration)
-    def asked(record):
+    def chosen(record):
         value = value_of(record)
         return getattr(record, value.field) if isinstance(value, FieldOf) else value
 
-    @intrinsic(asked)
-    def asked_while_compiling(record):
+    @intrinsic(chosen)
+    def chosen_while_compiling(record):
         value = value_of(record)
         return (
             instructions.field(record, value.field)
@@ -204,13 +204,14 @@ def _trait(declaration, value_of):
             else instructions.constant(record, value)
         )
 
-    return asked
+    return chosen
 
 
-#: How many components, pieces, noises or Casimir functions a model may have.
+#: The largest number of components, pieces, noises or Casimir functions of a model.
 MOST = 64
 
-#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types; one more for damping.
+#: Records that stand for the integers 0, 1, 2, ... and are constants to the compiler by their types; one more for
+#: damping.
 INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST + 1))
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
 
@@ -230,7 +231,7 @@ def _(index):
 
 
 def unrolled(indices=None, *, each=None, total=None):
-    """Decorator for what is written out index by index, without a loop: a fold over indices, or a function of tuples.
+    """Decorator for code written out index by index, without a loop: a fold over indices, or a function of tuples.
 
     ``@unrolled(indices)`` turns ``body(index, record, value, ...)`` into ``f(record, value, ...)``: ``value`` passed
     through the body once for each k of ``indices(record)``, in order; the body gets k as ``number(index)``.  `indices`
@@ -243,7 +244,7 @@ def unrolled(indices=None, *, each=None, total=None):
 
     Numba compiles and optimises every function on its own before it inlines it, so that a loop over lanes must see k
     as a constant from the start, as here it does: with a run-time k it would be unrolled a little, not vectorised, and
-    then spoilt for good.
+    could not be vectorised later.
     """
     if indices is None:
         return functools.partial(_of_tuples, each or total, bool(total))

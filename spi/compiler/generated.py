@@ -7,7 +7,7 @@ import linecache
 def function_of(lines, names):
     """The function that a Python text defines: the line with its ``def``, and those of its body, without their indent.
 
-    `names` are the globals that the function finds.  The text is registered with ``linecache``.
+    `names` are the globals of the function.  The text is registered with ``linecache``.
     """
     text = "\n    ".join(lines) + "\n"
     name = lines[0].removeprefix("def ").partition("(")[0]

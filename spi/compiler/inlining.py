@@ -1,4 +1,4 @@
-"""What the compiler is asked, and by which pipelines it compiles functions."""
+"""Options and pipelines of the compiler, and questions to it."""
 
 import contextlib
 from contextvars import ContextVar
@@ -26,14 +26,14 @@ UNCOMPILED = ContextVar("UNCOMPILED", default=False)
 
 
 def keep_on_disk(dispatcher):
-    """Keep the compiled versions of a function on disk; without a compiler there are none."""
+    """Store the compiled versions of a function on disk; without a compiler there are none."""
     if hasattr(dispatcher, "overloads") and uses("cache"):
         dispatcher._cache = SharedCache(dispatcher.py_func)
     return dispatcher
 
 
 def types_of(dispatcher, arguments):
-    """The types for which a call with these arguments compiles; None without a compiler, or if nothing is kept."""
+    """The types for which a call with these arguments compiles; None without a compiler or without the cache."""
     if not hasattr(dispatcher, "overloads") or not uses("cache"):
         return None
     return tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
@@ -48,7 +48,7 @@ def is_compiled(dispatcher, types):
 
 
 def is_loaded(dispatcher, arguments):
-    """Whether this process has the code for a call with these arguments; without a compiler there is none to have."""
+    """Whether this process has the code for a call with these arguments; True without a compiler."""
     types = types_of(dispatcher, arguments)
     return types is None or types in dispatcher.overloads
 
@@ -60,7 +60,7 @@ def runs_uncompiled():
 
 @contextlib.contextmanager
 def uncompiled():
-    """Within it, what Python calls of the functions that exist to be inlined is plain Python, kernels are not."""
+    """Within the block, functions that exist to be inlined run as plain Python if Python calls them; kernels do not."""
     token = UNCOMPILED.set(True)
     try:
         yield
@@ -85,9 +85,9 @@ def is_known_to_the_compiler(value):
 
 
 def type_of_result(function, *arguments):
-    """The Numba type of what a function returns for such arguments, by compiling it without making machine code.
+    """The Numba type of the result of a function for such arguments, by compiling it without making machine code.
 
-    None without a compiler; raises what the compiler does.
+    None without a compiler; errors of the compiler are passed on.
     """
     if not is_compiling():
         return None

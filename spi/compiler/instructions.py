@@ -1,6 +1,6 @@
 """Instructions of LLVM for intrinsics: constants, fields of records, and tuples of floats that lie in arrays.
 
-Each function returns what is asked of an :func:`~.dispatch.intrinsic`: a signature, and what writes the instructions.
+Each function returns (signature, function that writes the instructions), as :func:`~.dispatch.intrinsic` requires.
 """
 
 from llvmlite import ir
@@ -13,14 +13,14 @@ from .records import is_array
 
 
 def constant(record, value):
-    """Of a function of a record: a value that is known while compiling."""
+    """Code for f(record): a constant."""
     return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
         builder, signature.return_type, value
     )
 
 
 def field(record, name):
-    """Of a function of a record: a field of it."""
+    """Code for f(record): a field of it."""
     place = record.fields.index(name)
 
     def code(context, builder, signature, arguments):
@@ -31,7 +31,7 @@ def field(record, name):
 
 
 def floats(record, name):
-    """Of a function of a record: a field of it, an array, or a tuple as floats, with 0 for None."""
+    """Code for f(record): a field of it, an array, or a tuple as floats, with 0 for None."""
     place = record.fields.index(name)
     if is_array(record.types[place]):
         return field(record, name)
@@ -50,7 +50,7 @@ def floats(record, name):
 
 
 def load_strided(count, stride, *arguments):
-    """Of a function whose last arguments are an array and i: (array[i], array[i + stride], ...), `count` floats."""
+    """Code for f(..., array, i): the tuple (array[i], array[i + stride], ...) of `count` floats."""
 
     def code(context, builder, signature, values):
         pointers = _pointers(context, builder, signature.args[-2], *values[-2:], count, stride)
@@ -60,7 +60,7 @@ def load_strided(count, stride, *arguments):
 
 
 def store_strided(stride, array, i, numbers):
-    """Of a function of an array, i and a tuple of floats, which becomes array[i], array[i + stride], ..."""
+    """Code for f(array, i, numbers): store the tuple of floats `numbers` at array[i], array[i + stride], ..."""
 
     def code(context, builder, signature, values):
         pointers = _pointers(context, builder, array, *values[:2], len(numbers), stride)
@@ -72,7 +72,7 @@ def store_strided(stride, array, i, numbers):
 
 
 def load_each(count, model, places, array):
-    """Of a function of a model, a tuple of places, an array and i: (array[places[0] + i], ...), `count` floats.
+    """Code for f(model, places, array, i): the tuple (array[places[0] + i], ...) of `count` floats.
 
     Where there are fewer places, the rest is 0.
     """
@@ -88,7 +88,7 @@ def load_each(count, model, places, array):
 
 
 def floats_on_stack(count, *arguments):
-    """Of a function: an array of so many floats, empty, that is gone when the function in whose code it is returns."""
+    """Code for f(*arguments): an empty array of `count` floats on the stack of the function into which f is inlined."""
     kind = types.Array(types.float64, 1, "C")
 
     def code(context, builder, signature, values):
@@ -104,7 +104,7 @@ def floats_on_stack(count, *arguments):
 
 
 def xor_strips(count, target, t, a, i, b, j):
-    """Of a function of arrays of words and places: target[t + k] = a[i + k] ^ b[j + k] for `count` words at once.
+    """Code for f(target, t, a, i, b, j): target[t + k] = a[i + k] ^ b[j + k] for `count` words at once.
 
     A loop over so few would be tested for overlapping arrays, which takes longer than the loop.
     """

@@ -1,7 +1,7 @@
-"""How functions that exist only to be inlined are kept from becoming machine code.
+"""Compilation of functions that exist only to be inlined, without machine code of their own.
 
-Numba takes each compiled function to machine code of its own, with a wrapper for Python and one for C, even if all that
-is ever used of it is its copy in the functions that call it.  For the functions of this program, about a hundred in one
+Numba takes each compiled function to machine code of its own, with a wrapper for Python and one for C, even if only
+its copies in the functions that call it are ever used.  For the functions of this program, about a hundred in one
 kernel, that took most of the time of compiling.
 """
 
@@ -14,7 +14,7 @@ from numba.core.compiler import Compiler
 
 from .rounding import RoundedLibrary, parts_of
 
-#: Thresholds of the garbage collector while Numba compiles: what it makes mostly stays, and is looked at in vain.
+#: Thresholds of the garbage collector while Numba compiles: most of its objects stay, and are searched in vain.
 COLLECTIONS = (50_000, 20, 20)
 
 
@@ -28,8 +28,8 @@ class InlinedLibrary(RoundedLibrary):
     def _optimize_final_module(self):
         """As Numba's, but only if the function has a loop, which must become vector instructions before it is inlined.
 
-        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.  With
-        `once` it is the first of Numba's two rounds, since the callers have both of them.
+        A function without a loop is optimised as part of its callers; to do both takes a fifth of the time of
+        compiling.  With `once` it is the first of Numba's two rounds, since the callers have both of them.
         """
         if self._has_loop and self._once:
             codegen = self._codegen
@@ -46,7 +46,7 @@ class InlinedLibrary(RoundedLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name):
-        """There is none."""
+        """0: there is no such pointer."""
         return 0
 
     @property
@@ -67,7 +67,7 @@ class InliningCompiler(Compiler):
     """Compiles a function into an :class:`InlinedLibrary`."""
 
     def compile_extra(self, function):
-        once = self.state.flags.forceinline  # else it is called, and nobody optimises it as part of a caller
+        once = self.state.flags.forceinline  # else it is called, and not optimised as part of a caller
         self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function, once=once)
         with unhindered():
             return super().compile_extra(function)
@@ -75,9 +75,9 @@ class InliningCompiler(Compiler):
 
 @contextlib.contextmanager
 def unhindered():
-    """Within it the garbage collector is patient, and Numba's timers of LLVM stand still.
+    """Within the block the garbage collector runs rarely, and Numba's timers of LLVM are off.
 
-    There is a timer for each function that is being compiled, and each is told of every call of LLVM.
+    There is a timer for each function that is being compiled, and each is notified of every call of LLVM.
     """
     thresholds, listeners = gc.get_threshold(), event._registered["numba:llvm_lock"]
     timers = [listener for listener in listeners if isinstance(listener, event.TimingListener)]

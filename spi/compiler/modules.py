@@ -1,7 +1,8 @@
-"""Python code that is no part of this package: modules stored in the cache folder, and what identifies foreign code.
+"""Python code that is no part of this package: modules stored in the cache folder, and digests of foreign code.
 
 A class that compiled kernels are given must be importable by its name in every process: the processes that compile,
-the workers, and all that read Numba's index of compiled kernels.  A *stored module* is, wherever its text came from.
+the workers, and all that read Numba's index of compiled kernels.  A *stored module* is, whatever the origin of its
+text.
 """
 
 import functools
@@ -35,7 +36,7 @@ def stored(stem, text):
 
 
 def folder():
-    """Where stored modules lie."""
+    """The folder of stored modules."""
     return Path(own.__path__[0])
 
 
@@ -56,7 +57,7 @@ def text_of(thing):
 
 
 def system_of(thing):
-    """What a generated module says of the system that it was made of; None of other modules."""
+    """The system from which a generated module was made, as stated in it; None for other modules."""
     return getattr(sys.modules[thing.__module__], "__system__", None) if is_stored(thing) else None
 
 
@@ -66,10 +67,10 @@ def is_foreign(thing):
 
 
 def digest(thing):
-    """What identifies the code of a foreign class or function; None for those of this package.
+    """A digest of the code of a foreign class or function; None for those of this package.
 
-    Of a stored module it is the digits of its name; of any other module the first 16 hex digits of the SHA-256 of all
-    Python files of its top-level package, or of its file if it is in none.  It is "" where no file tells the code of a
+    For a stored module it is the digits of its name; for any other module the first 16 hex digits of the SHA-256 of all
+    Python files of its top-level package, or of its file if it is in none.  It is "" where no file has the code of a
     name: in an interactive session and in a program's main file, whose classes are others in every process.
     """
     if not is_foreign(thing):
@@ -80,7 +81,7 @@ def digest(thing):
 
 @functools.cache
 def _digest_of_files(package):
-    """The digest of a module or package as it lies on disk when it is first asked for."""
+    """The digest of a module or package as it is on disk at the first call."""
     module = sys.modules[package]
     if folders := getattr(module, "__path__", None):
         files = [(file.relative_to(folder), file) for folder in folders for file in sorted(Path(folder).rglob("*.py"))]
@@ -88,11 +89,11 @@ def _digest_of_files(package):
         files = [(Path(file).name, Path(file))]
     else:
         return ""
-    found = hashlib.sha256()
+    total = hashlib.sha256()
     for name, file in files:
-        found.update(str(name).encode())
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+        total.update(str(name).encode())
+        total.update(file.read_bytes())
+    return total.hexdigest()[:16]
 
 
 def _identifier(stem):

@@ -1,7 +1,7 @@
-"""What of the inside of Numba this room uses, and how to do without it.
+"""The private parts of Numba that this room uses, and how to do without them.
 
-Only files of this room import what Numba does not promise to keep (``numba.core``); ``tests/compiler/test_private.py``
-says of each name what would break without it.  The environment variable SPI_WITHOUT names parts, with commas between
+Only files of this room import names that Numba may change (``numba.core``); ``tests/compiler/test_private.py`` states
+for each name what would break without it.  The environment variable SPI_WITHOUT names parts, with commas between
 them, that are then neither used nor imported, at the same results:
 
 * ``libraries`` (``libraries.py``): every function that is inlined becomes machine code as well, and compiling takes

@@ -36,17 +36,17 @@ def is_none(value):
 
 
 def record_classes(numba_type):
-    """The classes of all records in a type of Numba: its own, and those of what a tuple, list or array of it holds."""
-    found = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()
+    """The classes of all records in a type of Numba: its own, and those of the elements of a tuple, list or array."""
+    classes = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()
     if isinstance(numba_type, types.BaseTuple):
         inner = numba_type.types
     else:  # a container's or an optional value's
         inner = [getattr(numba_type, name, None) for name in ("dtype", "type")]
-    return found.union(*(record_classes(one) for one in inner if isinstance(one, types.Type)))
+    return classes.union(*(record_classes(part) for part in inner if isinstance(part, types.Type)))
 
 
 def is_tuple_of_floats(numba_type, length):
-    """Whether a type of Numba is that of so many floats in a tuple."""
+    """Whether a type of Numba is that of a tuple of `length` floats."""
     return isinstance(numba_type, types.BaseTuple) and tuple(numba_type.types) == (types.float64,) * length
 
 

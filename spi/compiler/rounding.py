@@ -1,4 +1,4 @@
-"""Which products are rounded, and how wide vectors are: said to LLVM by us, so that bits do not depend on either.
+"""Explicit choice of the products that are rounded and of the width of vectors, so that bits do not depend on LLVM's.
 
 A processor with fused operations computes a b + c with one rounding.  LLVM may use them where the flag ``contract``
 allows it, and in a b + c d it may fuse either product; which one it takes changes with the width of vectors.  So the
@@ -38,7 +38,7 @@ if WISH not in map(str, WIDTHS):
 
 @functools.cache
 def _features():
-    """What Numba tells LLVM of the processor: {"avx2", "fma", ...}."""
+    """The features of the processor that Numba passes to LLVM: {"avx2", "fma", ...}."""
     features = cpu_target.target_context.codegen()._get_host_cpu_features().split(",")
     always = {"neon"} if binding.get_process_triple().startswith(("aarch64", "arm64")) else set()
     return always.union(name.removeprefix("+") for name in features if name.startswith("+"))
@@ -55,7 +55,7 @@ def is_fused():
 
 
 def vector_bits():
-    """How wide vectors are: as wide as the processor has them, or as SPI_VECTOR_BITS says."""
+    """The width of vectors: the largest of the processor, or less by SPI_VECTOR_BITS."""
     return min(int(WISH), {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128))
 
 
@@ -69,7 +69,7 @@ def round_explicitly(module):
             for block in function.blocks:
                 for instruction in block.instructions:
                     _forbid(instruction)
-            # past a list of names that lacks those which only some processors have
+            # `set.add` circumvents a list of names that lacks those which only some processors have
             set.add(function.attributes, f'"prefer-vector-width"="{width}"')
 
 
@@ -109,18 +109,18 @@ def _allows(value, *operations):
     return is_one and getattr(value.type, "element", value.type) == ir.DoubleType()
 
 
-def _fused(block, instruction, which):
-    """What takes the place of a sum or difference whose operand number `which` is a product."""
+def _fused(block, instruction, place):
+    """The instructions that replace a sum or difference whose operand number `place` is a product."""
     kind = instruction.type
-    (a, b), c = instruction.operands[which].operands, instruction.operands[1 - which]
+    (a, b), c = instruction.operands[place].operands, instruction.operands[1 - place]
     written = []
     if instruction.opname == "fsub":  # a b - c or c - a b
-        written = [ir.Instruction(block, kind, "fneg", [a if which else c])]
-        a, c = (written[0], c) if which else (a, written[0])
+        written = [ir.Instruction(block, kind, "fneg", [a if place else c])]
+        a, c = (written[0], c) if place else (a, written[0])
     name = f"llvm.fma.v{kind.count}f64" if isinstance(kind, ir.VectorType) else "llvm.fma.f64"
     fma = cgutils.get_or_insert_function(block.parent.module, ir.FunctionType(kind, [kind] * 3), name)
     written.append(ir.CallInstr(block, fma, [a, b, c]))
-    # whoever used the sum goes on to do so, by its name; llvmlite has no way to replace it that knows all its users
+    # other instructions use the sum by its name, which stays; llvmlite cannot replace it in all of them
     written[-1]._name = instruction.name
     return written
 
@@ -134,7 +134,7 @@ class RoundedLibrary(JITCodeLibrary):
 
 
 class RoundedCompiler(Compiler):
-    """Compiles a function, and what Numba writes for it besides, into such libraries."""
+    """Compiles a function, and the other code that Numba writes for it, into such libraries."""
 
     def compile_extra(self, function):
         codegen = self.state.targetctx.codegen()
@@ -146,7 +146,7 @@ class RoundedCompiler(Compiler):
 
 @contextlib.contextmanager
 def parts_of(codegen, library):
-    """Within it, Numba puts what it writes besides a function, such as the body of a parallel loop, into `library`."""
+    """Within the block Numba puts other code of a function, such as the body of a parallel loop, into `library`."""
     usual, codegen._library_class = codegen._library_class, library
     try:
         yield

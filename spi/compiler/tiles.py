@@ -42,7 +42,7 @@ def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, ro
 
 
 def _rows_together(builder, height, matrix, columns, x, stride, out, out_stride, rows, done):
-    """The rows from `done` on, `height` at a time while there are so many."""
+    """The rows from `done` on, `height` at a time while there are that many."""
     integer, vector = ir.IntType(64), ir.VectorType(ir.DoubleType(), TILE)
     together, one = ir.Constant(integer, height), ir.Constant(integer, 1)
     test, body = builder.append_basic_block("rows"), builder.append_basic_block("together")

@@ -2,7 +2,7 @@
 
 Loops over lanes become vector instructions by themselves where there are many lanes (``lanes.py``).  Models whose
 states are arrays have few paths or columns at a time, and Numba makes vectors of so short a loop only sometimes; so
-they say what is a vector.  In Python a vector is a NumPy array of eight floats.
+they use vectors explicitly.  In Python a vector is a NumPy array of eight floats.
 """
 
 import operator
@@ -134,7 +134,7 @@ def _shuffled(builder, a, b, places):
 
 
 def _ring(context, builder, array_type, array, begin, n, first):
-    """Where a window on a ring begins, and where it would have to begin for what goes around; which floats do not."""
+    """(begin of a window on a ring, begin for its part that goes around), and a mask of the floats that do not."""
     two = ir.Constant(begin.type, 2)
     starts = [builder.add(begin, builder.mul(two, place)) for place in (first, builder.sub(first, n))]
     ahead = builder.icmp_signed("<", _numbers(builder, first), _splat(builder, n))
@@ -156,10 +156,10 @@ def _splat(builder, number):
     return spread(builder, number, ir.VectorType(ir.IntType(64), TILE))
 
 
-def _masked(builder, what, result, *arguments):
+def _masked(builder, operation, result, *arguments):
     """Call LLVM's masked load or store, which leaves memory alone where the mask is 0."""
     kind = ir.FunctionType(result, [argument.type for argument in arguments])
-    name = f"llvm.masked.{what}.v{TILE}f64.p0"
+    name = f"llvm.masked.{operation}.v{TILE}f64.p0"
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
 
 

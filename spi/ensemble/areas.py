@@ -9,8 +9,8 @@ second, Chen's relation adds them up:
 
     A_kl = A_kl' + A_kl'' + (dW_k' dW_l'' - dW_l' dW_k'') / 2.
 
-At the reference step they are 0, which is so for the piecewise linear path through the increments, or drawn together
-with the increments, see ``area_series.py``.
+At the reference step they are 0, as for the piecewise linear path through the increments, or drawn together with the
+increments, see :func:`draw_fourier_areas`.
 
 In a row of increments the areas of ``protocol.area_pairs`` are the last floats, LANES of each pair.
 """
@@ -40,7 +40,7 @@ def area_indices(model):
 
 @trait
 def area_count(model):
-    """How many pairs there are."""
+    """The number of pairs."""
     return len(area_pairs(model))
 
 
@@ -51,7 +51,7 @@ def area_channels(model):
 
 
 def _groups(model):
-    """Those noises that are connected by pairs of :func:`area_pairs`, by each of them: a dictionary of sets."""
+    """{noise: the set of noises connected with it by pairs of :func:`area_pairs`, itself among them}."""
     groups = {k: {k} for pair in area_pairs(model) for k in pair}
     for k, j in area_pairs(model):
         joined = groups[k] | groups[j]
@@ -65,7 +65,7 @@ def connected_noises(model):
 
 
 def all_pairs(model):
-    """Whether noises that are connected are so by pairs of their own, as where none or all of a group commute."""
+    """Whether any two connected noises are a pair themselves, as where none or all of a group commute."""
     return sum(len(group) - 1 for group in _groups(model).values()) == 2 * len(area_pairs(model))
 
 
@@ -88,18 +88,19 @@ def channels(model):
     return lambda model: on
 
 
-#: How drawn areas can be like: by a series that is as good as TOLERANCE asks for, or right in law only.
+#: Drawn areas: from a series with an error of at most TOLERANCE, or Gaussian with the right covariances only.
 HOW = ("exact", "gaussian")
 #: In the place of a number of terms: areas that are Gaussian, given the increments.
 GAUSSIAN = -1
-#: By which multiple of h^(3/2) a drawn area may be off in the mean square.  So much, drawn anew in each step, adds 2 %
-#: to the strong error of ``munthe_kaas_areas`` for the rigid body with three noises, see docs/areas.md.
+#: The largest root mean square error of a drawn area, in units of h^(3/2).  An error of this size, independent from
+#: step to step, adds 2 % to the strong error of ``munthe_kaas_areas`` for the rigid body with three noises, see
+#: docs/areas.md.
 TOLERANCE = 0.1
 _DISTANCE = 5.7e-4  # see ``area_distance``
 
 
 def area_distance(terms, connected):
-    """How far drawn areas over a step are from the true ones, in units of h, given the increments.
+    """The distance of drawn areas over a step from the true ones, in units of h, given the increments.
 
     In the mean square over the pairs, by the best coupling: the quadratic Wasserstein distance.  For two and three
     noises it is below 5.7e-4 m^(3/2) / n^3, by its values for n = 1 to 12 (tests/ensemble/test_area_law.py); for more,
@@ -111,11 +112,11 @@ def area_distance(terms, connected):
 
 
 def fourier_terms(model, schemes, drawn, used=None, areas="exact"):
-    """With how many terms n the areas of steps of size `drawn` are drawn for steps of size `used`, by default the same.
+    """The number of terms n of the areas of steps of size `drawn`, for steps of size `used`, by default the same.
 
-    The areas over `used` are sums of used / drawn independent ones, and together they are off by no more than
-    TOLERANCE used^(3/2) in the mean square.  0 if none of the schemes needs areas, and GAUSSIAN where `areas`, one of
-    :data:`HOW`, asks for such.  The random numbers have room for :func:`most_terms`, which the specs see to.
+    The areas over `used` are sums of used / drawn independent ones, with an error of at most TOLERANCE used^(3/2) in
+    the root mean square.  0 if none of the schemes needs areas; GAUSSIAN where `areas`, one of :data:`HOW`, is
+    "gaussian".  The random numbers have room for :func:`most_terms` terms, which the specs check.
     """
     used = drawn if used is None else used
     if not area_pairs(model) or not any(needs_areas(scheme) for scheme in schemes if scheme is not None):
@@ -131,61 +132,61 @@ def most_terms(model):
     return (TAILS // max(noises(model), 1) - 1) // 2
 
 
-# What the loop over time does with the areas in rows of increments.
+# Areas in rows of increments, in the loop over time.  `layout` is NoAreas or Areas.
 
 
 @method
-def areas_length(kept, model):
-    """How many floats the areas of a block are."""
+def areas_length(layout, model):
+    """The length of the areas of a block, in floats."""
 
 
 @method
-def draw_areas(kept, model, increments, noise, draw, block, h, terms, words):
-    """Areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
+def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
+    """Draw the areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
 
 
 @method
-def join_areas(kept, model, dW, first):
-    """The areas of the step of which `dW` holds the second half and `first` the first, in `dW`."""
+def join_areas(layout, model, dW, first):
+    """Put the areas of the step of which `dW` holds the second half and `first` the first into `dW`."""
 
 
 @method
-def copy_areas(kept, model, dW, copied):
-    """Those of `dW` in `copied`."""
+def copy_areas(layout, model, dW, copied):
+    """Copy the areas of `dW` to `copied`."""
 
 
 class NoAreas(NamedTuple):
     """No scheme needs areas, or all noises commute: kernels contain nothing about them."""
 
-    def areas_length(kept, model):
+    def areas_length(layout, model):
         return 0
 
-    def draw_areas(kept, model, increments, noise, draw, block, h, terms, words):
+    def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
         pass
 
-    def join_areas(kept, model, dW, first):
+    def join_areas(layout, model, dW, first):
         pass
 
-    def copy_areas(kept, model, dW, copied):
+    def copy_areas(layout, model, dW, copied):
         pass
 
 
 class Areas(NamedTuple):
     """A scheme needs the areas."""
 
-    def areas_length(kept, model):
+    def areas_length(layout, model):
         return area_count(model) * LANES
 
-    def draw_areas(kept, model, increments, noise, draw, block, h, terms, words):
+    def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
         if terms != 0:
             draw_fourier_areas(model, increments, noise, draw, block, h, terms, words)
         else:
             increments[:STEPS_PER_DRAW, increments.shape[1] - area_count(model) * LANES :] = 0.0
 
-    def join_areas(kept, model, dW, first):
+    def join_areas(layout, model, dW, first):
         join_area(model, dW, first)
 
-    def copy_areas(kept, model, dW, copied):
+    def copy_areas(layout, model, dW, copied):
         copy_area(model, dW, copied)
 
 
@@ -215,21 +216,19 @@ def area_of(model, dW, p):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How Lévy areas are drawn, given the increments: a Fourier series with a Gaussian tail.
+# Drawing Lévy areas, given the increments: a Fourier series with a Gaussian tail.
 #
 # Given W = dW / sqrt(h) and independent standard normals X_kr, Y_kr, M_k, G_kl, the areas are
 #
 #     A_kl = h / (2 pi) (sum_{r <= n} w_r (X_kr (Y_lr - sqrt(2) W_l) - X_lr (Y_kr - sqrt(2) W_k))
 #                        + sqrt(2 R) (W_k M_l - W_l M_k + G_kl)),          R = pi^2 / 6 - sum_{r <= n} w_r^2,
 #
-# in law if w_r = 1 / r and n tends to infinity.  The tail has the variances and covariances of what is left out, given
-# W
-# (Wiktorsson, Annals of Applied Probability 11, 2001; Mrongowius and Rößler, Stochastic Analysis and Applications 40,
-# 2022).  The weight of the last term is not 1 / n but w_n^4 = sum_{r >= n} 1 / r^4: as the cumulants of order j of a
-# term
-# are those of the first one times w_r^j, whatever W is, all moments of areas and increments up to the fifth order in
-# the
-# areas are then right.  Without terms the areas are Gaussian, with the right variances and covariances.
+# in law if w_r = 1 / r and n tends to infinity.  The tail has the variances and covariances of the terms left out,
+# given W (Wiktorsson, Annals of Applied Probability 11, 2001; Mrongowius and Rößler, Stochastic Analysis and
+# Applications 40, 2022).  The weight of the last term is not 1 / n but w_n^4 = sum_{r >= n} 1 / r^4: as the cumulants
+# of order j of a term are those of the first one times w_r^j, whatever W is, all moments of areas and increments up to
+# the fifth order in the areas are then right.  Without terms the areas are Gaussian, with the right variances and
+# covariances.
 #
 # The tail needs no M where noises that are connected by pairs are all pairs: its covariance is that of G along W and
 # 1 + |W|^2 times that across, hence W_k M_l - W_l M_k + G_kl is as G_kl + (W_k q_l - W_l q_k) / (1 + sqrt(1 + |W|^2))
@@ -243,7 +242,7 @@ _SIZE = STEPS_PER_DRAW * LANES
 
 @device(inline=False)
 def draw_fourier_areas(model, increments, noise, draw, block, h, terms, words):
-    """Put the areas of STEPS_PER_DRAW steps into as many rows of `increments`, as the head of this file says."""
+    """Put the areas of STEPS_PER_DRAW steps into as many rows of `increments`, by the series above."""
     pairs, m, count = area_channels(model), noises(model), area_count(model)
     owned = aligned((3 * m + 2 * count) * _SIZE).reshape(-1, _SIZE)
     scratch = without_refcount(owned)  # which is in use below
@@ -365,7 +364,7 @@ def set_factor(y):
 
 @device(inline=False)
 def add_pair(q_i, q_j, w_i, w_j, g):
-    """What the pair of i and j adds to q_i and q_j, times sqrt(2)."""
+    """Add the terms of the pair (i, j) to q_i and q_j, times sqrt(2)."""
     for n in range(_SIZE):
         q_i[n] -= w_j[n] * g[n]
         q_j[n] += w_i[n] * g[n]

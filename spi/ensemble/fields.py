@@ -28,9 +28,9 @@ from .protocol import (
 
 @trait
 def lie_poisson(model):
-    """Whether B is linear in y: whether a model leaves ``structure_derivative`` as it is by default."""
-    told = getattr(class_of(model), "lie_poisson", None)  # of a model around another
-    return told(model) if told else not answers(structure_derivative, class_of(model))
+    """Whether B is linear in y, that is, whether a model has the default ``structure_derivative``."""
+    stated = getattr(class_of(model), "lie_poisson", None)  # of a model around another
+    return stated(model) if stated else not answers(structure_derivative, class_of(model))
 
 
 @trait
@@ -77,7 +77,7 @@ def unit(indices, j):
 
 @device
 def drift_field(model, y):
-    """B(y) grad H(y), and what else the drift has."""
+    """The drift: B(y) grad H(y) plus the dissipation."""
     return add_dissipation(model, structure(model, y, drift_gradient(model, y)), 1.0, y)
 
 
@@ -96,7 +96,7 @@ def noise_field_derivative(model, k, y, v):
 
 @unrolled(noise_indices)
 def add_ito_correction(index, model, value, h, y):
-    """value + h/2 sum_k sigma_k^2 f_k'(y) f_k(y): what turns the Stratonovich into the Itô drift."""
+    """value + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), the Itô correction of the Stratonovich drift."""
     k = number(index)
     sigma = strengths(model)[k]
     correction = noise_field_derivative(model, k, y, noise_field(model, k, y))
@@ -168,7 +168,7 @@ def step_gradient(model, h, dW, lane, y):
 
 @device
 def step_field(model, h, dW, lane, y):
-    """F(y) = B(y) grad K(y), and h times what else the drift has."""
+    """F(y) = B(y) grad K(y), plus h times the dissipation."""
     return step_field_along(model, h, y, step_gradient(model, h, dW, lane, y))
 
 

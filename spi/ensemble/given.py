@@ -1,4 +1,4 @@
-"""Noise that is given in place of a stream of keyed random numbers, and arrays of what a stream has."""
+"""Noise from arrays or Sobol' points in place of a stream of keyed random numbers, and a stream's noise as arrays."""
 
 import functools
 from typing import NamedTuple
@@ -54,35 +54,35 @@ def empty_noise(scheme, model, steps, paths):
 
 
 @device(by_type=True)
-def noise_of_steps(kept, model, rows, noise, draw, block, h, terms, words):
+def noise_of_steps(layout, model, rows, noise, draw, block, h, terms, words):
     """Put the noise of the next STEPS_PER_DRAW steps of size h into as many rows of increments."""
     if class_of(noise) is Given:
-        return lambda kept, model, rows, noise, draw, block, h, terms, words: copy_steps(
-            kept, model, rows, noise, draw, block
+        return lambda layout, model, rows, noise, draw, block, h, terms, words: copy_steps(
+            layout, model, rows, noise, draw, block
         )
     if class_of(noise) is Points:
-        return lambda kept, model, rows, noise, draw, block, h, terms, words: place_points(
-            kept, model, rows, noise, draw, block, h, terms, words
+        return lambda layout, model, rows, noise, draw, block, h, terms, words: place_points(
+            layout, model, rows, noise, draw, block, h, terms, words
         )
-    return lambda kept, model, rows, noise, draw, block, h, terms, words: draw_steps(
-        kept, model, rows, noise, draw, block, h, terms, words
+    return lambda layout, model, rows, noise, draw, block, h, terms, words: draw_steps(
+        layout, model, rows, noise, draw, block, h, terms, words
     )
 
 
 @device(by_type=True)
-def coins_of_step(kept, noise, n, block, bits, coins, row):
-    """Put the coins of step n into a row; `bits`, where they are drawn, are kept from step to step."""
+def coins_of_step(layout, noise, n, block, bits, coins, row):
+    """Put the coins of step n into a row; `bits`, where they are drawn, stay from one step to the next."""
     if class_of(noise) is Given:
-        return lambda kept, noise, n, block, bits, coins, row: copy_coins_of(noise, n, block, coins[row])
-    if class_of(noise) is Points and class_of(kept) is Coins:
-        return lambda kept, noise, n, block, bits, coins, row: coins_of_points(noise, n, block, bits, coins[row])
-    return lambda kept, noise, n, block, bits, coins, row: draw_coins(kept, noise, n, block, bits, coins, row)
+        return lambda layout, noise, n, block, bits, coins, row: copy_coins_of(noise, n, block, coins[row])
+    if class_of(noise) is Points and class_of(layout) is Coins:
+        return lambda layout, noise, n, block, bits, coins, row: coins_of_points(noise, n, block, bits, coins[row])
+    return lambda layout, noise, n, block, bits, coins, row: draw_coins(layout, noise, n, block, bits, coins, row)
 
 
 @device(inline=False)
-def copy_steps(kept, model, rows, noise, draw, block):
-    """The increments and areas of STEPS_PER_DRAW steps; lanes without a path get those of the last one."""
-    finest = number(kept.substeps)
+def copy_steps(layout, model, rows, noise, draw, block):
+    """Copy the increments and areas of STEPS_PER_DRAW steps; lanes without a path get those of the last one."""
+    finest = number(layout.substeps)
     paths, steps = noise.dW.shape[1], noise.dW.shape[0] // finest
     for drawn in range(STEPS_PER_DRAW):
         n, row = STEPS_PER_DRAW * np.int64(draw) + drawn - noise.first, rows[drawn]
@@ -102,16 +102,16 @@ def copy_steps(kept, model, rows, noise, draw, block):
 
 @device(by_type=True)
 def words_length(noise):
-    """How many words of scratch noise needs; those of points keep the normals of a block behind what all need."""
+    """The words of scratch for noise; with points, the normals of a block come behind the words all noises need."""
     if class_of(noise) is Points:
         return lambda noise: STEPS_PER_DRAW * LANES + scratch_of_points(noise)
     return lambda noise: STEPS_PER_DRAW * LANES
 
 
 @device(inline=False)
-def place_points(kept, model, rows, noise, draw, block, h, terms, words):
-    """The increments of STEPS_PER_DRAW steps of paths along points, and keyed areas."""
-    finest, count = number(kept.substeps), noise.increments // (len(noise.starts) - 1)
+def place_points(layout, model, rows, noise, draw, block, h, terms, words):
+    """Put the increments of STEPS_PER_DRAW steps of paths along points into `rows`, and keyed areas."""
+    finest, count = number(layout.substeps), noise.increments // (len(noise.starts) - 1)
     room = words[STEPS_PER_DRAW * LANES :]
     if draw == 0:
         draw_block(noise, np.int64(block), words, room)
@@ -120,17 +120,17 @@ def place_points(kept, model, rows, noise, draw, block, h, terms, words):
         n, row = (STEPS_PER_DRAW * np.int64(draw) + drawn) * finest, rows[drawn]
         if n + 1 >= len(noise.starts):
             break
-        for which, k in enumerate(channels(model)):
+        for place, k in enumerate(channels(model)):
             for part in range(finest):
-                increments_of_points(noise, n + part, which, count, normals, row[first_lane(model, k, finest, part) :])
+                increments_of_points(noise, n + part, place, count, normals, row[first_lane(model, k, finest, part) :])
         if finest > 1:
             _add_up_substeps(model, row, finest)
-    draw_areas(kept.areas, model, rows, noise, draw, block, h, terms, words)
+    draw_areas(layout.areas, model, rows, noise, draw, block, h, terms, words)
 
 
 @device
 def _add_up_substeps(model, row, finest):
-    """The increments over larger sub-steps and over the step from those over the finest ones."""
+    """Add up the increments over larger sub-steps and over the step from those over the finest ones."""
     size = finest // 2
     while size > 0:
         for part in range(size):
@@ -144,7 +144,7 @@ def _add_up_substeps(model, row, finest):
 
 @device(inline=False)
 def copy_coins_of(noise, n, block, coins):
-    """The coins of step n, where there are any."""
+    """Copy the coins of step n, where there are any."""
     if len(noise.coins) > 0:
         for lane in range(LANES):
             coins[lane] = noise.coins[n - noise.first, min(np.int64(block) * LANES + lane, noise.coins.shape[1] - 1)]
@@ -152,21 +152,21 @@ def copy_coins_of(noise, n, block, coins):
 
 @kernel
 def draw_noise(scheme, model, noise, h, terms, first_step, first_path, given):
-    """Fill a :class:`Given` with what a run with steps of size h draws from `first_step` and `first_path` on."""
-    kept = kept_of_steps(None, scheme, model)
-    finest = number(kept.substeps)
+    """Fill a :class:`Given` with the noise of a run with steps of size h from `first_step` and `first_path` on."""
+    layout = kept_of_steps(None, scheme, model)
+    finest = number(layout.substeps)
     steps, paths = given.dW.shape[0] // finest, given.dW.shape[1]
-    rows = aligned(STEPS_PER_DRAW * row_length(kept, model)).reshape(STEPS_PER_DRAW, -1)
+    rows = aligned(STEPS_PER_DRAW * row_length(layout, model)).reshape(STEPS_PER_DRAW, -1)
     coins = aligned(LANES).reshape(1, LANES)
     words, bits = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
         for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
-            draw_coins(kept.coins, noise, n, np.uint64(block), bits, coins, 0)
+            draw_coins(layout.coins, noise, n, np.uint64(block), bits, coins, 0)
             if n < first_step // STEPS_PER_DRAW * STEPS_PER_DRAW:
                 continue  # only the coins come in so many at a time
             if n % STEPS_PER_DRAW == 0:
                 draw = np.uint64(n // STEPS_PER_DRAW)
-                draw_steps(kept, model, rows, noise, draw, np.uint64(block), h, terms, words)
+                draw_steps(layout, model, rows, noise, draw, np.uint64(block), h, terms, words)
             if n >= first_step:
                 first = block * LANES - first_path
                 _copy_out(model, rows[n % STEPS_PER_DRAW], coins[0], finest, n - first_step, first, given)
@@ -207,7 +207,7 @@ def draw_paths(noise, h, first_step, first_path, dW):
 
 @kernel
 def draw_all_coins(noise, first_step, first_path, coins):
-    """Fill `coins` (steps, paths) with those of a run from `first_step` and `first_path` on."""
+    """Fill `coins` (steps, paths) with the coins of a run from `first_step` and `first_path` on."""
     steps, paths = coins.shape
     bits, row = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(LANES)
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
@@ -224,10 +224,9 @@ def draw_all_coins(noise, first_step, first_path, coins):
 #
 # The increments of a path are a linear function of as many standard normals, each of which has a dimension of its own:
 # the normals of all noises that are on come first, noise by noise for each place in the order of :data:`CONSTRUCTIONS`,
-# and after them a dimension for the coin of each step, where coins are tossed: its first bit.  Sub-steps are nothing
-# but
-# shorter steps, and so have dimensions of their own.  Lévy areas, uniform numbers by which flows are judged, and random
-# initial states are the keyed numbers of independent paths.
+# and after them a dimension for the coin of each step, where coins are tossed: its first bit.  Sub-steps are
+# nothing but shorter steps, and so have dimensions of their own.  Lévy areas, uniform numbers by which flows are
+# judged, and random initial states are the keyed numbers of independent paths.
 # ---------------------------------------------------------------------------------------------------------------------
 
 _BITS = 32  # of the number of a point
@@ -242,17 +241,17 @@ class Points(NamedTuple):
     """
 
     seed: np.uint64
-    stream: np.uint64  #: of the scrambles, and of what is keyed
+    stream: np.uint64  #: of the scrambles, and of the keyed numbers
     directions: np.ndarray  #: (dimensions, bits of the number of a point, SCRAMBLES) uint64
     shifts: np.ndarray  #: (dimensions, SCRAMBLES) uint64
     starts: np.ndarray  #: (increments + 1,) int64
     columns: np.ndarray  #: int64
     weights: np.ndarray
-    increments: int  #: how many dimensions are those of increments; behind them are those of coins
+    increments: int  #: the number of dimensions of increments; behind them are those of coins
 
     @property
     def keys(self):
-        """Of what the random numbers that are no points are functions."""
+        """The stream of the random numbers that do not come from points."""
         return RandomStream(self.seed, self.stream)
 
     for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
@@ -294,21 +293,21 @@ def by_principal_components(count):
     return of_array(Cosine(), angles) * (2.0 / np.sqrt(2 * count + 1))
 
 
-#: How the increments of a path are made of its normals, by their names in a spec.
+#: The matrices (increments, normals) that make the increments of a path from its normals, by their names in a spec.
 CONSTRUCTIONS = {"bridge": by_bridges, "principal": by_principal_components, "steps": by_steps}
 
 
 def dimensions_of(scheme, reference_scheme, model, steps):
-    """How many dimensions the increments of so many reference steps have, and how many with the coins."""
-    kept = kept_of_steps(reference_scheme, scheme, model)
-    increments = number(kept.substeps) * len(noise_indices(model)) * steps
-    return increments, increments + steps * isinstance(kept.coins, Coins)
+    """(dimensions of the increments of `steps` reference steps, dimensions with the coins)."""
+    layout = kept_of_steps(reference_scheme, scheme, model)
+    increments = number(layout.substeps) * len(noise_indices(model)) * steps
+    return increments, increments + steps * isinstance(layout.coins, Coins)
 
 
 def points_of(seed, stream, scheme, model, times, construction="bridge"):
-    """The noise :class:`Points` of the paths of a grid of times, 2^38 at most; shared, so do not write there."""
-    kept = kept_of_steps(times.reference_scheme, scheme, model)
-    finest, steps = number(kept.substeps), times.reference_steps
+    """The noise :class:`Points` of the paths of a grid of times, 2^38 at most; cached, so do not change it."""
+    layout = kept_of_steps(times.reference_scheme, scheme, model)
+    finest, steps = number(layout.substeps), times.reference_steps
     dimensions = dimensions_of(scheme, times.reference_scheme, model, steps)
     return _points(seed, stream, *dimensions, finest * steps, times.reference_step / finest, construction)
 
@@ -320,39 +319,39 @@ def _points(seed, stream, increments, dimensions, steps, length, construction):
     scramble(np.uint64(seed), np.uint64(stream), direction_numbers(dimensions, _BITS), directions, shifts)
     matrix = CONSTRUCTIONS[construction](steps) * np.sqrt(length)
     columns = [np.flatnonzero(row) for row in matrix]
-    columns = [one if len(one) % 2 else np.append(one, one[0]) for one in columns]
-    weights = [row[one] for row, one in zip(matrix, columns, strict=True)]
-    for one, places in zip(weights, columns, strict=True):
-        one[1:][places[1:] == places[0]] = 0.0
+    columns = [places if len(places) % 2 else np.append(places, places[0]) for places in columns]
+    weights = [row[places] for row, places in zip(matrix, columns, strict=True)]
+    for weight, places in zip(weights, columns, strict=True):
+        weight[1:][places[1:] == places[0]] = 0.0
     starts = np.cumsum([0, *map(len, columns)])
     series = starts, np.concatenate(columns), np.concatenate(weights)
     return Points(np.uint64(seed), np.uint64(stream), directions, shifts, *series, increments)
 
 
-# What the loop over time does with them.
+# Points in the loop over time.
 
 
 @device
 def scratch_of_points(noise):
-    """How many words the normals of a block take, and what making them needs."""
+    """The number of words that the normals of a block and the scratch for making them take."""
     return noise.increments * (LANES + 4 * PARTS)
 
 
 @device
 def draw_block(noise, block, words, room):
-    """The normals of all dimensions of a block, LANES for each, at the beginning of `room`."""
+    """Put the normals of all dimensions of a block, LANES for each, at the beginning of `room`."""
     ends, normals = room[noise.increments * LANES :], room.view(np.float64)
     net_normals(noise.directions, noise.shifts, noise.increments, block, words, ends, normals)
 
 
 @device
-def increments_of_points(noise, n, which, count, normals, increment):
-    """Increment number n of the noise at place `which` of `count`, for the lanes of a block."""
+def increments_of_points(noise, n, place, count, normals, increment):
+    """Increment number n of the noise at `place` of `count`, for the lanes of a block."""
     first = noise.starts[n]
-    set_weighted(increment, noise.weights[first], normals[(noise.columns[first] * count + which) * LANES :])
+    set_weighted(increment, noise.weights[first], normals[(noise.columns[first] * count + place) * LANES :])
     for i in range(first + 1, noise.starts[n + 1], 2):
-        one, other = (noise.columns[i] * count + which) * LANES, (noise.columns[i + 1] * count + which) * LANES
-        add_weighted(increment, noise.weights[i], normals[one:], noise.weights[i + 1], normals[other:])
+        here, there = (noise.columns[i] * count + place) * LANES, (noise.columns[i + 1] * count + place) * LANES
+        add_weighted(increment, noise.weights[i], normals[here:], noise.weights[i + 1], normals[there:])
 
 
 @device
@@ -369,7 +368,7 @@ def add_weighted(increment, weight, normals, other_weight, others):
 
 @device(inline=False)
 def coins_of_points(noise, n, block, words, coins):
-    """The coins of step n."""
+    """Put the coins of step n into `coins`."""
     d = noise.increments + n
     net_words(noise.directions[d], noise.shifts[d], np.int64(block), words)
     for lane in range(LANES):

@@ -1,7 +1,7 @@
 """Random numbers of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
 
-A row of increments has those over a whole step, and behind them, where a scheme asks for sub-steps, those over its
-halves, quarters, ..., see :func:`first_lane`, and last, where a scheme asks for them, Lévy areas, see ``areas.py``.
+A row of increments has those over a whole step, and behind them, where a scheme needs sub-steps, those over its
+halves, quarters, ..., see :func:`first_lane`, and last, where a scheme needs them, Lévy areas, see ``areas.py``.
 """
 
 import functools
@@ -29,7 +29,7 @@ from .lanes import aligned
 from .protocol import noises
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Streams of keyed random numbers, and what every noise answers that the loop over time makes, or finds, by itself.
+# Streams of keyed random numbers, and the methods that every noise has whose numbers the loop over time makes itself.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -39,7 +39,7 @@ def in_one_call(noise, scheme, model, times, first, blocks, end):
 
 
 def as_many_blocks(noise, model, times):
-    """How many blocks fit into memory, as far as their noise is concerned: any number."""
+    """The number of blocks whose noise fits into memory: any number, since it is drawn step by step."""
     return 2**62
 
 
@@ -49,14 +49,14 @@ def itself(noise):
 
 
 class RandomStream(NamedTuple):
-    """Which random numbers: the 64-bit seed and one of the streams of ``spi.numerics.rng``, as uint64."""
+    """The random numbers of a 64-bit seed and one of the streams of ``spi.numerics.rng``, both as uint64."""
 
     seed: np.uint64
     stream: np.uint64
 
     @property
     def keys(self):
-        """Of what the random numbers of these paths are functions: itself."""
+        """The stream of which the random numbers of these paths are functions: itself."""
         return self
 
     for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
@@ -68,68 +68,69 @@ def brownian(seed):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What kernels do with rows of coins, where a scheme tosses them, and of uniform numbers, where it judges flows.
+# Rows of coins in kernels, where a scheme tosses them, and of uniform numbers, where it judges flows.  `layout` is one
+# of NoCoins, Coins and Uniforms.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 @method
-def coins_length(kept, model):
-    """How many floats a row of coins is."""
+def coins_length(layout, model):
+    """The length of a row of coins, in floats."""
 
 
 @method
-def draw_coins(kept, noise, n, block, bits, coins, row):
-    """The coins of step n in a row; `bits`, those of STEPS_PER_TOSS steps, are kept from step to step."""
+def draw_coins(layout, noise, n, block, bits, coins, row):
+    """Put the coins of step n into a row; `bits`, those of STEPS_PER_TOSS steps, stay from one step to the next."""
 
 
 @method
-def copy_coins(kept, coins, source, target):
-    """The coins of one row in another."""
+def copy_coins(layout, coins, source, target):
+    """Copy the coins of row `source` to row `target`."""
 
 
 @method
-def turn_coins(kept, coins, source, target):
-    """Those on the other side."""
+def turn_coins(layout, coins, source, target):
+    """Put the opposite coins of row `source` into row `target`; uniform numbers are copied."""
 
 
 @device
 def toss_and_read(noise, n, block, bits, row):
-    """The coins of step n in `row`; `bits` are tossed at the first of STEPS_PER_TOSS steps."""
+    """Put the coins of step n into `row`; `bits` are tossed at the first of STEPS_PER_TOSS steps."""
     if n % STEPS_PER_TOSS == 0:
         toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
     read_coins(bits, n, row)
 
 
 class NoCoins(NamedTuple):
-    """No scheme tosses: kernels contain nothing about coins."""
+    """No scheme tosses coins: kernels contain nothing about them."""
 
-    def coins_length(kept, model):
+    def coins_length(layout, model):
         return LANES
 
-    def draw_coins(kept, noise, n, block, bits, coins, row):
+    def draw_coins(layout, noise, n, block, bits, coins, row):
         pass
 
-    def copy_coins(kept, coins, source, target):
+    def copy_coins(layout, coins, source, target):
         pass
 
-    def turn_coins(kept, coins, source, target):
+    def turn_coins(layout, coins, source, target):
         pass
 
 
 class Coins(NamedTuple):
-    """A scheme tosses."""
+    """A scheme tosses coins."""
 
-    def coins_length(kept, model):
+    def coins_length(layout, model):
         return LANES
 
-    def draw_coins(kept, noise, n, block, bits, coins, row):
+    def draw_coins(layout, noise, n, block, bits, coins, row):
         toss_and_read(noise, n, block, bits, coins[row])
 
-    def copy_coins(kept, coins, source, target):
+    def copy_coins(layout, coins, source, target):
         for lane in range(LANES):
             coins[target, lane] = coins[source, lane]
 
-    def turn_coins(kept, coins, source, target):
+    def turn_coins(layout, coins, source, target):
         for lane in range(LANES):
             coins[target, lane] = -coins[source, lane]
 
@@ -137,18 +138,18 @@ class Coins(NamedTuple):
 class Uniforms(NamedTuple):
     """A scheme judges flows: behind the coins stand uniform numbers, one for each noise and one for the drift."""
 
-    def coins_length(kept, model):
+    def coins_length(layout, model):
         return (1 + 4 * (noises(model) // 4 + 1)) * LANES
 
-    def draw_coins(kept, noise, n, block, bits, coins, row):
+    def draw_coins(layout, noise, n, block, bits, coins, row):
         toss_and_read(noise, n, block, bits, coins[row])
         draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
 
-    def copy_coins(kept, coins, source, target):
+    def copy_coins(layout, coins, source, target):
         for i in range(coins.shape[1]):
             coins[target, i] = coins[source, i]
 
-    def turn_coins(kept, coins, source, target):
+    def turn_coins(layout, coins, source, target):
         for i in range(coins.shape[1]):
             coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]
 
@@ -161,13 +162,13 @@ def truncation_bound(h):
 
 @device
 def first_lane(model, k, n, part):
-    """Where in a row the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ... begin."""
+    """The place in a row of the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ..."""
     return ((n - 1 + part) * noises(model) + k) * LANES
 
 
 @device
 def draw_channels(model, increments, noise, draw, block, scale, words, stride):
-    """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
+    """Draw the increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
 
     `stride` is the length of a row.
     """
@@ -178,7 +179,7 @@ def draw_channels(model, increments, noise, draw, block, scale, words, stride):
 
 @device
 def draw_bridges(model, increments, noise, draw, block, scale, words, normals, finest):
-    """Increments over the halves, quarters, ... of those steps, `finest` sub-steps at last, given those of the steps.
+    """Draw increments over the halves, quarters, ..., `finest` sub-steps at last, given those over whole steps.
 
     Lévy's construction: given the increment dW over a time t, that over its first half is dW/2 + sqrt(t)/2 Z with a
     standard normal Z.  Bridge number n + part, of a stream of its own, halves sub-step `part` of n.
@@ -219,7 +220,7 @@ def add_first_half(model, dW, first):
 
 @device
 def join_halves(model, dW, first, finest):
-    """The sub-steps of a step from those of its halves, where dW holds the second: half as many of each half.
+    """The sub-steps of a step from those of its halves, of which dW holds the second: half as many of each half.
 
     Increments over the whole step stay those of the second half; :func:`add_first_half` comes after.
     """
@@ -269,95 +270,95 @@ def clip_substeps(model, dW, clipped, h, finest):
             n = 2 * n
 
 
-# What the loop over time does with rows of increments.  Where no scheme asks for sub-steps, which is so for nearly all,
-# kernels contain nothing about them; likewise for areas.
+# Rows of increments in the loop over time.  Where no scheme needs sub-steps, which is so for nearly all, kernels
+# contain nothing about them; likewise for areas.
 
 
 class Kept(NamedTuple):
-    """What is known of a step besides its increments, as the compiler knows it by its type."""
+    """The parts of a row besides the increments over the step, a constant of compiled code."""
 
-    substeps: NamedTuple  #: one of INDICES: into how many sub-steps it is resolved
+    substeps: NamedTuple  #: one of INDICES: the number of sub-steps into which it is resolved
     areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
     coins: NamedTuple  #: NoCoins, Coins or Uniforms
 
 
 @device
-def row_length(kept, model):
-    """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
-    return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
+def row_length(layout, model):
+    """The length in floats of a row: increments of a block over a step and its sub-steps, and areas."""
+    return (2 * number(layout.substeps) - 1) * noises(model) * LANES + areas_length(layout.areas, model)
 
 
 def _unless_one(plain):
-    """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
+    """Decorator: `plain` takes the place of ``body(layout, ...)`` where there are no sub-steps, without a branch."""
 
     def decorate(body):
         @device(by_type=True)
         @functools.wraps(body)
-        def chosen(kept, *arguments):
-            return plain if number(field(kept, "substeps")) == 1 else body
+        def chosen(layout, *arguments):
+            return plain if number(field(layout, "substeps")) == 1 else body
 
         return chosen
 
     return decorate
 
 
-def _draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
-    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
-    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
+def _draw_steps(layout, model, increments, noise, draw, block, h, terms, words):
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(layout, model))
+    draw_areas(layout.areas, model, increments, noise, draw, block, h, terms, words)
 
 
 @_unless_one(_draw_steps)
-def draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
-    """Increments of the next STEPS_PER_DRAW steps of size h, of their sub-steps, and areas from so many terms."""
-    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
-    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
+def draw_steps(layout, model, increments, noise, draw, block, h, terms, words):
+    """Draw increments of the next STEPS_PER_DRAW steps of size h and of their sub-steps, and areas of `terms` terms."""
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(layout, model))
+    draw_areas(layout.areas, model, increments, noise, draw, block, h, terms, words)
     normals = aligned(STEPS_PER_DRAW * LANES)
-    draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(kept.substeps))
+    draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(layout.substeps))
 
 
-def _keep(kept, model, dW, first):
+def _keep(layout, model, dW, first):
     keep_first_half(model, dW, first)
-    copy_areas(kept.areas, model, dW, first)
+    copy_areas(layout.areas, model, dW, first)
 
 
 @_unless_one(_keep)
-def keep(kept, model, dW, first):
-    """Keep a step as the first half of a larger one."""
+def keep(layout, model, dW, first):
+    """Store a step as the first half of a larger one."""
     first[:] = dW
 
 
-def _join(kept, model, dW, first):
-    join_areas(kept.areas, model, dW, first)
+def _join(layout, model, dW, first):
+    join_areas(layout.areas, model, dW, first)
     add_first_half(model, dW, first)
 
 
 @_unless_one(_join)
-def join(kept, model, dW, first):
-    """The step of which `dW` holds the second half and `first` the first, in `dW`."""
-    join_areas(kept.areas, model, dW, first)
-    join_halves(model, dW, first, number(kept.substeps))
+def join(layout, model, dW, first):
+    """Put the step of which `dW` holds the second half and `first` the first into `dW`."""
+    join_areas(layout.areas, model, dW, first)
+    join_halves(model, dW, first, number(layout.substeps))
     add_first_half(model, dW, first)
 
 
-def _same_row(kept, model, dW, row, turned):
+def _same_row(layout, model, dW, row, turned):
     return row
 
 
 @_unless_one(_same_row)
-def reversed_row(kept, model, dW, row, turned):
-    """The number of the row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
-    turn_around(model, dW[row], dW[turned], number(kept.substeps))
+def reversed_row(layout, model, dW, row, turned):
+    """The number of a row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
+    turn_around(model, dW[row], dW[turned], number(layout.substeps))
     return turned
 
 
-def _truncate(kept, model, dW, clipped, h):
+def _truncate(layout, model, dW, clipped, h):
     clip(model, dW, clipped, truncation_bound(h))
-    copy_areas(kept.areas, model, dW, clipped)
+    copy_areas(layout.areas, model, dW, clipped)
 
 
 @_unless_one(_truncate)
-def truncate(kept, model, dW, clipped, h):
-    """The increments of a step of size h with their bounds, in `clipped`, which may be `dW`; areas stay as they are."""
+def truncate(layout, model, dW, clipped, h):
+    """Put the clipped increments of a step of size h into `clipped`, which may be `dW`; areas stay as they are."""
     clip(model, dW, clipped, truncation_bound(h))
-    copy_areas(kept.areas, model, dW, clipped)
-    clip_substeps(model, dW, clipped, h, number(kept.substeps))
+    copy_areas(layout.areas, model, dW, clipped)
+    clip_substeps(model, dW, clipped, h, number(layout.substeps))

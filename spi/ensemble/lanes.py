@@ -16,7 +16,7 @@ LINE = 8  #: floats in a line of the cache
 
 @device
 def aligned(size):
-    """An array of so many floats, empty, that begins where a line of the cache does.
+    """An empty array of `size` floats that begins where a line of the cache does.
 
     A vector of 512 bits is as long as a line; NumPy's and Numba's arrays begin at any multiple of 16 or 32 bytes, and
     then every load and store would touch two lines.

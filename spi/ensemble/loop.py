@@ -25,10 +25,10 @@ from .random_states import RandomState, block_states
 from .scheme_protocol import REPORT, SUMMED, substeps
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
-#: How often a study that runs in batches can report, and be interrupted.
+#: Wall-clock seconds of a batch, after each of which a study can report and be interrupted.
 BATCH_SECONDS = 0.5
 
-#: The values of ``Grid.reversals``: what a path does with the order of its flows.
+#: The values of ``Grid.reversals``: the order in which a path takes its flows.
 AS_TOSSED, COINS_TURNED, PAIRS_REVERSED = range(3)
 
 
@@ -112,15 +112,15 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
     scheme, model, grid, observer, report = without_refcount((scheme, model, grid, observer, report))
     last, coarser, reference = grid.doublings[0], grid.coarser, len(grid.doublings) - 1
-    kept = kept_of_steps(grid.reference_scheme, scheme, model)
+    layout = kept_of_steps(grid.reference_scheme, scheme, model)
     # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
     first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     owned = (
         aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
-        aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
-        aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
+        aligned((changed + 1) * row_length(layout, model)).reshape(changed + 1, -1),
+        aligned((flipped + 1) * coins_length(layout.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(words_length(noise)).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
@@ -131,8 +131,10 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
             draw = np.uint64(n // STEPS_PER_DRAW)
-            noise_of_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
-        coins_of_step(kept.coins, noise, n, np.uint64(block), bits, coins, here)
+            noise_of_steps(
+                layout, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words
+            )
+        coins_of_step(layout.coins, noise, n, np.uint64(block), bits, coins, here)
         drawn = n % STEPS_PER_DRAW
         # these belong to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
         s, h = 0, grid.reference_step
@@ -146,11 +148,11 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
                     begin = grid.start + (n + 1 - steps_before(reversal, turn) * (1 << s)) * grid.reference_step
                     if reversal != AS_TOSSED:
-                        turn_coins(kept.coins, coins, side, flipped)
+                        turn_coins(layout.coins, coins, side, flipped)
                         side = flipped
-                        increments = reversed_row(kept, model, dW, increments, changed)
+                        increments = reversed_row(layout, model, dW, increments, changed)
                     if grid.truncate:
-                        truncate(kept, model, dW[increments], dW[changed], h)
+                        truncate(layout, model, dW[increments], dW[changed], h)
                         increments = changed
                     advance_path(
                         grid.reference_scheme,
@@ -168,18 +170,18 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[reference])
             if s == last or not second_half:
                 break
-            join(kept, model, dW[drawn], dW[first + s])
-            copy_coins(kept.coins, coins, s, here)  # the coin of a step is that of its first half
+            join(layout, model, dW[drawn], dW[first + s])
+            copy_coins(layout.coins, coins, s, here)  # the coin of a step is that of its first half
             s, h = s + 1, 2.0 * h
         if s < last:
-            keep(kept, model, dW[drawn], dW[first + s])
-            copy_coins(kept.coins, coins, here, s)
+            keep(layout, model, dW[drawn], dW[first + s])
+            copy_coins(layout.coins, coins, here, s)
     copy_rows(owned[0], states)
 
 
 @device
 def steps_before(reversal, turn):
-    """How many steps before the end of the steps at hand one begins; of a pair, whatever its increments, first two."""
+    """The steps from the beginning of a step to the end of those at hand: of a pair, first 2 and then 1."""
     return 2 - turn if reversal == PAIRS_REVERSED else 1
 
 
@@ -196,8 +198,8 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
 
     `states` (blocks, step sizes, dimension * LANES + memory) are those at the beginning, :func:`states_at` y_0 or after
     `grid.first_step` steps, and then those at the end.  They, `observer` (an :class:`~spi.ensemble.observer.Observer`)
-    and `report` (blocks, step sizes, len(REPORT)) have a row per block, so that nothing depends on threads; to be added
-    up outside, in the order of blocks.
+    and `report` (blocks, step sizes, len(REPORT)) have a row per block, so that nothing depends on threads; they are
+    added up outside, in the order of blocks.
     """
     records = [(scheme, model, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
     for row in prange(len(states)):
@@ -208,17 +210,17 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
         integrate_block(scheme, model, states[row], grid, noise, observer, report[row], block, row, paths)
 
 
-def arguments_of(*what):
+def arguments_of(*run):
     """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
 
-    `what`: scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
-    :class:`~spi.ensemble.drivers.Driver` as noise those of the first of several calls.
+    `run` is scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
+    :class:`~spi.ensemble.drivers.Driver` as noise they are those of the first of several calls.
     """
-    return next(_calls(*what))
+    return next(_calls(*run))
 
 
 def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):
-    """The arguments of one call after the other, on the same states and with the same report."""
+    """Yield the arguments of one call of :func:`integrate` after the other, on the same states and the same report."""
     given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
     states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
     observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
@@ -227,15 +229,15 @@ def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=No
         yield scheme, model, states, piece, given, observer, report, begin, last
 
 
-def integrated(*what):
-    """What :func:`integrate` makes of :func:`arguments_of`: the last states, and the report."""
-    for arguments in _calls(*what):
+def integrated(*run):
+    """(last states, report) of :func:`integrate` for the arguments of :func:`arguments_of`."""
+    for arguments in _calls(*run):
         integrate(*arguments)
     return arguments[2], arguments[6]
 
 
 def thread_count():
-    """How many threads :func:`integrate` uses; OSError if Numba has no library to start them."""
+    """The number of threads that :func:`integrate` uses; OSError if Numba has no library to start them."""
     try:
         return get_num_threads()
     except ValueError as error:
@@ -250,7 +252,7 @@ def use_threads(threads):
 
 @contextlib.contextmanager
 def limited_threads(most):
-    """Within it :func:`integrate` uses at most so many threads."""
+    """Within the block :func:`integrate` uses at most `most` threads."""
     before = thread_count()
     use_threads(min(before, most))
     try:
@@ -272,7 +274,7 @@ def add_reports(total, reports):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Steps of many paths from compiled code: what a program of somebody else's own, compiled by Numba, can call.
+# Steps of many paths from compiled code: a function that a user's own program, compiled by Numba, can call.
 # ---------------------------------------------------------------------------------------------------------------------
 
 

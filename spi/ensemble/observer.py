@@ -1,4 +1,4 @@
-"""What is kept of paths besides their last states: one record for all studies, so that they share their kernels."""
+"""The record of paths besides their last states: the same type for all studies, so that they share their kernels."""
 
 import math
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from .protocol import (
 from .random_states import RandomState
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Casimir functions along paths: how far they moved from what the exact solution makes of them.
+# Casimir functions along paths: their distances from the values along the exact solution.
 #
 # The exact solution preserves C(y).  With damping at the rate gamma it preserves exp(k gamma t) C(y) where C is
 # homogeneous of degree k, so that this takes the place of C(y) wherever Casimir functions are judged.
@@ -47,7 +47,7 @@ def casimirs_of_states(model, states):
 
 
 def empty_invariants(model, states):
-    """Room for so many states (n, d) and times (n,), and for H (n,) and the Casimir functions (n, C) of them."""
+    """Arrays for states (n, d) and times (n,), and for H (n,) and the Casimir functions (n, C) of them."""
     room = np.zeros((states, dimension(model))), np.zeros(states)
     return *room, np.empty(states), np.empty((states, conserved(model)))
 
@@ -60,15 +60,15 @@ def invariants_of(model, states, times):
 
 
 @unrolled(casimir_indices)
-def _keep_casimir(index, model, values, row, found):
+def _keep_casimir(index, model, values, row, casimir):
     c = number(index)
-    values[row, c] = found[c]
+    values[row, c] = casimir[c]
     return values
 
 
 @kernel
 def invariants(model, states, times, energy, values):
-    """H and the Casimirs of each row of `states` (n, d) at its time, in `energy` (n,) and `values` (n, C)."""
+    """Put H and the Casimirs of each row of `states` (n, d) at its time into `energy` (n,) and `values` (n, C)."""
     block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
     for row in range(len(states)):
         for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
@@ -78,19 +78,19 @@ def invariants(model, states, times, energy, values):
         _keep_casimir(model, values, row, casimirs(model, y))
 
 
-#: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
+#: The contents of ``Observer.rows``: sums of squared distances to the reference, or states.
 SQUARES, STATES = range(2)
 
 
 class Observer(NamedTuple):
-    """What is kept of some blocks of paths; nothing where an array has no room for it.
+    """The record of some blocks of paths; an array of length 0 records nothing.
 
-    After step n of a level, where its stride divides n, ``rows[block, place + n / stride - 1]`` gets what `holds` says:
+    After step n of a level, where its stride divides n, ``rows[block, place + n / stride - 1]`` is set, by `holds`:
     SQUARES, sums of |y - y_ref|^2 over every PARTS-th lane, or STATES, those of some consecutive lanes from `lane` on,
     component after component.
 
     ``extremes[block, level, c, lane]`` is the largest |C_c(y) - C_c(y_0)| over all steps of a level; of the reference,
-    the last level, it is that of the last step.  With damping C_c(y) counts exp(k gamma t) times.
+    the last level, it is that of the last step.  With damping C_c(y) counts exp(k gamma t) times, see :func:`growth`.
     Behind the Casimir functions may stand the largest |y|^2 / |y_0|^2 and, of populations, the smallest component.
     """
 
@@ -104,7 +104,7 @@ class Observer(NamedTuple):
 
 
 def last_states_only(times):
-    """The observer of a grid of times that keeps nothing: :func:`integrate` leaves the last states."""
+    """The observer of a grid of times that records nothing: :func:`integrate` leaves the last states."""
     steps = times.reference_steps >> times.doublings
     levels = np.stack([np.zeros_like(steps), np.zeros_like(steps), steps], axis=1)
     nothing = np.zeros((0, 0, 0))
@@ -112,9 +112,9 @@ def last_states_only(times):
 
 
 def state_recorder(times, rows, every, lane=0):
-    """The observer that puts states of lanes from `lane` on into `rows`, after every so many steps of the largest size.
+    """The observer that puts states of lanes from `lane` on into `rows` every `every` steps of the largest size.
 
-    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, those at
+    `rows` is (blocks, levels * (stored + 1), d * lanes), level after level; the first states of each level, those at
     ``times.first_step``, are left as they are.
     """
     nothing = last_states_only(times)
@@ -126,7 +126,7 @@ def state_recorder(times, rows, every, lane=0):
 
 
 def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
-    """The observer of Casimir functions, of distances to the reference and of the sizes of states if so asked."""
+    """The observer of Casimir functions and, if wanted, of squared distances to the reference and sizes of states."""
     nothing = last_states_only(times)
     levels, steps = nothing.levels, nothing.levels[:, 2]
     count, (first, rates) = len(steps), (casimirs(model, initial), decay_rates(model))
@@ -156,9 +156,9 @@ def beginning_at(observer, model, initial, states):
 
 @device(by_type=True)
 def observe(observer, model, row, paths, level, n, y, reference):
-    """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of the last level then.
+    """Record step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of the last level.
 
-    Of the lanes the first `paths` count, since the last block may be partly idle.
+    Only the first `paths` lanes count, since the last block may be partly idle.
     """
     return _observe if is_inlined(model) else _called
 
@@ -193,11 +193,11 @@ def _add_squares(model, squares, paths, y, reference):
 
 
 @device
-def _keep_states(model, kept, first, y):
-    lanes = len(kept) // dimension(model)
+def _keep_states(model, stored, first, y):
+    lanes = len(stored) // dimension(model)
     for i in range(dimension(model)):
         for lane in range(lanes):
-            kept[i * lanes + lane] = y[i * LANES + first + lane]
+            stored[i * lanes + lane] = y[i * LANES + first + lane]
 
 
 @device
@@ -230,14 +230,14 @@ def _watch_casimir(index, model, worst, start, rates, n, y):
 
 @device(by_type=True)
 def _grown(model, rates, n, c):
-    """What damping has made of Casimir function c after n steps of a level, inverted."""
+    """exp(k gamma n h), the inverse of the decay of Casimir function c by damping over n steps of a level."""
     if answers(decay_rates, class_of(model)):
         return lambda model, rates, n, c: np.exp(rates[c] * n)
     return lambda model, rates, n, c: 1.0
 
 
 def _watch_all(model, worst, start, rates, n, paths, y):
-    """All Casimir functions of a path at once, as an array-state model finds them."""
+    """All Casimir functions of a path at once, as an array-state model computes them."""
     for lane in range(paths):
         values = casimirs(model, load_lane(model, y, lane))
         for c in range(len(values)):
@@ -248,7 +248,7 @@ def _watch_all(model, worst, start, rates, n, paths, y):
 
 @device(by_type=True)
 def _watch_casimirs(model, worst, start, rates, n, paths, y):
-    """Of an array-state model only the first `paths` lanes are watched."""
+    """Update the largest changes of Casimir functions; of an array-state model in the first `paths` lanes only."""
     if large(model):
         return _watch_all
     return lambda model, worst, start, rates, n, paths, y: _watch_casimir(model, worst, start, rates, n, y)
@@ -269,10 +269,10 @@ def energies(model, states, energy):
 
 
 @kernel
-def add_moments(values, first_block, end, sums, one, other, products, times):
+def add_moments(values, first_block, end, sums, left, right, products, times):
     """Add values (blocks, T, F, LANES) and their squares to `sums` (2, T, F, groups), at times[0] <= t < times[1].
 
-    And to `products` (1, T, P, groups) the products of the functions one[p] and other[p].  Lane l of block b is in
+    And to `products` (1, T, P, groups) the products of the functions left[p] and right[p].  Lane l of block b is in
     group (b mod G/8) * 8 + l mod 8; paths from number `end` on do not count.
     """
     blocks, _, functions, _ = values.shape
@@ -296,9 +296,9 @@ def add_moments(values, first_block, end, sums, one, other, products, times):
                             total += value
                             square += value * value
                     sums[0, t, f, group + part], sums[1, t, f, group + part] = total, square
-            for p in range(len(one)):
+            for p in range(len(left)):
                 for lane in range(paths):
-                    product = values[row, t, one[p], lane] * values[row, t, other[p], lane]
+                    product = values[row, t, left[p], lane] * values[row, t, right[p], lane]
                     products[0, t, p, group + lane % PARTS] += product
 
 

@@ -1,7 +1,4 @@
-"""What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``,
-for flows that are not known in closed form ``inexact.py``, for flows that are one with others ``joint.py``.
-
-Read this file first.
+"""The methods and traits of a model; for those of a scheme see ``scheme_protocol.py``.  Read this file first.
 
 The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich form,
 
@@ -14,8 +11,8 @@ neither drawn nor applied).  In its class body stand its traits (``dimension = 3
 (``def drift_flow(model, k, t, y, angles)``).  A **scheme** is a NamedTuple of options with the methods of schemes; its
 orders and what it preserves stand in ``schemes.SCHEMES``.
 
-A class must implement what is marked ``@method``; for ``@method(default=True)`` it need not, and
-``@method(optional=True)`` says what only some models can.  A ``@trait`` is required unless it has a default.
+A class must implement the methods marked ``@method``; those marked ``@method(default=True)`` have a default, and those
+marked ``@method(optional=True)`` only some models have.  A ``@trait`` is required unless it has a default.
 ``registration.py`` checks classes against this file.
 
 A state y is a tuple of d floats, of an array-state model an array.  In kernels LANES paths travel together: their
@@ -31,7 +28,7 @@ from ..compiler import instructions
 from ..compiler.dispatch import device, intrinsic, method, trait
 from ..compiler.records import field, is_array, is_none
 
-#: What the fields of a record may hold, checked when a spec file is read.
+#: Bounds of the fields of a record, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
 NonNegative = Annotated[float, annotated_types.Ge(0)]
 
@@ -67,7 +64,7 @@ def casimir_degrees(model):
 
 @trait(bool, default=True)
 def exact_flows(model):
-    """Whether the flows are exact; if not, what is known of splitting schemes does not hold."""
+    """Whether the flows are exact; if not, the stated orders of splitting schemes do not hold."""
 
 
 @trait(bool, default=False)
@@ -95,7 +92,7 @@ def flow_ns(model):
 
 @trait(tuple, default=())
 def commuting_noises(model):
-    """Pairs (k, l), k < l, of noises whose flows are known to commute; schemes need no Lévy areas of theirs."""
+    """Pairs (k, l), k < l, of noises whose flows commute; schemes need no Lévy areas of theirs."""
 
 
 @trait(bool, default=False)
@@ -194,13 +191,13 @@ def structure_derivative(model, y, u, v):
 
 @method(default=True)
 def noise_structure(model, k, y, v):
-    """B(y) v for a v that is 0 wherever grad Ĥ_k always is: a model may leave out what vanishes."""
+    """B(y) v for a v that is 0 wherever grad Ĥ_k always is: a model may leave out the terms that vanish."""
     return structure(model, y, v)
 
 
 @method(default=True)
 def noise_structure_derivative(model, k, y, u, v):
-    """(DB(y)[u]) v for such a v."""
+    """(DB(y)[u]) v for a v that is 0 wherever grad Ĥ_k always is."""
     return structure_derivative(model, y, u, v)
 
 
@@ -236,13 +233,13 @@ def casimirs(model, y):
 
 @method(default=True)
 def add_dissipation(model, value, h, y):
-    """value + h g(y), where g, a linear function, is what the drift has beside B(y) grad H(y)."""
+    """value + h g(y), where the linear function g is the dissipation: the drift is B(y) grad H(y) + g(y)."""
     return value
 
 
 @method(default=True)
 def decay_rates(model):
-    """The rates at which the Casimir functions decay; empty where they are preserved.  Asked in Python only."""
+    """The rates at which the Casimir functions decay; empty where they are preserved.  Called in Python only."""
     return ()
 
 
@@ -250,14 +247,14 @@ def decay_rates(model):
 def in_kernels(model):
     """The record that kernels are given; of an array-state model one with its tables, a class with the methods below.
 
-    Asked in Python only.
+    Called in Python only.
     """
     return model
 
 
 @method(default=True)
 def fault(model):
-    """(key, what is wrong with it, what would be right) of the parameters, or None.  Asked in Python only."""
+    """(key, fault, advice) of an invalid parameter, or None.  Called in Python only."""
     return None
 
 
@@ -265,7 +262,7 @@ def fault(model):
 def lie_bracket(model, v, w):
     """[v, w] where B is linear in y: the gradient of w . B(y) v, a function that is linear in y.
 
-    ``fields.add_lie_bracket`` finds it component by component where a model does not answer this, which takes longer.
+    ``fields.add_lie_bracket`` computes it component by component where a model lacks this method, which takes longer.
     """
 
 
@@ -273,7 +270,7 @@ def lie_bracket(model, v, w):
 def noise_bracket_gradient(model, j, k, y):
     """The gradient of {Ĥ_j, Ĥ_k} = grad Ĥ_j . B grad Ĥ_k at y, j > k.
 
-    ``fields.add_noise_bracket_gradient`` finds it from Hessians and the bracket above, which takes longer.
+    ``fields.add_noise_bracket_gradient`` computes it from Hessians and the bracket above otherwise, which takes longer.
     """
 
 
@@ -282,7 +279,7 @@ def axis_inertias(model):
     """((I_1, I_2, I_3), (Î_1, Î_2, Î_3)) where B(y) v = y x v, H_k = y_k^2 / (2 I_k) and Ĥ_k = y_k^2 / (2 Î_k).
 
     The flows turn y about axis k, at the rates y_k / I_k and y_k / Î_k: rotations of spheres.  An inertia may be
-    infinite.  These and not their inverses, so that no rate is rounded twice.
+    infinite.  Inertias and not their inverses, so that no rate is rounded twice.
     """
 
 
@@ -295,7 +292,7 @@ def rotation_shear_rates(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What an array-state model is asked besides: the record that ``in_kernels`` gives; see ``protocol.py``.
+# Further methods of an array-state model, of the record that ``in_kernels`` returns.
 #
 # Its traits may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
 # is an array of strengths.  It has ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
@@ -316,12 +313,12 @@ def block_noise_flow(array_state_model, group, times, width, y, work):
 
 @method
 def noise_groups(array_state_model):
-    """How many groups of noises there are, at most as many as noises."""
+    """The number of groups of noises, at most that of noises."""
 
 
 @method
 def block_work(array_state_model):
-    """How many floats of scratch the methods of a block need."""
+    """The floats of scratch for the methods of a block."""
 
 
 @method
@@ -341,52 +338,52 @@ def add_block_ito_correction(array_state_model, h, width, y, out, work):
 
 @method(optional=True)
 def block_noise_slopes(array_state_model, width, y, slopes, work):
-    """(X_k H)(y) with X_k = B grad Ĥ_k, of noise k and state j in slopes[k * width + j]; what a temperature needs."""
+    """(X_k H)(y) with X_k = B grad Ĥ_k, of noise k and state j in slopes[k * width + j]; for friction."""
 
 
 @method(optional=True)
 def block_friction_times(array_state_model, t, width, y, times, work):
-    """For how long the noise flows act in the place of friction for the time t, as ``block_noise_flow`` takes it.
+    """The times of the noise flows that replace friction over the time t, as ``block_noise_flow`` takes them.
 
-    What all friction does at once, to order 2 where these flows act in one order in one half of a step and in the other
-    order in the other half.
+    To order 2 the flow of all friction together, where these flows act in one order in one half of a step and in the
+    reverse order in the other half.
     """
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model is asked whose flows are not all known in closed form; see ``protocol.py`` for all else.
+# Models whose flows are not all known in closed form.
 #
-# Schemes that are no compositions of flows need nothing of this.  A composition moves by such a piece or noise with
-# another method, the inner one, if the model names one, and cannot be used if it names none.
+# Schemes that are no compositions of flows need none of these methods.  A composition replaces the flow of such a piece
+# or noise by another method, the inner one, if the model names one, and cannot be used if it names none.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: What may stand in the place of an exact flow, see ``schemes/inner_steps.py``.
+#: The methods that may replace an exact flow, see ``schemes/inner_steps.py``.
 INNER_METHODS = ("midpoint", "munthe_kaas")
 
 
 @trait(tuple, default=())
 def inexact_pieces(model):
-    """The numbers k of the pieces H_k whose flows are not known in closed form; ``drift_flow`` is not asked for them.
+    """The numbers k of the pieces H_k whose flows are not known in closed form; ``drift_flow`` is not called for them.
 
-    Such a model answers ``piece_gradient`` and ``piece_hessian`` for them.
+    Such a model has ``piece_gradient`` and ``piece_hessian`` for them.
     """
 
 
 @trait(tuple, default=())
 def inexact_noises(model):
-    """The numbers k of the noises whose flows are not known in closed form; ``noise_flow`` is not asked for them."""
+    """The numbers k of the noises whose flows are not known in closed form; ``noise_flow`` is not called for them."""
 
 
 @trait(str, default="")
 def inner(model):
-    """By which of :data:`INNER_METHODS` compositions move by these pieces and noises, "" if by none."""
+    """The one of :data:`INNER_METHODS` that compositions use for these pieces and noises, "" for none."""
 
 
 @trait(bool, default=False)
 def structure_is_kept(model):
     """Whether B is the same along every flow, its entries being numbers or Casimir functions.
 
-    Then the implicit midpoint rule is a Poisson map, since B has the same value before a step and behind it.
+    Then the implicit midpoint rule is a Poisson map, since B has the same value before and after a step.
     """
 
 
@@ -401,15 +398,15 @@ def piece_hessian(model, k, y, v):
 
 
 def flows_lacking(model):
-    """(("pieces" or "noises", k), ...): those without an exact flow, noises that are off left out."""
+    """(("pieces" or "noises", k), ...) without an exact flow, noises that are off left out."""
     noises = (k for k in inexact_noises(model) if k in noise_indices(model))
     return (*(("pieces", k) for k in inexact_pieces(model)), *(("noises", k) for k in noises))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model is asked whose pieces and noises have flows in common, or whose noises have brackets in common.
+# Models with exact flows of a piece together with noises, or with brackets of noises in common.
 #
-# See ``protocol.py`` for all else.  Compositions make use of it in stages of joint flows and of areas.
+# Compositions use them in stages of joint flows and of areas.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -417,27 +414,27 @@ def flows_lacking(model):
 def joint_noises(model):
     """For each piece of H, in order, a tuple of the noises that :func:`joint_flow` moves together with it.
 
-    Those whose flows commute with that of the piece and are of one family with it, as two rotations about one axis are;
-    no noise twice.
+    The flows of these noises commute with that of the piece and are of one family with it, as two rotations about one
+    axis are; no noise appears twice.
     """
 
 
 def joined_noises(model, k):
-    """Those of :func:`joint_noises` that go with piece k, the ones that are off included."""
-    found = joint_noises(model)
-    return found[k] if k < len(found) else ()
+    """The noises of :func:`joint_noises` of piece k, the ones that are off included."""
+    noises_of_pieces = joint_noises(model)
+    return noises_of_pieces[k] if k < len(noises_of_pieces) else ()
 
 
 @trait
 def most_joined(model):
-    """The largest number of noises that go with one piece."""
+    """The largest number of noises of one piece in :func:`joint_noises`."""
     return max(map(len, joint_noises(model)), default=0)
 
 
 def joint_parts(model):
-    """(("joint", k), ("drift", k), ("noise", l), ...): the pieces in order, then the noises that go with none.
+    """(("joint", k), ("drift", k), ("noise", l), ...): the pieces in order, then the noises joined to none.
 
-    A piece is "joint" where a noise goes with it that is on, otherwise "drift".
+    A piece is "joint" where a noise that is on is joined to it, otherwise "drift".
     """
     on = noise_indices(model)
     joined = {k: [j for j in joined_noises(model, k) if j in on] for k in piece_indices(model)}
@@ -450,8 +447,7 @@ def joint_parts(model):
 def joint_flow(model, k, t, s, y, angles):
     """exp(t Y_{H_k} + sum_i s[i] Y_{Ĥ_l(i)})(y), l(i) being noise number i of ``joint_noises(model)[k]``.
 
-    Of a model with :func:`joint_noises`, for a piece that has some.  The tuple s is as long as the longest of those,
-    the rest being 0.
+    For a piece with :func:`joint_noises`.  The tuple s is as long as the longest of those, filled up with 0.
     """
 
 
@@ -469,22 +465,22 @@ def bracket_factors(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model at a temperature is asked: the friction that goes with its noises, see docs/temperature.md.
+# Models at a temperature: the friction that belongs to their noises, see docs/temperature.md.
 #
 # With X_k = B grad Ĥ_k the equation has the fields -c_k (X_k H) X_k besides, c_k = sigma_k^2 / (2 T).  Along such a
-# field
-# the state moves as exp(s(t) X_k) y with s' = -c_k g'(s), g(s) = H(exp(s X_k) y), so that the flow of the noise serves.
+# field the state moves as exp(s(t) X_k) y with s' = -c_k g'(s), g(s) = H(exp(s X_k) y), so that the flow of the noise
+# can be used.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 @trait(bool, default=False)
 def has_friction(model):
-    """Whether noises have friction with them."""
+    """Whether noises come with friction."""
 
 
 @method(optional=True)
 def friction_time(model, k, t, y):
-    """s(t): exp(s(t) X_k) y is what friction along noise k makes of y in the time t."""
+    """s(t): exp(s(t) X_k) y is the state y after friction along noise k for the time t."""
 
 
 @device
@@ -505,7 +501,7 @@ def friction_after(c, t, slope, bend):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model is asked that depends on time, or that the solvers without sampling know; see ``protocol.py``.
+# Models that depend on time, and models that the solvers without sampling can treat.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -513,10 +509,10 @@ def friction_after(c, t, slope, bend):
 def frozen(model, begin, h):
     """The model as a step from the time `begin` on takes it, where time stands still: itself if nothing depends on it.
 
-    What is linear in a coefficient c(t) of H or of a noise has its mean over the step, which is its value for h = 0; a
-    strength sigma_k(t) its root mean square; where t stands otherwise it is the middle of the step.  A step of a scheme
+    A coefficient c(t) in which H or a noise is linear takes its mean over the step, which is its value for h = 0, a
+    strength sigma_k(t) its root mean square; any other t is the middle of the step.  A step of a scheme
     for the model that does not change is then one of the same order, up to 2, for the one that does, see
-    docs/driving.md.  (In flows t is how long they act.)
+    docs/driving.md.  (In flows t is their duration.)
     """
     return model
 
@@ -567,29 +563,28 @@ def noise_turned(model, k, s, y):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model of many components may be asked besides; see ``protocol.py`` for all else.
+# Optional methods of a model of many components.
 #
 # A flow of many components mostly moves few of them at a time, and each few in the same way: by one *shape*, a flow of
 # its own in a few components.  Such a flow is a loop over a table of components, of which the code is compiled once,
 # where straight-line code in all components takes minutes.  A table is a tuple of groups (shape, count, rows): the
-# shape
-# with this number is given the components of each row and moves the first `count` of them.  No row moves what another
-# one reads.
+# shape with this number takes the components of each row and moves the first `count` of them.  No row moves a component
+# that another one reads.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: What a model of more components does in all lanes is called, not inlined: one function of all that a step does would
-#: become long, and the compiler takes longer than in proportion to the length of a function.
+#: The loops over lanes of a model of more components are called, not inlined: the function of a step would become long,
+#: and the compiler takes longer than in proportion to the length of a function.
 INLINED = 12
 
 
 def is_inlined(model):
-    """Whether what a model does in all lanes is inlined."""
+    """Whether the loops over lanes of a model are inlined."""
     return large(model) or dimension(model) <= INLINED
 
 
 @trait(tuple, default=())
 def drift_tables(model):
-    """The table of each piece; () for one of which ``drift_flow`` is asked as a whole."""
+    """The table of each piece; () for one that ``drift_flow`` moves as a whole."""
 
 
 @trait(tuple, default=())
@@ -599,22 +594,22 @@ def noise_tables(model):
 
 @trait(tuple, default=())
 def friction_tables(model):
-    """(shape, row) of each noise: the components on which the function :func:`shape_slopes` of that number depends."""
+    """(shape, row) of each noise: the number k of :func:`shape_slopes` and the components on which it depends."""
 
 
 @trait(int, default=0)
 def row_length(model):
-    """How long the tuples y and the results of :func:`shape_flow` are: as the longest row of all, the rest being 0."""
+    """The length of the tuples y and of the results of :func:`shape_flow`: that of the longest row; the rest is 0."""
 
 
 @method(optional=True)
 def shape_flow(model, k, t, y, angles):
-    """What shape number k makes of the components that it moves, given those of a row as a tuple y."""
+    """The components that shape number k moves, after the time t, given the components of a row as a tuple y."""
 
 
 @method(optional=True)
 def shape_angle(model, k, t, y):
-    """The largest |angle| whose sine that takes; 0 for a flow without angles."""
+    """The largest |angle| whose sine ``shape_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
 
 
 @method(optional=True)

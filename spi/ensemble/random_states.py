@@ -19,7 +19,7 @@ _ATTEMPTS = 16  # at a state, at once
 class RandomState(tuple):
     """A state of a law, in place of an initial state where any will do, and the law itself.
 
-    `told` is what decides the law, as plain data.
+    `told` holds the parameters that define the law, as plain data.
     """
 
     law: Any
@@ -27,9 +27,9 @@ class RandomState(tuple):
 
     def __new__(cls, state, law, told):
         """The tuple of the numbers of `state`."""
-        made = super().__new__(cls, state)
-        made.law, made.told = law, told
-        return made
+        result = super().__new__(cls, state)
+        result.law, result.told = law, told
+        return result
 
     @property
     def text(self):
@@ -56,7 +56,7 @@ class RandomState(tuple):
 
 
 def _shown(value):
-    """A number, or several, or nothing where True says it."""
+    """A number or several as text; nothing for True."""
     if isinstance(value, tuple | list):
         return f"({', '.join(map(_shown, value))})"
     return "" if value is True else f"{value:.6g}"
@@ -84,7 +84,7 @@ class Spheres(NamedTuple):
 
     @property
     def typical(self):
-        """A state on it that is on no axis."""
+        """A state on the surface that is on no axis."""
         x = np.zeros((len(self.point), 1))
         for triple in self.triples:
             x[list(triple), 0] = 0.48, 0.6, 0.64
@@ -98,7 +98,7 @@ class Uniform(NamedTuple):
 
     @property
     def numbers(self):
-        """How many normal numbers a state takes."""
+        """The number of normal numbers for a state."""
         return len(self.surface.point)
 
     def states(self, z):
@@ -119,16 +119,16 @@ class Gibbs(NamedTuple):
 
     @property
     def numbers(self):
-        """How many normal numbers an attempt takes."""
+        """The number of normal numbers for an attempt."""
         return len(self.surface.point) + 2
 
     def energy(self, y):
         """E of states (d, paths)."""
-        found = np.zeros(y.shape[1])
+        total = np.zeros(y.shape[1])
         for *which, c in self.terms:
             term = c * y[which[0]]
-            found += term * y[which[1]] if which[1:] else term
-        return found
+            total += term * y[which[1]] if which[1:] else term
+        return total
 
     def attempts(self, z):
         """The states (d, paths) of numbers (numbers, paths), and which are taken."""
@@ -145,7 +145,7 @@ class Gaussian(NamedTuple):
 
     @property
     def numbers(self):
-        """How many normal numbers a state takes."""
+        """The number of normal numbers for a state."""
         return len(self.mean)
 
     def states(self, z):
@@ -162,7 +162,7 @@ class Gaussian(NamedTuple):
 class Listed(NamedTuple):
     """One of the states (n, d), drawn with replacement; `below` (n - 1,) are the values of an exponential number.
 
-    State number i is taken where that lies between entries i - 1 and i of `below`.
+    State number i is taken where that number lies between entries i - 1 and i of `below`.
     """
 
     points: np.ndarray
@@ -171,7 +171,7 @@ class Listed(NamedTuple):
 
     @property
     def numbers(self):
-        """How many normal numbers a state takes."""
+        """The number of normal numbers for a state."""
         return 2
 
     def states(self, z):
@@ -187,7 +187,7 @@ def first_states(initial, noise, first, blocks):
 
 
 def block_states(initial, noise, first, blocks):
-    """(blocks, d * LANES): the same, block by block and component by component."""
+    """(blocks, d * LANES): those states block by block and component by component."""
     states = first_states(initial, noise, first, blocks)
     d = len(states)
     lanes = np.broadcast_to(states, (d, blocks * LANES)).reshape(d, blocks, LANES)
@@ -213,7 +213,7 @@ def _normals(law, noise, attempt, count, first, blocks):
 
 
 def _taken(law, noise, first, blocks):
-    """Of each path the first state that is taken."""
+    """The first accepted state of each path, (d, blocks * LANES)."""
     y = np.empty((blocks, len(law.surface.point), LANES))
     done = np.zeros((blocks, LANES), bool)
     attempt, count = 0, 1

@@ -1,4 +1,4 @@
-"""Which of two schemes makes a step: the scheme of a study, or the one that makes its reference, if there is one."""
+"""One step by the scheme of a study, or by the scheme that makes its reference, if there is one."""
 
 from ..compiler.dispatch import INDICES, device
 from ..compiler.records import is_none
@@ -25,14 +25,14 @@ def _keeps_areas(scheme, model):
 
 @device(by_type=True)
 def kept_of_steps(reference_scheme, scheme, model):
-    """What either scheme must know of a step besides its increments: :class:`~spi.ensemble.increments.Kept`."""
-    schemes = [one for one in (reference_scheme, scheme) if not is_none(one)]
+    """The :class:`~spi.ensemble.increments.Kept` of the rows that serve either scheme."""
+    schemes = [each for each in (reference_scheme, scheme) if not is_none(each)]
     areas = any(_keeps_areas(s, model) for s in schemes)
     coins = Coins() if areas or any(tosses(s) for s in schemes) else NoCoins()
     coins = Uniforms() if any(judges(s) for s in schemes) else coins
     finest = INDICES[max(substeps(s) for s in schemes)]()
-    kept = Kept(finest, Areas() if areas else NoAreas(), coins)
-    return lambda reference_scheme, scheme, model: kept
+    layout = Kept(finest, Areas() if areas else NoAreas(), coins)
+    return lambda reference_scheme, scheme, model: layout
 
 
 @device(by_type=True)

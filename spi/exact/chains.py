@@ -1,12 +1,13 @@
-"""The Gibbs law of spheres that a quadratic H couples to at most two others each, chains and rings: transfer matrices.
+"""The Gibbs law of chains and rings: spheres that a quadratic H couples to at most two others each, transfer matrices.
 
 With nodes u_i of a rule on the unit sphere, the matrix of the bond from sphere a to sphere b is
 
     D_a^(1/2) exp(-beta u_i.A_ab u_j) D_b^(1/2),
 
-where D has the weights of the rule and what H has of one sphere.  The weight of a ring is the trace of the product
-around it, the joint law of two spheres has the products of the two ways between them as factors, and a chain is a ring
-with a bond of no coupling.  (For Heisenberg's chain see M. E. Fisher, Am. J. Phys. 32, 343 (1964).)
+where D has the weights of the rule times the exponentials of the terms of H in one sphere.  The weight of a ring is the
+trace of the product around it, the joint law of two spheres has the products of the two ways between them as factors,
+and a chain is a ring with a bond of no coupling.  (For Heisenberg's chain see M. E. Fisher, Am. J. Phys. 32, 343
+(1964).)
 """
 
 import itertools
@@ -18,7 +19,7 @@ from .surfaces import polynomial, value_of
 
 LEVELS = (6, 8, 12, 16, 24)  #: rings of a rule
 _ROUNDING = 1e-13
-_STATES = 64  #: at which a function is looked at
+_STATES = 64  #: at which the form of a function is tested
 
 
 class Chain:
@@ -30,7 +31,7 @@ class Chain:
         self.surface, self.energy, self.beta = surface, energy, beta
         self.maps = [each for each in surface.spheres if each.shape[1] == 3]
         x = sum((each for each in surface.spheres if each.shape[1] == 1), np.zeros((len(surface.fibre), 1)))
-        self.rest = x + surface.fibre @ surface.planes(x)[0].T  # what is constant
+        self.rest = x + surface.fibre @ surface.planes(x)[0].T  # the constant components
         form = polynomial(energy, len(surface.fibre))
         y = self._states(np.random.default_rng(0).standard_normal((len(self.maps), 3, _STATES)))
         if not np.allclose(value_of(*form, y), energy(y), rtol=1e-9, atol=1e-9):
@@ -48,20 +49,20 @@ class Chain:
 
         It is a polynomial of degree 2 in H or in y, or depends on two spheres only; ValueError for others.
         """
-        mean, found = self._mean_of(f), []
+        mean, values = self._mean_of(f), []
         for level in LEVELS:
-            found.append(mean(level))
-            rounding = _ROUNDING * max(abs(found[-1]), 1e-3)
-            if len(found) > 1 and abs(found[-1] - found[-2]) <= rounding:
+            values.append(mean(level))
+            rounding = _ROUNDING * max(abs(values[-1]), 1e-3)
+            if len(values) > 1 and abs(values[-1] - values[-2]) <= rounding:
                 break
-        return float(found[-1]), float(max(abs(found[-1] - found[-2]), rounding))
+        return float(values[-1]), float(max(abs(values[-1] - values[-2]), rounding))
 
     def probabilities(self, f, edges):
-        """Not known: ValueError."""
+        """Not implemented: ValueError."""
         raise ValueError("laws of functions are known on at most two spheres")
 
     def _mean_of(self, f):
-        """level -> E f."""
+        """The function level -> E f(y); ValueError unless f is such a polynomial or depends on two spheres only."""
         u, others = np.random.default_rng(0).standard_normal((2, len(self.maps), 3, _STATES))
         y, energy = self._states(u), self.energy(self._states(u))
         value = np.broadcast_to(f(y), _STATES)
@@ -96,25 +97,25 @@ class Chain:
     def _energy_moments(self, level):
         """E H and E H^2; the variance is -d E H / d beta, by a complex step."""
         step = 1e-12 * max(1.0, abs(self.beta))
-        found = _Transfer(self, level, complex(self.beta, step)).mean(self.form)
-        return found.real, found.real**2 - found.imag / step
+        mean = _Transfer(self, level, complex(self.beta, step)).mean(self.form)
+        return mean.real, mean.real**2 - mean.imag / step
 
     def _of_two(self, f, pair, level):
         """E f of a function of two spheres."""
         transfer, total = _Transfer(self, level, self.beta), 0.0
         joint, n = transfer.pair(*pair), len(transfer.weights)
         base = self.rest + sum(m[:, :1] for a, m in enumerate(self.maps) if a not in pair)
-        one, two = (self.maps[a] @ transfer.nodes for a in pair)
+        first, second = (self.maps[a] @ transfer.nodes for a in pair)
         for i in range(n):
-            total += joint[i] @ np.broadcast_to(f(base + one[:, i : i + 1] + two), n)
+            total += joint[i] @ np.broadcast_to(f(base + first[:, i : i + 1] + second), n)
         return total
 
 
 class _Transfer:
-    """What is known on the nodes of a level, at one beta, which may be complex."""
+    """The law on the nodes of a level, at one beta, which may be complex."""
 
     def __init__(self, law, level, beta):
-        self.law, self.beta, self.kept = law, beta, {}
+        self.law, self.beta, self.products = law, beta, {}
         self.nodes, self.weights = on_sphere(3, level)
         self.place = {a: (ring, i) for ring in law.rings for i, (a, *_) in enumerate(ring)}
 
@@ -123,39 +124,39 @@ class _Transfer:
         c, linear, couplings = form
         total, u = c, self.nodes
         for a, b in enumerate(linear):
-            total = total + self.one(a) @ (b @ u + 0.5 * (u * (couplings[a, a] @ u)).sum(axis=0))
+            total = total + self.single(a) @ (b @ u + 0.5 * (u * (couplings[a, a] @ u)).sum(axis=0))
         for a, b in itertools.combinations(range(len(linear)), 2):
             if couplings[a, b].any():
                 total = total + (self.pair(a, b) * (u.T @ couplings[a, b] @ u)).sum()
         return total
 
-    def one(self, a):
+    def single(self, a):
         """The probabilities (n,) of the nodes for one sphere."""
         ring, i = self.place[a]
-        found = np.diag(self.product(ring[i:] + ring[:i]))
-        return found / found.sum()
+        diagonal = np.diag(self.product(ring[i:] + ring[:i]))
+        return diagonal / diagonal.sum()
 
     def pair(self, a, b):
         """The joint probabilities (n, n) of the nodes for two spheres."""
         (ring, i), (other, j) = self.place[a], self.place[b]
         if ring is not other:
-            return np.outer(self.one(a), self.one(b))
+            return np.outer(self.single(a), self.single(b))
         if i > j:
             return self.pair(b, a).T
-        found = self.product(ring[i:j]) * self.product(ring[j:] + ring[:i]).T
-        return found / found.sum()
+        joint = self.product(ring[i:j]) * self.product(ring[j:] + ring[:i]).T
+        return joint / joint.sum()
 
     def product(self, bonds):
-        """The product of the matrices of bonds, up to a factor; of bonds that are alike it is found once."""
+        """The product of the matrices of bonds, up to a factor; for equal bonds it is computed once."""
         key = tuple(map(self._key, bonds))
-        if key not in self.kept:
+        if key not in self.products:
             half = 1 << (len(bonds) - 1).bit_length() - 1 if len(bonds) > 1 else 0
-            found = self.product(bonds[:half]) @ self.product(bonds[half:]) if half else self._matrix(*bonds[0])
-            self.kept[key] = found / np.abs(found).max()
-        return self.kept[key]
+            matrix = self.product(bonds[:half]) @ self.product(bonds[half:]) if half else self._matrix(*bonds[0])
+            self.products[key] = matrix / np.abs(matrix).max()
+        return self.products[key]
 
     def _key(self, bond):
-        """What decides the matrix of a bond."""
+        """The bytes of all numbers on which the matrix of a bond depends."""
         (a, b, coupled), (_, linear, couplings) = bond, self.law.form
         parts = [linear[a], linear[b], couplings[a, a], couplings[b, b], couplings[a, b] * coupled]
         return b"".join((part + 0.0).tobytes() for part in parts)
@@ -169,7 +170,7 @@ class _Transfer:
 
 def _rings(near):
     """The bonds (a, b, whether they are coupled) of each ring, from the spheres that each is coupled to."""
-    found, left = [], set(near)
+    rings, left = [], set(near)
     while left:
         ends = [a for a in sorted(left) if len(near[a]) < 2]
         at, sites = (ends or sorted(left))[0], []
@@ -179,5 +180,5 @@ def _rings(near):
             at = next((b for b in near[at] if b in left), None)
         bonds = list(itertools.pairwise([*sites, sites[0]]))
         last = len(sites) - 1
-        found.append(tuple((a, b, b in near[a] and (i < last or last > 1)) for i, (a, b) in enumerate(bonds)))
-    return found
+        rings.append(tuple((a, b, b in near[a] and (i < last or last > 1)) for i, (a, b) in enumerate(bonds)))
+    return rings

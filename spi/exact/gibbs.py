@@ -1,8 +1,8 @@
 """The Gibbs law of a model on the Casimir surface through a state, density exp(-H/T), by quadrature.
 
 On spheres the quadrature is that of Gauss and Legendre in the height and the trapezoidal rule around; where planes
-belong to the surface (see :mod:`.leaves`) H must be quadratic there, so that the law is normal given the rest, and the
-quadrature that of Gauss and Hermite around its mean.  Of more than two spheres see :mod:`.chains`.
+belong to the surface (see :class:`.surfaces.Leaf`) H must be quadratic there, so that the law is normal given the rest,
+and the quadrature that of Gauss and Hermite around its mean.  For more than two spheres see :mod:`.chains`.
 """
 
 import math
@@ -30,13 +30,13 @@ LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a
 MOST = 5_000_000  #: points of a level
 _SLICE = 2**17  #: points taken at once
 _ROUNDING = 1e-14
-_RESOLVED = 0.01  #: by such a part at most does the integral of exp(-H/T) change between the finest levels
-_SIDE, _POINTS, _TURN = 2**10, 2**21, 2**7  #: on a side of a grid, on a line, and on a turn of it
-_FAR = 7.0  #: standard deviations to which they go
+_RESOLVED = 0.01  #: the largest relative change of the integral of exp(-H/T) between the finest levels
+_SIDE, _POINTS, _TURN = 2**10, 2**21, 2**7  #: points on a side of a grid, on a line, and on a turn of it
+_FAR = 7.0  #: half-width of the interval of a normal coordinate, in standard deviations
 
 
 def law_of(model, initial, temperature):
-    """The Gibbs law on the surface through `initial`; ValueError, with the reason in a phrase, where none is known.
+    """The Gibbs law on the surface through `initial`; ValueError, with the reason in a phrase, where there is none.
 
     `initial` may be a :class:`~..ensemble.random_states.RandomState` of a law on one surface.  T = inf is the uniform
     law; T may be negative where the surface is compact.
@@ -68,7 +68,7 @@ def _energy(model):
 
 
 class Quadrature:
-    """The law with density exp(-beta H), with respect to the Liouville measure of a :class:`~.leaves.Leaf`."""
+    """The law with density exp(-beta H), with respect to the Liouville measure of a :class:`~.surfaces.Leaf`."""
 
     def __init__(self, surface, energy, beta):
         self.surface, self.energy, self.beta = surface, energy, beta
@@ -83,21 +83,21 @@ class Quadrature:
 
     def expectation(self, f):
         """(E f(y), an estimate of its error) of a function that takes (d, n) to (n,)."""
-        found, change, masses, resolved = [], [], [], False
+        means, change, masses, resolved = [], [], [], False
         for level in self.levels:
             with np.errstate(all="ignore"):
                 total, size, mass = self._sums(f, level)
-                found.append(total / mass)
+                means.append(total / mass)
                 masses.append(mass)
                 rounding = _ROUNDING * size / mass
-                if len(found) > 1:
-                    change.append(abs(found[-1] - found[-2]))
+                if len(means) > 1:
+                    change.append(abs(means[-1] - means[-2]))
                     resolved = abs(mass - masses[-2]) <= _RESOLVED * mass
-            if len(found) > 2 and resolved and max(change[-2:]) <= 10 * rounding:
+            if len(means) > 2 and resolved and max(change[-2:]) <= 10 * rounding:
                 break
         if not resolved:
             raise ValueError("quadrature does not resolve exp(-H/T), which is not integrable or too narrow")
-        return float(found[-1]), float(max(change[-1], rounding))
+        return float(means[-1]), float(max(change[-1], rounding))
 
     def _sums(self, f, level):
         """The sums of f, of |f| and of 1 with the weights of the law."""
@@ -112,8 +112,8 @@ class Quadrature:
     def probabilities(self, f, edges):
         """(bins,) the probabilities that f(y) is in each bin, of which the last contains its upper edge.
 
-        By points on a grid, or on a line through larger surfaces, between which f is taken for linear: good to about
-        1e-5, and to 2e-4 on a line.
+        By points on a grid, or on a line through larger surfaces, between which f is taken to be linear: the error is
+        about 1e-5, and 2e-4 on a line.
         """
         edges = np.asarray(edges, float)
         below, mass = np.zeros(len(edges)), 0.0
@@ -127,12 +127,12 @@ class Quadrature:
     # --- nodes -------------------------------------------------------------------------------------------------------
 
     def _axes(self, level):
-        """[(points (n_a, n), weights (n,)) of each sphere], and the same of one direction of the planes."""
+        """[(points (n_a, n), weights (n,)) of each sphere], and (nodes, weights) of one direction of the planes."""
         spheres = [on_sphere(each.shape[1], level) for each in self.surface.spheres]
         return spheres, hermite(min(level // 2 + 4, 40))
 
     def _count(self, level):
-        """How many points a level has."""
+        """The number of points of a level."""
         sizes = [{1: 1, 2: 4 * level, 3: 2 * level**2}.get(each.shape[1], np.inf) for each in self.surface.spheres]
         return math.prod(sizes) * min(level // 2 + 4, 40) ** self.surface.flat
 
@@ -174,7 +174,7 @@ class Quadrature:
         return y, logarithm.ravel() - self.beta * self.energy(y)
 
     def _normal(self, start, directions):
-        """Of the law on each plane, start + sum_m q_m directions_m: mean of q (n, m), root of covariance, its log det.
+        """(mean (n, m), root of covariance (n, m, m), its log det (n,)) of q in planes start + sum_m q_m directions_m.
 
         From values of H, which is checked to be quadratic there.
         """
@@ -202,9 +202,9 @@ class Quadrature:
         return mean, root, -np.log(np.einsum("nii->ni", lower)).sum(axis=1)
 
     def _on_grid(self, f):
-        """(least value of f in a cell, by how much it grows there, weight of the cell) on a surface of two dimensions.
+        """Yield (least values of f in cells, ranges of f there, weights of the cells) on a surface of two dimensions.
 
-        Of the two directions that in which f changes more counts.
+        The range is that along the direction in which f changes more.
         """
         rows = max(_SLICE // _SIDE, 1)
         for first in range(0, _SIDE, rows):
@@ -217,9 +217,9 @@ class Quadrature:
             yield sum(corners) / 4 - 0.5 * size, size, weight
 
     def _on_line(self, f):
-        """The same between neighbours on a line through the unit cube.
+        """Yield (least values, ranges, weights) between neighbours on a line through the unit cube.
 
-        It passes the first coordinate once, the others, in which the map to the surface is periodic, many times.
+        The line passes the first coordinate once, the others, in which the map to the surface is periodic, many times.
         """
         for first in range(0, _POINTS, _SLICE):
             s = np.arange(first, first + _SLICE + 1)
@@ -227,7 +227,7 @@ class Quadrature:
             yield np.minimum(value[:-1], value[1:]), np.abs(np.diff(value)), weight[:-1] + weight[1:]
 
     def _of_cube(self, f, cube, turns):
-        """Values and weights of points of the unit cube, which goes to the surface, to all of it so often."""
+        """Values and weights of points of the unit cube, which is mapped to the surface `turns` times over."""
         coordinates, x, logarithm = iter(cube), np.zeros((len(self.surface.fibre), 1)), np.zeros(len(cube[0]))
 
         def on_interval():
@@ -255,7 +255,7 @@ def mean_divergence(model, temperature, point):
     """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law exp(-H/T) on the Casimir surface through a state.
 
     It is the sum of the Lyapunov exponents.  X_k = B grad Ĥ_k; `model` is that without friction.  None where the
-    surface is no single sphere, what is there depends on time, or the law is not known, as that of H = log(y3).
+    surface is no single sphere, the model depends on time, or the law is not available, as that of H = log(y3).
     """
     surface = spheres(model, point)
     if surface is None or len(surface.triples) > 1 or hasattr(model, "time"):

@@ -1,8 +1,8 @@
-"""Where noises and drift take a state: whether they leave a law on the Casimir surface to be the only stationary one.
+"""The states that noises and drift can reach: whether a law on the Casimir surface can be the only stationary one.
 
-The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y what the
-vectors (D Phi)^-1 X_k(Phi(y)) span, Phi being flows of random combinations of all these fields (fields are analytic).
-Friction along the noises changes nothing in this.
+The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y
+the same space as the vectors (D Phi)^-1 X_k(Phi(y)), Phi being flows of random combinations of all these fields
+(fields are analytic).  Friction along the noises changes nothing in this.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ _NUDGE, _FLAT, _CLOSE = 1e-5, 1e-4, 1e-6
 
 
 class Reach(NamedTuple):
-    """How far the noises take a state."""
+    """The dimension of the set of states that the noises reach."""
 
     rank: int  #: of the fields and their brackets
     surface: int  #: dimension of the Casimir surface
-    invariants: tuple[str, ...]  #: independent linear and quadratic functions that are conserved besides
+    invariants: tuple[str, ...]  #: further independent linear and quadratic functions that are conserved
 
 
 def reach(model, initial, names: Sequence[str]):
@@ -57,7 +57,7 @@ def _field(model, y, gradient):
 
 
 def _rank(model, start, most, rng):
-    """At a state to which a random flow takes `start`; no more is looked for than `most`."""
+    """The rank of the fields at a state to which a random flow takes `start`, at most `most`."""
     count = 1 + len(_acting(model))
     y = _flow(model, start[:, np.newaxis], rng.standard_normal(count))
     vectors = [_field(model, y, g)[:, 0] for g in _gradients(model, y)[1:]]
@@ -79,7 +79,7 @@ def _rank_of(vectors):
 
 
 def _flow(model, y, weights):
-    """Along a combination of the fields for the time 1 over their size."""
+    """States moved along a combination of the fields for the time 1 over their size."""
 
     def field(y):
         return _field(model, y, np.tensordot(weights, _gradients(model, y), 1))
@@ -102,19 +102,21 @@ def _invariants(model, start, names, rng):
     fields = np.array([_field(model, points.T, g) for g in _gradients(model, points.T)])
     slopes = np.einsum("pnd,fdp->fpn", gradients, fields).reshape(-1, d + len(pairs))
     turned = np.einsum("pnd,ped->npe", gradients, np.array([structure_matrix(model, y) for y in points]))
-    kept: list[np.ndarray] = []
+    independent: list[np.ndarray] = []
     rows = _reduced(slopes)
     for row in sorted(rows, key=lambda row: (row[: len(pairs)].any(), np.count_nonzero(row))):
-        found = np.einsum("n,npe->pe", row, turned)
-        at = np.array([np.einsum("n,ne->e", each, turned[:, 0]) for each in (*kept, row)])
-        if np.abs(found).max() > _CLOSE * np.abs(turned).max() and np.linalg.matrix_rank(at, tol=_CLOSE) > len(kept):
-            kept.append(row)
+        field = np.einsum("n,npe->pe", row, turned)
+        at = np.array([np.einsum("n,ne->e", each, turned[:, 0]) for each in (*independent, row)])
+        if np.abs(field).max() > _CLOSE * np.abs(turned).max() and np.linalg.matrix_rank(at, tol=_CLOSE) > len(
+            independent
+        ):
+            independent.append(row)
             terms = [f"{names[i]}*{names[j]}" if i != j else f"{names[i]}^2" for i, j in pairs] + list(names)
             yield _sum(row, terms)
 
 
 def _reduced(matrix):
-    """The rows of the reduced echelon form of a basis of the null space of a matrix, whose last columns count least."""
+    """The rows of the reduced echelon form of a basis of the null space of a matrix, pivots in first columns first."""
     _, sizes, v = np.linalg.svd(matrix)
     basis = v[np.concatenate([sizes, np.zeros(len(v) - len(sizes))]) <= _CLOSE * max(sizes[0], 1e-300)]
     rows = []

@@ -1,7 +1,7 @@
 """The uniform law on a sphere |y| = r, and that of the Hamiltonian under it.
 
-For a model with ``axis_inertias`` and noises about at least two axes i and j it is the only stationary law that gives
-the axes no weight, whatever the drift:
+For a model with ``axis_inertias`` and noises about at least two axes i and j the uniform law is the only stationary one
+that gives the axes no weight, whatever the drift:
 
 * All fields are tangent to the sphere and keep its area, so that the uniform law is stationary.  So do all their
   flows, so that it is stationary for splitting schemes as well.
@@ -65,7 +65,7 @@ _RINGS = 256  # of points on the sphere: polynomials of up to this degree are in
 
 
 def obstacle(model, initial):
-    """Why the law of paths that start at `initial` is not known to tend to the uniform one; None if it does."""
+    """The reason why the law of paths from `initial` need not tend to the uniform one; None if it does."""
     name = type(model).__qualname__
     if not answers(axis_inertias, model):
         return f"no stationary law is known for {name}, which does not answer axis_inertias"
@@ -112,7 +112,7 @@ class SphereLaw(NamedTuple):
         return np.array([*(states / self.radius), hamiltonian(self.model, tuple(states))])
 
     def moments_of(self, states):
-        """What `moments` are the exact means of, (moments, paths), for states (3, paths)."""
+        """(moments, paths) the quantities whose exact means are `moments`, for states (3, paths)."""
         *y, energy = self._values(states)
         y = np.array(y)
         return np.concatenate([y, y**2, y**4, [energy, energy**2]])

@@ -28,7 +28,7 @@ from ..ensemble.protocol import (
 from ..ensemble.random_states import Spheres
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Pieces and noises by their places: the axis about which they turn, or whether they turn or shear.
+# The places of pieces and noises: the axis about which they turn, or whether they turn or shear.
 #
 # See ``flow_places`` in ``ensemble/protocol.py``.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -46,8 +46,8 @@ def strengths_by_place(model, count):
     """(sigma_1, ..., sigma_count) of the noises at these places, 0 where there is none."""
     if not (places := flow_places(model)):
         return strengths(model)
-    found = dict(zip(places[1], strengths(model), strict=True))
-    return tuple(found.get(place, 0.0) for place in range(count))
+    sigma = dict(zip(places[1], strengths(model), strict=True))
+    return tuple(sigma.get(place, 0.0) for place in range(count))
 
 
 _TRIALS = 3  # states at which a formula is compared with the model
@@ -57,13 +57,13 @@ _CLOSE = 1e-9  # relative distance of numbers that are taken for equal
 def spheres(model, point):
     """The Casimir surface through `point`, if it is a product of spheres or ellipsoids with other components constant.
 
-    None if it is not, or has too many components to tell.
+    None if it is not, or if states are arrays.
     """
     if large(model):
         return None
     d = dimension(model)
     states = np.random.default_rng(0).standard_normal((_TRIALS, d))
-    with uncompiled():  # not worth compiling
+    with uncompiled():  # compiling would take longer
         matrices = [structure_matrix(model, y) for y in states]
     lengths, triples, predicted = np.zeros(d), [], np.zeros((_TRIALS, d, d))
     for triple in _triples(matrices[0]):
@@ -84,17 +84,17 @@ def spheres(model, point):
 def at_states(method, *arrays):
     """(..., n): an uncompiled function of states, each a tuple, at the columns of arrays (d, n).
 
-    It takes all columns at once, or one after another where it has a choice or an elementary function of models, which
-    take numbers only.
+    The function is called once for all columns, or column by column where it has branches or elementary functions of
+    models, which take numbers only.
     """
     count = arrays[0].shape[1]
     with uncompiled(), np.errstate(all="ignore"):
         if count > 1:
             try:
-                found = method(*map(tuple, arrays))
-                if isinstance(found, tuple):
-                    return np.array([np.broadcast_to(v, count) for v in found], float)
-                return np.array(np.broadcast_to(found, count), float)
+                value = method(*map(tuple, arrays))
+                if isinstance(value, tuple):
+                    return np.array([np.broadcast_to(v, count) for v in value], float)
+                return np.array(np.broadcast_to(value, count), float)
             except (TypeError, ValueError, struct.error):
                 pass
         columns = zip(*(array.T.tolist() for array in arrays), strict=True)
@@ -110,14 +110,14 @@ def structure_matrix(model, y):
 def _triples(matrix):
     """The triples of components of which each depends on the other two only; empty if there are other groups."""
     acting = np.abs(matrix) > 0.0
-    found = []
+    triples = []
     for i in np.flatnonzero(acting.any(axis=1)):
         group = tuple(sorted({int(i), *np.flatnonzero(acting[i]).tolist()}))
         if len(group) != 3:
             return []
-        if group not in found:
-            found.append(group)
-    return found if len({i for group in found for i in group}) == 3 * len(found) else []
+        if group not in triples:
+            triples.append(group)
+    return triples if len({i for group in triples for i in group}) == 3 * len(triples) else []
 
 
 def _turned(triple):
@@ -137,7 +137,7 @@ def polynomial(f, d):
 
 
 def value_of(c, b, A, y):
-    """That of such a polynomial at states (d, n)."""
+    """The values (n,) of c + b.y + y.Ay/2 at states (d, n)."""
     return c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0)
 
 
@@ -161,9 +161,9 @@ def quadratic(model):
 
 
 def least_on(surface, b, matrix):
-    """A number that b.y + y.Ay/2 is never below on a product of spheres; on one sphere its minimum.
+    """A lower bound of b.y + y.Ay/2 on a product of spheres; on one sphere its minimum.
 
-    Each sphere adds its own minimum, each pair of them the norm of what couples them.
+    Each sphere adds its own minimum, each pair of them the norm of their coupling.
     """
     point, lengths = np.array(surface.point), np.array(surface.lengths)
     turning = np.zeros(len(point), bool)
@@ -174,8 +174,8 @@ def least_on(surface, b, matrix):
     triples = [list(triple) for triple in surface.triples]
     for at in triples:
         least += _least_on_sphere(linear[at], scaled[np.ix_(at, at)])
-    for one, other in itertools.combinations(triples, 2):
-        least -= float(np.linalg.norm(scaled[np.ix_(one, other)], 2))
+    for first, second in itertools.combinations(triples, 2):
+        least -= float(np.linalg.norm(scaled[np.ix_(first, second)], 2))
     size = np.abs(linear).sum() + np.abs(scaled).sum() + abs(least)
     return least - 1e-12 * size
 
@@ -199,12 +199,11 @@ def _least_on_sphere(b, matrix):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Casimir surfaces that quadratic Casimir functions tell: products of spheres, and planes over their points.
+# Casimir surfaces of quadratic Casimir functions: products of spheres, and planes over their points.
 #
 # Where B is affine and has no divergence, sum_i d_i B_ij = 0, all Hamiltonian flows keep Lebesgue measure and the
-# Casimir
-# functions, hence the measure prod_c delta(C_c(y) - c_c) dy, which on a surface is the Liouville measure up to a
-# factor.
+# Casimir functions, hence the measure prod_c delta(C_c(y) - c_c) dy, which on a surface is the Liouville measure up to
+# a factor.
 #
 # Semidefinite quadratic Casimir functions bound some coordinates x, which then lie on a product of spheres, and the
 # measure is uniform there; the others, p, appear in the other Casimir functions to the first degree: A(x) p = c(x), a
@@ -215,7 +214,8 @@ def _least_on_sphere(b, matrix):
 class Leaf(NamedTuple):
     """The states y = x + fibre p, x = sum_a spheres_a u_a, |u_a| = 1, with A(x) p = c(x).
 
-    A(x) = linear + tensor x, c(x) = value - outer.x - x.inner x / 2.  Of a sphere of dimension 0 one point is meant.
+    A(x) = linear + tensor x, c(x) = value - outer.x - x.inner x / 2.  A sphere of dimension 0 stands for one of its
+    points.
     """
 
     spheres: tuple[np.ndarray, ...]  #: (d, n_a), from which the unit sphere in n_a dimensions
@@ -233,11 +233,11 @@ class Leaf(NamedTuple):
 
     @property
     def dimension(self):
-        """That of the surface."""
+        """The dimension of the surface."""
         return sum(each.shape[1] - 1 for each in self.spheres) + self.flat
 
     def planes(self, x):
-        """(a p (n, f), a basis of the plane (n, f, m), log det(A A^T)^(-1/2) (n,)) for x (d, n)."""
+        """(one p (n, f), a basis of the plane (n, f, m), log det(A A^T)^(-1/2) (n,)) for x (d, n)."""
         n, (f, c) = x.shape[1], (self.fibre.shape[1], len(self.value))
         if not c:
             return np.zeros((n, f)), np.broadcast_to(np.eye(f), (n, f, f)), np.zeros(n)
@@ -277,40 +277,42 @@ def leaf(model, point):
     bounding = [
         not (np.abs(N.T @ Q).max(initial=0) > _CLOSE or np.abs(N.T @ b).max(initial=0) > _CLOSE) for b, Q in forms
     ]
-    parts = _joint_spaces([V.T @ Q @ V for (_, Q), one in zip(forms, bounding, strict=True) if one], len(x))
+    parts = _joint_spaces([V.T @ Q @ V for (_, Q), bounds in zip(forms, bounding, strict=True) if bounds], len(x))
     spheres = []
     for P in parts:
         at = P.T @ x
         if np.linalg.norm(at) > _CLOSE * np.linalg.norm(x):
             spheres.append(V @ P * np.linalg.norm(at) if len(at) > 1 else V @ P * at)
-    found = _with_planes(tuple(spheres), N, [form for form, one in zip(forms, bounding, strict=True) if not one], point)
+    surface = _with_planes(
+        tuple(spheres), N, [form for form, bounds in zip(forms, bounding, strict=True) if not bounds], point
+    )
     matrix = B @ np.append(point, 1.0)
     rank = np.linalg.matrix_rank(matrix, tol=_CLOSE * max(np.abs(matrix).max(), 1e-300))
     if rank == 0:
         raise ValueError("its surface is one state")
-    if rank != found.dimension:
+    if rank != surface.dimension:
         raise ValueError(f"its Casimir functions do not tell the surface, which has {rank} dimensions")
-    return found
+    return surface
 
 
 def _with_planes(spheres, N, forms, point):
-    """The leaf, whose planes are those of Casimir functions that are of the first degree in p."""
+    """The leaf whose planes are given by the Casimir functions that are of the first degree in p."""
     if any(np.abs(N.T @ Q @ N).max(initial=0) > _CLOSE for _, Q in forms):
         raise ValueError("its Casimir functions leave surfaces that are no planes over spheres")
     x = point - N @ (N.T @ point)
     rows = np.array([N.T @ b + N.T @ Q @ x for b, Q in forms]).reshape(len(forms), N.shape[1])
-    kept = []
+    independent = []
     for c in range(len(forms)):
-        if np.linalg.matrix_rank(rows[[*kept, c]], tol=_CLOSE) > len(kept):
-            kept.append(c)
-    forms, d = [forms[c] for c in kept], len(point)
+        if np.linalg.matrix_rank(rows[[*independent, c]], tol=_CLOSE) > len(independent):
+            independent.append(c)
+    forms, d = [forms[c] for c in independent], len(point)
     b, Q = (np.array([form[i] for form in forms]).reshape(len(forms), *(d,) * (i + 1)) for i in (0, 1))
     value = b @ point + 0.5 * np.einsum("d,cde,e->c", point, Q, point)
     return Leaf(spheres, N, b @ N, np.einsum("df,cde->cfe", N, Q), b, Q, value)
 
 
 def _bracket(model):
-    """(d, d, d + 1): B_ij = sum_k b_ijk y_k + b_ijd; ValueError if it is not so, or has a divergence."""
+    """(d, d, d + 1): B_ij = sum_k b_ijk y_k + b_ijd; ValueError if B is not affine, or has a divergence."""
     d = dimension(model)
     zero = np.zeros(d)
     constant = structure_matrix(model, zero)
@@ -345,7 +347,7 @@ def semidefinite(Q):
 
 
 def _joint_spaces(matrices, r):
-    """Orthonormal bases (r, n_a) of the joint eigenspaces of the matrices, on each of which |x_a| is told by them."""
+    """Orthonormal bases (r, n_a) of the joint eigenspaces of the matrices, on each of which they determine |x_a|."""
     if not r:
         return []
     weights = np.random.default_rng(7).standard_normal(len(matrices))

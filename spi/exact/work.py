@@ -1,11 +1,11 @@
-"""How far work without paths is: who does it counts in seconds of typical speed, and who runs it is told.
+"""The progress of work without paths: the code that works counts seconds of typical speed, which are reported.
 
-    with told(report):                      # around whatever may work
-        with work("solving", seconds):      # which is predicted to take so long
-            with part(seconds):             # of known size
+    with told(report):                      # the caller, who wants reports
+        with work("solving", seconds):      # the whole work, with its predicted seconds
+            with part(seconds):             # a part of it, likewise
                 counted(seconds)            # in its loops
 
-Where nobody is told, counting costs a look at a variable.
+Without a report, counting costs a look at a variable.
 """
 
 import contextlib
@@ -17,55 +17,55 @@ from typing import NamedTuple
 
 #: Wall-clock seconds from one report to the next.
 PAUSE = 0.2
-#: So much of the whole must be counted before its speed says how long the rest takes.
+#: The share of the whole that must be counted before the time of the rest is estimated from the speed so far.
 _KNOWN = 0.05
-#: Of what a prediction that proves too small is raised to, what is done.
+#: The share that is done of a prediction that was too small and is raised.
 _NEARLY = 0.98
 
 
 class Work(NamedTuple):
-    """Work that goes on."""
+    """The state of work in progress."""
 
     title: str
     done: float  #: seconds of typical speed
-    total: float  #: predicted, more than what is done; 0 where it is not known
+    total: float  #: predicted, more than `done`; 0 where there is no prediction
     left: float  #: wall-clock seconds, by the speed so far; NaN before enough is counted
 
     @property
     def share(self) -> float:
-        """How much is done, from 0 to 1."""
+        """The share that is done, from 0 to 1."""
         return self.done / self.total if self.total > 0.0 else 0.0
 
     @property
     def so_far(self) -> str:
-        """``solving 40%``, as far as that is known."""
+        """``solving 40%``, or the title alone without a prediction."""
         return f"{self.title} {self.share:.0%}" if self.total > 0.0 else self.title
 
 
-Report = Callable[[Work | None], None]  #: told how far work is, and None at its end
+Report = Callable[[Work | None], None]  #: called with the state of the work, and with None at its end
 
 _clock = time.perf_counter
 
 
 class _Meter:
-    """What is counted of one piece of work."""
+    """The counter of one piece of work."""
 
     def __init__(self, title: str, seconds: float, done: float, report: Report) -> None:
         self.title, self.report = title, report
         self.first = self.done = done
-        self.ends = [done + seconds]  #: that of the whole, and of each part within the other that is being done
+        self.ends = [done + seconds]  #: of the whole, and of each of the nested parts in progress
         self.began = self.last = _clock()
         report(self.work())
 
     def work(self) -> Work:
-        """How far it is."""
+        """The state of this work."""
         counted, left = self.done - self.first, math.nan
         if counted > _KNOWN * (self.ends[0] - self.first):
             left = (_clock() - self.began) * (self.ends[0] - self.done) / counted
         return Work(self.title, self.done, self.ends[0], left)
 
     def count(self, seconds: float) -> None:
-        """So much more is done; no part of the whole takes more than was predicted of it."""
+        """Count `seconds` as done, in a part of the whole at most up to its predicted end."""
         self.done += seconds
         if len(self.ends) > 1:
             self.done = min(self.done, self.ends[-1])
@@ -81,7 +81,7 @@ _METER: ContextVar[_Meter | None] = ContextVar("meter", default=None)
 
 @contextlib.contextmanager
 def told(report: Report) -> Iterator[None]:
-    """Have `report` told of what is worked within the block, at its beginning and every :data:`PAUSE` seconds."""
+    """Within the block call `report` for the work done there, at its beginning and every :data:`PAUSE` seconds."""
     before = _REPORT.set(report)
     try:
         yield
@@ -91,7 +91,7 @@ def told(report: Report) -> Iterator[None]:
 
 @contextlib.contextmanager
 def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
-    """Work that is predicted to take `seconds`, after some that are `done`; within other work it is a part of that."""
+    """The block is work predicted to take `seconds`, after `done` seconds before it; within other work it is a part."""
     if _METER.get() is not None or (report := _REPORT.get()) is None:
         with part(seconds):
             yield
@@ -106,7 +106,7 @@ def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
 
 @contextlib.contextmanager
 def part(seconds: float) -> Iterator[None]:
-    """A part of the work that goes on, predicted to take `seconds`; at its end all of them count as done."""
+    """The block is a part of the work in progress, predicted to take `seconds`; at its end these count as done."""
     if (meter := _METER.get()) is None:
         yield
         return
@@ -120,12 +120,12 @@ def part(seconds: float) -> Iterator[None]:
 
 
 def expected(seconds: float) -> None:
-    """So many seconds are left of the work that goes on, as is known by now; of a part that stays as it was."""
+    """Replace the prediction of the remaining work by `seconds`; without effect within a part."""
     if (meter := _METER.get()) is not None and len(meter.ends) == 1 and math.isfinite(seconds):
         meter.ends[0] = meter.done + seconds
 
 
 def counted(seconds: float) -> None:
-    """So many seconds of typical speed are done, of the work that goes on."""
+    """Count `seconds` of typical speed as done in the work in progress."""
     if (meter := _METER.get()) is not None:
         meter.count(seconds)

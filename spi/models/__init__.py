@@ -15,7 +15,7 @@ MODELS: dict[str, type] = {}
 
 
 def check_model_class(name, cls):
-    """TypeError, with all that is wrong, if a class does not fit what ``protocol.py`` asks of a model."""
+    """TypeError, with all faults, if a class does not have what ``protocol.py`` requires of a model."""
     if not (isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")):
         raise TypeError(f"model '{name}' is not a class derived from NamedTuple")
     check_class(cls, "model", name)
@@ -28,7 +28,7 @@ def check_model_class(name, cls):
 
 
 def register_model(name, cls):
-    """Make a class known as a model; TypeError as :func:`check_model_class`."""
+    """Register a class as a model; TypeError as :func:`check_model_class`."""
     check_model_class(name, cls)
     MODELS[name] = cls
 

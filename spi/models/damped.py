@@ -16,7 +16,7 @@ from .delegation import answering_as_inner, inner
     "squared_length_is_casimir", "phases", "drift_phases", "drift_turned", "noise_phases", "noise_turned"
 )
 class Damped(NamedTuple):
-    """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
+    """A model with the field -gamma y added: its traits and methods are those of the model, with one more piece."""
 
     model: Any
     damping: float  #: gamma

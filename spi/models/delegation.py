@@ -1,4 +1,4 @@
-"""Models that are another one and something more: they answer as the model within does, but for what they add."""
+"""Models that add a term to another model, and otherwise have its traits and methods."""
 
 import inspect
 
@@ -6,7 +6,8 @@ from ..compiler.generated import function_of
 from ..compiler.records import field
 from ..ensemble import protocol
 
-#: Where such a model answers as any model does that does not answer: it lacks what these say, or has no such need.
+#: Traits and methods that such a model does not take from the inner one: it lacks these properties, or the default
+#: holds.
 _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
@@ -16,34 +17,34 @@ _NOT_FORWARDED = (
 
 
 def inner(model):
-    """The model within one, or the Numba type of it."""
+    """The inner model of a model, or the Numba type of it."""
     return field(model, "model")
 
 
 def undamped(model):
-    """The record of a model without what is added to it: damping, or friction at a temperature."""
+    """The record of a model without added damping and without friction at a temperature."""
     while hasattr(type(model), "answers_as_inner"):
         model = model.model
     return model
 
 
 def answering_as_inner(*left_out):
-    """Decorator for a class with a field ``model``: it answers what it does not say itself as that model does."""
+    """Decorator for a class with a field ``model``: it gets the traits and methods of that model that it lacks."""
 
     def decorate(cls):
-        for name, asked in vars(protocol).items():
-            if hasattr(asked, "declared") and name not in (*vars(cls), *_NOT_FORWARDED, *left_out):
-                setattr(cls, name, _forwarded(asked))
+        for name, member in vars(protocol).items():
+            if hasattr(member, "declared") and name not in (*vars(cls), *_NOT_FORWARDED, *left_out):
+                setattr(cls, name, _forwarded(member))
         cls.answers_as_inner = True
         return cls
 
     return decorate
 
 
-def _forwarded(asked):
-    """The method by which such a model answers as the model within."""
-    if asked.declared.of:  # also of the Numba type of a record
-        return lambda model: asked(inner(model))
-    _, *others = inspect.signature(asked).parameters
+def _forwarded(member):
+    """The method that calls that of the inner model."""
+    if member.declared.of:  # also of the Numba type of a record
+        return lambda model: member(inner(model))
+    _, *others = inspect.signature(member).parameters
     parameters, arguments = (", ".join([first, *others]) for first in ("model", "model.model"))
-    return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
+    return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": member})

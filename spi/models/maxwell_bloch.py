@@ -47,7 +47,7 @@ class MaxwellBloch(NamedTuple):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
 
     def noise_bracket_gradient(model, j, k, y):
-        """Of -y1 y2."""
+        """The gradient of -y1 y2."""
         return -y[1], -y[0], 0.0
 
     def casimirs(model, y):

@@ -92,7 +92,7 @@ class RigidBody(NamedTuple):
         return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)
 
     def noise_bracket_gradient(model, j, k, y):
-        """Of y1 y2 y3 / (Î_j Î_k) if j = k + 1, and of minus that if j = k + 2."""
+        """The gradient of y1 y2 y3 / (Î_j Î_k) if j = k + 1, and of minus that if j = k + 2."""
         c = (1.0 / model.noise_inertia[j]) * (1.0 / model.noise_inertia[k])
         c = c if j == k + 1 else -c
         return c * (y[1] * y[2]), c * (y[2] * y[0]), c * (y[0] * y[1])

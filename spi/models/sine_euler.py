@@ -24,8 +24,8 @@ Strength = NonNegative | None
 
 _S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)
 _THIRD = 1.0 / 3.0
-# What these have beyond double precision: without it the Fourier transform is not quite unitary and the Casimirs drift
-# by 2e-18 a step.
+# The parts of these beyond double precision: without them the Fourier transform is not quite unitary and the Casimirs
+# drift by 2e-18 a step.
 _S_REST, _THIRD_REST = 5.017542110903451e-17, 1.850371707708594e-17
 
 
@@ -168,7 +168,7 @@ class SineEuler(NamedTuple):
         u0 = _turn(angles, p0, (z0[0] + sum_re, z0[1] + sum_im))
         u1 = _turn(angles, p1, (mid_re + dif_im, mid_im - dif_re))
         u2 = _turn(angles, p2, (mid_re - dif_im, mid_im + dif_re))
-        # and back: what is added to z_j is the mean of u_q exp(2 pi i j q / 3)
+        # and back: the change of z_j is the mean of u_q exp(2 pi i j q / 3)
         sum_re, sum_im = u1[0] + u2[0], u1[1] + u2[1]
         dif_re, dif_im = _side(u1[0] - u2[0]), _side(u1[1] - u2[1])
         mid_re, mid_im = u0[0] - 0.5 * sum_re, u0[1] - 0.5 * sum_im

@@ -43,10 +43,10 @@ from .delegation import answering_as_inner, inner
 
 @answering_as_inner("add_dissipation", "structure_is_kept")
 class Thermal(NamedTuple):
-    """A model with friction: its traits and methods are those of the model, but for these.
+    """A model with friction: its traits and methods are those of the model, except for the ones below.
 
-    All friction together is B times -sum_k c_k (X_k H) grad Ĥ_k.  So what schemes know as grad H, beside the flows of
-    its pieces, is grad H with that added.
+    All friction together is B times -sum_k c_k (X_k H) grad Ĥ_k.  So ``drift_gradient`` is grad H plus that sum, while
+    the flows of the pieces are those of H.
     """
 
     model: Any
@@ -93,7 +93,7 @@ def _add_friction(index, model, value, gradient, y):
 
 @unrolled(noise_indices)
 def _add_friction_derivative(index, model, value, gradient, turned, y, v):
-    """The derivative of that along v, given grad H and Hess H v."""
+    """value plus the derivative along v of the sum of :func:`_add_friction`, given grad H and turned = Hess H v."""
     k = number(index)
     c = friction_rate(model, k)
     field = noise_field(model.model, k, y)
@@ -104,7 +104,7 @@ def _add_friction_derivative(index, model, value, gradient, turned, y, v):
 
 @answering_as_inner()
 class ThermalArrays(NamedTuple):
-    """The same of an array-state model."""
+    """An array-state model with friction."""
 
     model: Any
     temperature: float
@@ -116,13 +116,13 @@ class ThermalArrays(NamedTuple):
 
     def in_kernels(model):
         tables = in_kernels(model.model)
-        sizes = (asked(tables) for asked in (dimension, pieces, noises, conserved))
+        sizes = (trait(tables) for trait in (dimension, pieces, noises, conserved))
         return ThermalTables(tables, model.temperature, tables.sigma, *sizes)
 
 
 @answering_as_inner()
 class ThermalTables(NamedTuple):
-    """What kernels are given of it."""
+    """The record of :class:`ThermalArrays` for kernels."""
 
     model: Any
     temperature: float
@@ -140,7 +140,7 @@ class ThermalTables(NamedTuple):
         return block_work(model.model) + (model.d + model.m) * WIDTH
 
     def block_friction_times(model, t, width, y, times, work):
-        """From the slopes at t/2, where the state is found along the fields at first."""
+        """From the slopes at t/2, at a state moved along the fields at y."""
         middle, work = work[: model.d * WIDTH], work[model.d * WIDTH :]
         for i in range(model.d * width):
             middle[i] = y[i]
@@ -149,7 +149,7 @@ class ThermalTables(NamedTuple):
         _take_friction_times(model, t, width, middle, times, work)
 
     def add_block_drift(model, t, width, y, out, work):
-        """With the friction."""
+        """The drift of the model and the friction."""
         times, rest = work[: model.m * WIDTH], work[model.m * WIDTH :]
         add_block_drift(model.model, t, width, y, out, rest)
         _take_friction_times(model, t, width, y, times, rest)
@@ -158,7 +158,7 @@ class ThermalTables(NamedTuple):
 
 @device
 def _take_friction_times(model, t, width, y, times, work):
-    """-c_k t (X_k H)(y) of all noises."""
+    """Put -c_k t (X_k H)(y) of all noises into `times`."""
     block_noise_slopes(model.model, width, y, times, work)
     for k in range(model.m):
         for path in range(width):

@@ -1,4 +1,4 @@
-"""How large angles are: flows that rotate are told, and take the cheapest sine that is right there."""
+"""Ranges of angles, by which flows that rotate choose the cheapest sine that is accurate there."""
 
 from typing import NamedTuple
 
@@ -52,14 +52,14 @@ class ReducedAngles(NamedTuple):
         return _divided(angles, square)
 
     def adding_to_zero(angles, p0, p1, p2):
-        """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
+        """As multiples of one small number, so that additions are exact: for large angles the sum must be exactly 0."""
         size = abs(p0) + abs(p1) + abs(p2)  # twice the largest, so that all are rounded to the same multiples
         p0, p1 = (p0 + size) - size, (p1 + size) - size
         return p0, p1, -(p0 + p1)
 
 
 class AnyAngles(NamedTuple):
-    """Nothing is known: the library's scalar sine."""
+    """Angles of any size: the library's scalar sine."""
 
     def sin_versine(angles, x):
         return elementary.sin_versine_huge(x)
@@ -82,9 +82,9 @@ def sin_versine(angles, x):
 
 @method
 def sinc_versinc(angles, square):
-    """(sin x / x - 1, (1 - cos x) / x^2), given x^2: what Rodrigues' formula for rotations about any axis takes."""
+    """(sin x / x - 1, (1 - cos x) / x^2), given x^2, for Rodrigues' formula for rotations about any axis."""
 
 
 @method
 def adding_to_zero(angles, p0, p1, p2):
-    """Three angles whose sum is 0 but for roundings, so that what is left of it is no more than that of small ones."""
+    """Three angles whose sum is 0 up to roundings, changed so that the sum is no larger than for small angles."""

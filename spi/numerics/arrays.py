@@ -116,7 +116,7 @@ def whole_power(x, exponent):
 
 
 def runge_kutta(field, y, h, steps):
-    """The state to which so many steps h of the classical method of order 4 take y along y' = field(y)."""
+    """The state y after `steps` steps h of the classical Runge-Kutta method of order 4 for y' = field(y)."""
     for _ in range(steps):
         a = field(y)
         b = field(y + 0.5 * h * a)

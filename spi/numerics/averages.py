@@ -10,7 +10,7 @@ import numpy as np
 from ..compiler.dispatch import device
 
 _ROOTS = tuple(math.sqrt(5.0 + sign * 2.0 * math.sqrt(10.0 / 7.0)) / 3.0 for sign in (1.0, -1.0))
-#: Where in a step its nodes lie; the third is its middle.
+#: The nodes of the quadrature as shares of a step; the third is its middle.
 NODES = (*(0.5 - 0.5 * x for x in _ROOTS), 0.5, *(0.5 + 0.5 * x for x in reversed(_ROOTS)))
 _OUTER, _INNER = ((322.0 - sign * 13.0 * math.sqrt(70.0)) / 1800.0 for sign in (1.0, -1.0))
 

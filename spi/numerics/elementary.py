@@ -30,9 +30,9 @@ _PIO2_4 = float.fromhex("0x1.b839a252049c1p-104")
 
 # The sine is its Taylor polynomial with rounded coefficients, whatever angle that is the sine of; the versine is fitted
 # to it, so that both belong to one angle: C1 = -(S1 + 1/8) exactly, C2, C3, C4 are those of 1 - (1 - sine^2)^(1/2),
-# and the last four make up for what the polynomials leave out.  So sine^2 + versine^2 - 2 versine, which would make
-# lengths drift, is below 1e-21 on [-pi/4, pi/4] before rounding, and 2e-22 in the mean; coefficients of the two Taylor
-# series, each rounded on its own, give 1e-18.
+# and the last four make up for the terms that the polynomials leave out.  So sine^2 + versine^2 - 2 versine, which
+# would make lengths drift, is below 1e-21 on [-pi/4, pi/4] before rounding, and 2e-22 in the mean; coefficients of the
+# two Taylor series, each rounded on its own, give 1e-18.
 _S1, _S2, _S3 = -0.16666666666666666, 0.008333333333333328, -0.00019841269841269803
 _S4, _S5, _S6 = 2.755731922398576e-06, -2.505210838544149e-08, 1.605904383682136e-10
 _S7, _S8 = -7.647163731819624e-13, 2.8114572543454145e-15
@@ -156,7 +156,7 @@ def sinc_versinc_small(z):
 
 @device
 def sinc_versinc_tiny(z):
-    """The same for |x| <= 2^-5."""
+    """(sin x / x - 1, (1 - cos x) / x^2) for z = x^2 and |x| <= 2^-5."""
     return z * (_S1 + z * (_S2 + z * _S3)), 0.5 - z * (_C1 + z * (_C2 + z * _C3))
 
 

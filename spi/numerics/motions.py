@@ -1,4 +1,4 @@
-"""What generated models call, besides the elementary functions."""
+"""Functions that generated models call, besides the elementary functions."""
 
 from ..compiler.dispatch import device
 from .elementary import expm1

@@ -16,21 +16,23 @@ STREAM_VERSION = 4
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
-COINS = 1  # what is added to the stream of the increments: the coins of the same paths
-BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
-AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
-INITIAL = 2**13  # what is added to it: the initial states of the same paths, where these are random
-DRIVERS = 2**12  # what is added to it, and up to 2 more: further numbers of drivers that are no Brownian motion
-UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4
+# added to the stream of the increments, for other numbers of the same paths:
+COINS = 1  # coins
+BRIDGES = 2**15  # Brownian bridges, channel = 2^12 * number of the bridge + process
+AREAS = 2**14  # Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
+INITIAL = 2**13  # random initial states
+DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brownian motion
+UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
+# streams of increments and of points:
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
-ANSWERS = 512  # those of path set number j of an answer: ANSWERS + 2 j
-POINTS = 1536  # scrambles of quasi-random points, and what is keyed beside them
-DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
-HALVES = 1280  # those of the halves i = 0, 1 of such a difference where it is symmetrised: HALVES + 128 i + 2 j
+ANSWERS = 512  # increments of path set number j of an answer: ANSWERS + 2 j
+POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
+DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
+HALVES = 1280  # increments of the halves i = 0, 1 of a symmetrised difference: HALVES + 128 i + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64
-#: Sums over paths are kept apart for so many parts of the lanes, lane mod PARTS.
+#: The number of parts of the lanes, lane mod PARTS, with separate sums over paths.
 PARTS = 8
 #: Steps whose normals come from one evaluation of the generator.
 STEPS_PER_DRAW = 4

@@ -7,8 +7,8 @@ point is uniform on the cube, 2^k consecutive ones have the balance of the unscr
 functions over them have nearly the variance n^-3.  The scrambles are functions of (seed, stream, scramble, dimension).
 
 There are SCRAMBLES scrambles, as many as there are jackknife groups of paths, and each is such a group: lane l of
-block b has scramble (b mod 8) * 8 + l mod 8, and of it point (b // 8) * 8 + l // 8.  So what is made of groups,
-standard errors above all, holds for these points as it does for independent paths.
+block b has scramble (b mod 8) * 8 + l mod 8, and of it point (b // 8) * 8 + l // 8.  So statistics of groups,
+above all standard errors, hold for these points as they do for independent paths.
 """
 
 import functools
@@ -21,9 +21,9 @@ from .elementary import from_bits
 from .quantile import central_quantile, tail_quantile
 from .rng import LANES, PARTS, philox
 
-#: How many independent scrambles there are.
+#: The number of independent scrambles.
 SCRAMBLES = 64
-#: How many dimensions there may be; more would cost more memory than they are worth.
+#: The largest number of dimensions; more would cost more memory than they are worth.
 MOST_DIMENSIONS = 4096
 #: The fewest paths: the first eight points of each scramble.
 LEAST_PATHS = SCRAMBLES * LANES // PARTS
@@ -41,7 +41,7 @@ _LOW, _32, _0, _1 = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(0), np.uint6
 
 @functools.cache
 def direction_numbers(dimensions, count):
-    """The first `count` <= BITS direction numbers of each dimension, (dimensions, count) uint64; do not write there."""
+    """The first `count` <= BITS direction numbers of each dimension, (dimensions, count) uint64, cached."""
     from scipy.stats.qmc import Sobol  # takes a while
 
     return np.array(Sobol(dimensions, scramble=False, bits=BITS)._sv[:, :count], np.uint64)
@@ -92,7 +92,7 @@ def net_words(directions, shifts, block, words):
     `directions` (count, SCRAMBLES) and `shifts` (SCRAMBLES,) are those of the dimension.
     """
     first, index = block % _BLOCKS * PARTS, block // _BLOCKS
-    xor_parts(words, 0, shifts, first, directions[0], first)  # and what that is too much is taken away again
+    xor_parts(words, 0, shifts, first, directions[0], first)  # and the surplus is removed by the next line
     xor_parts(words, 0, words, 0, directions[0], first)
     j = _OWN
     while index > 0:

@@ -26,15 +26,15 @@ __all__ = [
 
 
 def has_theory(entry, model):
-    """Whether an entry has orders that hold for a model; not those of a splitting that is not made of exact flows."""
+    """Whether an entry has orders that hold for a model; not for a splitting without exact flows."""
     return not math.isnan(entry.weak_order) and (exact_flows(model) or entry.composition is None)
 
 
 def weak_exponents(entry, model, count):
-    """The first powers of h in the weak error of a scheme at smooth functions, `count` of them; None if none are known.
+    """The first powers of h in the weak error of a scheme at smooth functions, `count` of them; None without theory.
 
     p, p + 1, ... (Talay and Tubaro, Stochastic Analysis and Applications 8, 1990), and p, p + 2, ... of a composition
-    that equals itself reversed.  Those of a scheme for the multiscale system would not be uniform in eps.
+    that equals itself reversed.  None for a scheme of the multiscale system, since they would not be uniform in eps.
     """
     if entry.multiscale or judges(entry.record) or not has_theory(entry, model):
         return None
@@ -45,14 +45,14 @@ def weak_exponents(entry, model, count):
 
 
 def of_model(entry, model):
-    """An entry as it holds for a model, which may have inner steps in the place of flows that are not known.
+    """An entry as it holds for a model, which may have inner steps in place of flows without a closed form.
 
-    These leave the strong orders as they are, and the weak order where no noise needs them.  A composition has friction
-    among its stages where the model is at a temperature.
+    Inner steps leave the strong orders as they are, and the weak order where no noise needs them.  A composition has
+    friction among its stages where the model is at a temperature.
     """
     if entry.composition is not None and has_friction(model):
         entry = entry._replace(record=entry.record._replace(stages=with_friction(entry.composition)))
-    if judges(entry.record) and has_arrays(model):  # which is judged without friction
+    if judges(entry.record) and has_arrays(model):  # flows of such models are judged without friction
         return entry._replace(strong_order=0.25, strong_order_commuting=0.25, weak_order=0.5)
     lacking = flows_lacking(model)
     if entry.composition is None or not lacking or not inner(model):
@@ -65,12 +65,12 @@ def of_model(entry, model):
 
 
 def composed(name, stages, weak_order):
-    """What is known of a composition of flows that has no entry in the table; NaN for the order if theory states none.
+    """An entry for a composition of flows that is not in the table, without orders if `weak_order` is NaN.
 
-    Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
-    first order are brackets of a noise with the drift, of mean 0, and, without loops, of noises with one another.
+    Its strong orders are those of all compositions that are whole steps: their errors of first order are brackets of a
+    noise with the drift, of mean 0, and, without loops, of noises with one another.
     """
-    known = not math.isnan(weak_order)
+    has_order = not math.isnan(weak_order)
     orders = {"strong_order": 1.0 if has_loops(stages) else 0.5, "strong_order_commuting": 1.0}
     return Scheme(
         record=splitting(*stages),
@@ -79,7 +79,7 @@ def composed(name, stages, weak_order):
         reference="the experiment",
         look=("", ""),
         weak_order=weak_order,
-        **(POISSON | (orders if known else dict.fromkeys(orders, math.nan))),
+        **(POISSON | (orders if has_order else dict.fromkeys(orders, math.nan))),
     )
 
 

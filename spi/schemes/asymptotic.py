@@ -48,7 +48,7 @@ class ExplicitEuler(NamedTuple):
 
 @unrolled(noise_indices)
 def move_processes(index, model, y, scheme, h, dW, increments):
-    """Move the processes, kept behind the states in `y`, by one step and put their increments into `increments`."""
+    """Move the processes, stored behind the states in `y`, by one step and put their increments into `increments`."""
     k = number(index)
     for lane in range(LANES):
         place = (dimension(model) + k) * LANES + lane

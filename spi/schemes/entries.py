@@ -1,4 +1,4 @@
-"""What is known of a scheme, as an entry of the table."""
+"""The entries of the table of schemes: orders, properties and costs of each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from .stages import has_joint, has_loops, has_shared
 from .sweeps import sweeps
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a step costs before anything is measured: for estimates of run time, and for budgets in seconds.
+# The cost of a step before anything is measured: for estimates of run time, and for budgets in seconds.
 #
 # A simple rule, so that an estimate depends on nothing but the scheme and the model; the time left of a run is
 # measured.
@@ -24,7 +24,7 @@ _INNER_FLOWS = 8  # an inner step of three components
 
 
 def _flows(stages, model):
-    """The flows of a composition; an inner step counts as some, the more the more components there are."""
+    """The number of flows of a composition; an inner step counts as 8 flows for each three components."""
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
     return sum(
         _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
@@ -35,7 +35,7 @@ def _flows(stages, model):
 def typical_ns(entry, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, within a factor of 3.
 
-    overhead * (0.85 draws + flows * ns of a flow), where a flow takes what the model states, or 0.15 ns a component.
+    overhead * (0.85 draws + flows * ns of a flow), where a flow takes ``flow_ns`` of the model, or 0.15 ns a component.
     """
     flows = entry.work if entry.composition is None else _flows(entry.composition, model)
     if entry.solves:
@@ -47,9 +47,9 @@ def typical_ns(entry, model):
 
 
 class Scheme(NamedTuple):
-    """One entry of the table of orders; what theory says where the coefficients are smooth and bounded.
+    """One entry of the table of orders, those of theory where the coefficients are smooth and bounded.
 
-    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
+    A composition of the user has no look, figures choose one, and its orders are NaN without theory.
     """
 
     record: NamedTuple
@@ -63,11 +63,11 @@ class Scheme(NamedTuple):
     preserves: str
     work: float = 0.0  #: of a step that is no composition, in flows of the model, for estimates of run time
     solves: bool = False  #: whether this work is that for three components, and grows with their number
-    overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
+    overhead: float = 1.0  #: the factor by which a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
     needs_eps: bool = False  #: whether eps must not be 0
-    needs: Callable | None = None  #: a fact that must hold for the model
+    needs: Callable | None = None  #: a condition that the model must satisfy
     left_out: Callable | None = None  #: (model, k, y, v): the part of f_k'(y) v that a step has only in the mean
 
     @property
@@ -92,7 +92,7 @@ SCHEMES: dict[str, Scheme] = {}
 
 
 def register_scheme(name, **entry):
-    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``scheme_protocol.py``."""
+    """Register a scheme, given the fields of :class:`Scheme`; TypeError if it does not fit ``scheme_protocol.py``."""
     scheme = Scheme(**entry)
     check_class(type(scheme.record), "scheme", name)
     SCHEMES[name] = scheme

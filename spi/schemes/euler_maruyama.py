@@ -1,4 +1,4 @@
-"""The Euler-Maruyama scheme, the paper's first comparator, and the same with its length put right."""
+"""The Euler-Maruyama scheme, the paper's first comparator, and the same with its length corrected."""
 
 from typing import NamedTuple
 

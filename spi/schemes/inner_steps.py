@@ -1,9 +1,9 @@
-"""The inner step: what moves by a piece or a noise whose flow is not known in closed form, in place of the flow.
+"""The inner step, which replaces the flow of a piece or a noise that is not known in closed form.
 
 exp(t Y_K) y is replaced by one step of size t, positive or negative, of a scheme for y' = B(y) grad K(y): with
 ``inner = "midpoint"`` the implicit midpoint rule, where B(y) v = y x v the isospectral one, and with "munthe_kaas" the
 explicit midpoint rule of Munthe-Kaas.  All are of order 2 in t, so that a noise, with t = sigma_k dW_k, lacks terms of
-the size dW_k^3, of mean 0, and of mean h^2: strong orders stay what they are, and the weak order is at most 1.
+the size dW_k^3, of mean 0, and of mean h^2: strong orders do not change, and the weak order is at most 1.
 """
 
 from typing import Any, NamedTuple
@@ -34,16 +34,16 @@ from .sweeps import report_solves
 # ---------------------------------------------------------------------------------------------------------------------
 # The implicit midpoint rule for steps that are mostly small: simple iteration, and where that fails Newton's method.
 #
-# Simple iteration asks for gradients alone, where Newton's method, as in ``midpoint.py``, asks for a Hessian matrix and
-# an elimination each time: for a dozen components that takes 40 times as long.
+# Simple iteration needs gradients alone, where Newton's method, as in ``midpoint.py``, needs a Hessian matrix and an
+# elimination each time: for a dozen components that takes 40 times as long.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_ENOUGH = 2.0**-100  # for squares: a few roundings, since what is left of the equation shrinks slowly
+_ENOUGH = 2.0**-100  # for squares: a few roundings, since the residual shrinks slowly
 
 
 @device
 def iterate(model, h, dW, y, x):
-    """x becomes y + F(x)/2; how many lanes have changed by more than roundings (those that are not finite have not)."""
+    """Replace x by y + F(x)/2; return the number of finite lanes that changed by more than roundings."""
     unfinished = 0
     for lane in range(LANES):
         state, middle = load_lane(model, y, lane), load_lane(model, x, lane)
@@ -55,7 +55,7 @@ def iterate(model, h, dW, y, x):
 
 @device(inline=False)
 def newton_system_by_columns(model, h, dW, y, x, matrix):
-    """As ``midpoint.newton_system``, with a loop over the columns, which takes longer but is compiled sooner."""
+    """As ``midpoint.newton_system``, with a loop over the columns, which is slower but takes less time to compile."""
     d = dimension(model)
     for j in range(d):
         column = matrix[j * d * LANES :]
@@ -75,8 +75,8 @@ def newton_system_by_columns(model, h, dW, y, x, matrix):
 class InnerMidpoint(NamedTuple):
     """z = y + F((y + z)/2) as :class:`~.midpoint.Midpoint`, for equations that simple iteration mostly solves.
 
-    All lanes of a block together, until no lane changes by more than roundings.  Where a lane does so still after
-    ``most_simple`` iterations, Newton's method begins anew.
+    All lanes of a block together, until no lane changes by more than roundings.  If one still does after
+    ``most_simple`` iterations, Newton's method starts afresh.
     """
 
     tolerance: float = 1e-13
@@ -115,7 +115,7 @@ class Alone(NamedTuple):
     """One piece or noise of a model as a model: the only noise of one without a drift, with sigma = 1."""
 
     model: Any
-    part: Any  #: of :data:`~.parts.PARTS`
+    part: Any  #: one of :data:`~.stages.PARTS`
     index: Any  #: its number, as one of ``dispatch.INDICES``
     sigma: tuple = (1.0,)
 
@@ -154,16 +154,16 @@ def inner_scheme(model):
 
 
 def is_reversible(model):
-    """Whether all steps by pieces and noises are flows, or are undone in law by those of the time -t.
+    """Whether all steps by pieces and noises are flows, or are inverted in law by those of the time -t.
 
-    Those of the implicit rules by pieces are.  By a noise they are undone on each path, but not their mean over dW.
+    Steps of the implicit rules by pieces are.  Steps by a noise are inverted on each path, but not in the mean over dW.
     """
     lacking = flows_lacking(model)
     return not lacking or (inner(model) == "midpoint" and all(part == "pieces" for part, _ in lacking))
 
 
 def preserved(model):
-    """What a composition with inner steps preserves, in the words of the table of schemes."""
+    """The properties that a composition with inner steps preserves, in the words of the table of schemes."""
     if inner(model) == "midpoint":
         keeps = cross_product(model) or structure_is_kept(model)
         return "Casimirs, Poisson structure" if keeps else "quadratic Casimirs"
@@ -172,7 +172,7 @@ def preserved(model):
 
 @device(by_type=True)
 def inner_size(model):
-    """How many floats of scratch an inner step needs."""
+    """The floats of scratch for an inner step."""
     if not flows_lacking(model):
         return lambda model: 0
     scheme = inner_scheme(model)
@@ -188,5 +188,5 @@ def inner_step(alone, coins, y, work, report):
 
 @device(inline=False)
 def inner_sweep(part, index, model, coins, y, work, report):
-    """As ``splitting.sweep``, by an inner step."""
+    """An inner step in place of ``sweeps.sweep``."""
     inner_step(Alone(model, part, index, (1.0,)), coins, y, work, report)

@@ -50,7 +50,7 @@ def cross(a, b):
 
 @device
 def improve(model, h, dW, y, u):
-    """An iteration of Newton's method; how many lanes need another one (those that are not finite do not)."""
+    """Make an iteration of Newton's method; return the number of finite lanes that need another one."""
     unfinished = 0
     for lane in range(LANES):
         middle = load_lane(model, u, lane)
@@ -67,7 +67,7 @@ def improve(model, h, dW, y, u):
 
 @device
 def finish(model, h, dW, y, u, tolerance):
-    """y becomes y + M(v) u; how many lanes have a squared relative residual above `tolerance`, and the largest one."""
+    """Replace y by y + M(v) u; return (lanes with a squared relative residual above `tolerance`, largest residual)."""
     failures = 0
     largest = 0
     for lane in range(LANES):
@@ -82,7 +82,7 @@ def finish(model, h, dW, y, u, tolerance):
 
 
 def turns_alone(model):
-    """Whether B(y) v = y x v, and the drift has nothing besides B grad H."""
+    """Whether B(y) v = y x v, and the drift is B grad H alone."""
     return cross_product(model) and not answers(add_dissipation, class_of(model))
 
 
@@ -93,8 +93,8 @@ class IsospectralMidpoint(NamedTuple):
     W(y) = (1 + v/2) W(u) (1 - v/2) and W(z) = (1 - v/2) W(u) (1 + v/2), which is W(y) conjugated by a Cayley transform.
 
     Newton's method for u, started from y + M y / 2, all lanes of a block together, until the correction of every lane
-    is below 2^-30 |u|.  The new state is y + M u, so that the Casimir function changes by |M u| times what is left of
-    the equation.  A solve that leaves more than ``tolerance`` |u| of it counts as a failure.
+    is below 2^-30 |u|.  The new state is y + M u, so that the Casimir function changes by |M u| times the residual.  A
+    solve with a residual above ``tolerance`` |u| counts as a failure.
     """
 
     tolerance: float = 1e-13

@@ -32,26 +32,26 @@ from ..numerics.rng import LANES
 from .stages import FINEST, Backwards, Symmetric, stages_known
 from .sweeps import report_judged
 
-_ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer
+_ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
 _SMALL = 0.25 * np.pi  # angles above it are reported
 
 
 @device
 def large_work(model):
-    """How many floats of scratch a step needs: states, field, times, and what the flows need."""
+    """The floats of scratch for a step: states, field, times, and scratch of the flows."""
     return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
 
 
 @device(by_type=True)
 def size_or(small, model):
-    """:func:`large_work` for an array-state model, `small` for another: how many floats of scratch a scheme needs."""
+    """The floats of scratch for a scheme: :func:`large_work` for an array-state model, `small` for another."""
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
 @device(inline=False)
 def lanes_by_coin(paths, coins):
-    """The numbers of the first `paths` lanes, those with the coin 1 first, and how many these are."""
+    """The numbers of the first `paths` lanes, those with the coin 1 first, and the number of these."""
     lanes = np.empty(paths, np.int64)
     heads = 0
     for lane in range(paths):
@@ -68,13 +68,13 @@ def lanes_by_coin(paths, coins):
 
 @device
 def group_size(left):
-    """(paths, width) of the next group where so many are left."""
+    """(paths, width) of the next group where `left` paths are left."""
     return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
 @device(inline=False)
 def take(y, lanes, width, states):
-    """Copy the states of `lanes` to component i of state j at [i * width + j]; the last lane fills what is over."""
+    """Copy the states of `lanes` to component i of state j at [i * width + j]; the last lane fills the rest."""
     last = len(lanes) - 1
     for i in range(len(states) // WIDTH):
         for j in range(width):
@@ -83,7 +83,7 @@ def take(y, lanes, width, states):
 
 @device(inline=False)
 def put(y, lanes, width, states):
-    """Copy them back."""
+    """Copy the states of :func:`take` back."""
     for i in range(len(states) // WIDTH):
         for j in range(len(lanes)):
             y[i * LANES + lanes[j]] = states[i * width + j]
@@ -115,7 +115,7 @@ def drift_stage(model, backwards, symmetric, t, width, states, work):
 
 @device(inline=False)
 def noise_groups_stage(model, first, end, backwards, times, width, states, work):
-    """The flows of the groups of noises from `first` to before `end`, perhaps backwards."""
+    """Flows of the groups of noises from `first` to before `end`, perhaps backwards; returns the largest |angle|."""
     largest = 0.0
     for i in range(end - first):
         group = end - 1 - i if backwards else first + i
@@ -136,9 +136,9 @@ def run_stages_of_large(stages, model, paths, h, dW, coins, y, work, report):
 
 
 @functools.lru_cache
-def _step(known):
-    """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` tells them."""
-    coin = any(stage.coin for stage in known)
+def _step(types):
+    """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` returns them."""
+    coin = any(stage.coin for stage in types)
     lines = [
         "def step(stages, model, paths, h, dW, coins, y, work, report):",
         "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
@@ -153,7 +153,7 @@ def _step(known):
         "    take(y, some, width, states)",
     ]
     used = 0
-    for i, stage in enumerate(known):
+    for i, stage in enumerate(types):
         backwards = "tails" if stage.coin else str(stage.order is Backwards)
         if stage.part == "friction":
             lines += _friction_stage(i, stage.order)
@@ -172,7 +172,7 @@ def _step(known):
 
 
 def _noise_stage(first, stage, backwards):
-    """Lines for a stage of noise; increments of its own begin at sub-step `first` of FINEST."""
+    """Lines for a stage of noise; its own increments begin at sub-step `first` of FINEST."""
     length = stage.length
     if stage.order is Symmetric:
         groups = "noise_groups(model)"
@@ -210,7 +210,7 @@ def _friction_stage(i, order):
 
 
 def _span(begin, stop):
-    """The sub-steps from `begin` to before `stop` of FINEST as arguments, with as few as will do."""
+    """The sub-steps from `begin` to before `stop` of FINEST as arguments, of as few sub-steps as possible."""
     n = FINEST
     while begin % 2 == 0 and stop % 2 == 0 and n > 1:
         begin, stop, n = begin // 2, stop // 2, n // 2
@@ -244,13 +244,13 @@ def euler_step_of_large(model, paths, h, dW, y, work):
 
 @device(by_type=True)
 def judged_work(model):
-    """How many floats of scratch that takes besides: directions, energies, refusals."""
+    """The further floats of scratch for judged steps: directions, energies, refusals."""
     return (lambda model: LANES + 2 * WIDTH) if large(model) else (lambda model: 0)
 
 
 @device(inline=False)
 def judge_states(model, uniforms, lanes, width, states, energies, proposed, refused):
-    """Put the proposed states that are accepted in the place of the others; returns how many there are."""
+    """Replace the states whose proposed states are accepted; returns the number of these."""
     count, d = 0, dimension(model)
     for j in range(len(lanes)):
         energy = hamiltonian(model, proposed[j : d * width : width])

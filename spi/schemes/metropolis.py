@@ -50,7 +50,7 @@ there_and_back.count = pieces
 
 @device
 def judged(model, uniforms, y, energies, proposed, refused):
-    """Put the proposed states that are accepted in the place of those in `y`; returns how many there are.
+    """Put the proposed states that are accepted in the place of those in `y`; returns the number of these.
 
     `refused` has logarithms that are added to -dH/T, and then 1.0 where a state is not accepted, otherwise 0.0.
     """
@@ -71,7 +71,7 @@ def judged(model, uniforms, y, energies, proposed, refused):
 
 @device(by_type=True)
 def judge_noises(model, h, dW, uniforms, y, energies, times, proposed):
-    """The flows of all noises with their friction one after the other; returns how many were accepted.
+    """The flows of all noises with their friction one after the other; returns the number of accepted ones.
 
     From y the time s = f(y) + sigma dW is proposed, f that of friction; from the state there the way back is -s.
     """
@@ -99,23 +99,23 @@ def _judge_each(index, model, count, h, dW, uniforms, y, energies, times, propos
 
 
 def noises_alike(model):
-    """((numbers, flow, friction), ...) of noises in order, those together that have one shape; None without tables.
+    """((numbers, flow, friction), ...) of noises in order, neighbours of one shape together; None without tables.
 
     flow is (shape, components that move, rows), and friction (shape, rows), of which noise numbers[i] has the row i.
     """
-    tables, frictions, found = noise_tables(model), friction_tables(model), []
+    tables, frictions, groups = noise_tables(model), friction_tables(model), []
     if not frictions or any(len(tables[k]) != 1 for k in noise_indices(model)):
         return None
     for k in noise_indices(model):
         ((shape, count, rows),), (slopes, row) = tables[k], frictions[k]
         if len(rows) != 1:
             return None
-        if not found or found[-1][1][:2] != (shape, count) or found[-1][2][0] != slopes:
-            found.append(([], (shape, count, []), (slopes, [])))
-        found[-1][0].append(k)
-        found[-1][1][2].append(rows[0])
-        found[-1][2][1].append(row)
-    return tuple((tuple(of), (a, b, tuple(c)), (d, tuple(e))) for of, (a, b, c), (d, e) in found)
+        if not groups or groups[-1][1][:2] != (shape, count) or groups[-1][2][0] != slopes:
+            groups.append(([], (shape, count, []), (slopes, [])))
+        groups[-1][0].append(k)
+        groups[-1][1][2].append(rows[0])
+        groups[-1][2][1].append(row)
+    return tuple((tuple(of), (a, b, tuple(c)), (d, tuple(e))) for of, (a, b, c), (d, e) in groups)
 
 
 @functools.lru_cache

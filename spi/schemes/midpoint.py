@@ -26,7 +26,7 @@ ENOUGH = 2.0**-60  # for squares
 
 @device
 def start(model, h, dW, y, x):
-    """x becomes y + F(y)/2."""
+    """Replace x by y + F(y)/2."""
     for lane in range(LANES):
         state = load_lane(model, y, lane)
         store_lane(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
@@ -82,9 +82,9 @@ def eliminate(model, matrix):
     for r in range(d - 1, -1, -1):
         p = matrix[(d * d + r) * LANES :]
         for j in range(r + 1, d):
-            q, known = matrix[(j * d + r) * LANES :], matrix[(d * d + j) * LANES :]
+            q, solved = matrix[(j * d + r) * LANES :], matrix[(d * d + j) * LANES :]
             for lane in range(LANES):
-                p[lane] -= q[lane] * known[lane]
+                p[lane] -= q[lane] * solved[lane]
         q = matrix[(r * d + r) * LANES :]
         for lane in range(LANES):
             p[lane] /= q[lane]
@@ -92,7 +92,7 @@ def eliminate(model, matrix):
 
 @device
 def correct(model, x, correction):
-    """Add the corrections to x; how many lanes need another iteration (those that are not finite do not)."""
+    """Add the corrections to x; return the number of finite lanes that need another iteration."""
     unfinished = 0
     for lane in range(LANES):
         change = load_lane(model, correction, lane)
@@ -104,9 +104,9 @@ def correct(model, x, correction):
 
 @device
 def finish(model, h, dW, y, x, tolerance):
-    """y becomes y + F(x); how many lanes have a squared relative residual above `tolerance`, and the largest residual.
+    """Replace y by y + F(x); return (lanes with a squared relative residual above `tolerance`, largest residual).
 
-    The largest is found by its bits, so that the loop is vectorised and a NaN counts as the largest of all.
+    The largest is taken by its bits, so that the loop is vectorised and a NaN counts as the largest of all.
     """
     failures = 0
     largest = 0
@@ -125,8 +125,8 @@ class Midpoint(NamedTuple):
     """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
 
     Newton's method for the midpoint x = y + F(x)/2, started from y + F(y)/2, all lanes of a block together, until the
-    correction of every lane is below 2^-30 |x|: what is left is of the order of its square.  The new state is y + F(x),
-    so that the change of a quadratic Casimir is |F| times what is left of the equation.  A solve with
+    correction of every lane is below 2^-30 |x|: the residual is of the order of its square.  The new state is y + F(x),
+    so that the change of a quadratic Casimir is |F| times the residual.  A solve with
     |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.
     """
 

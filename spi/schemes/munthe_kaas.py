@@ -40,27 +40,27 @@ from .sweeps import report_angle
 # B(y) v = y x v it is a rotation, by Rodrigues' formula; otherwise the exponential series is summed up to rounding.
 # ---------------------------------------------------------------------------------------------------------------------
 
-# Squares of angles, by their bits as in splitting.py.
+# Squares of angles, by their bits as in ``sweeps.py``.
 _TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = (int(bits(angle * angle)) for angle in (TINY, SMALL, REDUCIBLE))
 _INFINITE_BITS = int(bits(np.inf))
 
 _NEGLIGIBLE = 2.0**-140  # for squares of lengths; well below rounding, since some components may be small
 _FEW, _MOST = 5, 6  # times four terms, enough for |M(v)| = 0.7 and 1.3
 _MOST_PARTS = 2**10
-# 1/j, and what it has beyond double precision: a rounding that is the same in every step would make Casimirs drift.
+# 1/j, and its part beyond double precision: a rounding that is the same in every step would make Casimirs drift.
 _INVERSE = tuple(1.0 / j for j in range(1, 4 * _MOST + 1))
 _INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, 4 * _MOST + 1))
 
 
 @device
 def action_size(model):
-    """How many floats of scratch :func:`act` needs, those of v included."""
+    """The floats of scratch for :func:`act`, those of v included."""
     return (2 + _MOST) * dimension(model) * LANES
 
 
 @device(by_type=True)
 def act(model, work, y, report):
-    """y becomes exp(M(v)) y, in each lane of a block; `work` begins with the states v."""
+    """Replace y by exp(M(v)) y, in each lane of a block; `work` begins with the states v."""
     return turn if cross_product(model) else add_series
 
 
@@ -106,7 +106,7 @@ def turn_within(angles, model, work, y):
 def add_series(model, work, y, report):
     """The series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no lane needs many terms.
 
-    To need few of them is to have small ones, so that no digits are lost.  A lane for which even the largest n is too
+    Series with few terms have small ones, so that no digits are lost.  A lane for which even the largest n is too
     small becomes NaN.
     """
     parts, done = 1, 0
@@ -122,9 +122,9 @@ def add_series(model, work, y, report):
 
 @device
 def sum_series(model, share, work, y, most):
-    """Sum up exp(share M(v)) y - y, four terms at a time, at most so often.
+    """Sum up exp(share M(v)) y - y, four terms at a time, at most `most` times.
 
-    How many lanes need more (those that are not finite do not), and how many sums were formed.
+    Returns (number of finite lanes that need more terms, number of sums).
     """
     size = dimension(model) * LANES
     term = size
@@ -184,7 +184,7 @@ def add_sums(model, fours, work, y):
 def add_ito_hessians(index, model, value, h, y):
     """value + h/2 sum_k sigma_k^2 Hess Ĥ_k(y) f_k(y), where f_k = B grad Ĥ_k.
 
-    With what is quadratic in the exponential, this turns the Stratonovich into the Itô drift.
+    Together with the quadratic term of the exponential this is the Itô correction of the Stratonovich drift.
     """
     k = number(index)
     sigma = strengths(model)[k]
@@ -192,7 +192,7 @@ def add_ito_hessians(index, model, value, h, y):
 
 
 def left_out_by_euler(model, k, y, v):
-    """B(y) Hess Ĥ_k(y) v, the part of f_k'(y) v of which the Euler type takes no more than the mean."""
+    """B(y) Hess Ĥ_k(y) v, the part of f_k'(y) v of which the Euler type has the mean only."""
     return noise_structure(model, k, y, noise_hessian(model, k, y, v))
 
 
@@ -254,7 +254,7 @@ class MuntheKaasAreas(NamedTuple):
         return action_size(model)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
-        areas = dW[len(dW) - area_count(model) * LANES :]  # as it stands, for an index that is surely not negative
+        areas = dW[len(dW) - area_count(model) * LANES :]  # written out, so that the index is known not to be negative
         for lane in range(LANES):
             state = load_lane(model, y, lane)
             v = gradient_with_areas(model, h, dW, areas, lane, state)

@@ -43,7 +43,7 @@ def add_differences(index, model, value, dW, lane, y):
 
 @unrolled(noise_indices)
 def add_noise(index, model, y, root, dW, begin, middle, along, across):
-    """Add to y what noise k does, all lanes; `middle` is y + h f(y) and what the second stages of all noises add."""
+    """Add the terms of noise k to y, all lanes; `middle` is y + h f(y) plus the second stages of all noises."""
     k = number(index)
     sigma = strengths(model)[k]
     for lane in range(LANES):
@@ -80,10 +80,10 @@ class RoesslerRS2(NamedTuple):
         G_k = (2 h)^(-1/2) sum_l sigma_l (D_k dW_l - dW_k D_l) f_l(y).
 
     D_k, the increment over the first half of the step minus that over the second, is independent of dW_k.  Where Rößler
-    has dW_l times a two-point variable for l < k, and the negative of that for l > k, any numbers will do that are
-    antisymmetric in (k, l), have the variance h^2, are uncorrelated with one another, and odd in what is independent of
-    the increments.  Here (D_k dW_l - dW_k D_l) / 2^(1/2), the sign of which is that of the Lévy area to be expected, so
-    that neighbouring step sizes stay close.
+    has dW_l times a two-point variable for l < k, and the negative of that for l > k, any numbers are
+    admissible that are antisymmetric in (k, l), have the variance h^2, are uncorrelated, and odd in variables
+    independent of the increments.  Here (D_k dW_l - dW_k D_l) / 2^(1/2), the sign of which is that of the Lévy area to
+    be expected, so that neighbouring step sizes stay close.
     """
 
     substeps = 2

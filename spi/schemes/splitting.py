@@ -48,7 +48,7 @@ def splitting(*stages):
     """The scheme with these stages of :func:`~.stages.flows`.
 
     ValueError unless drift and noise get the whole step, for a noise with increments of its own beside shares of the
-    whole one, and for loops where they are not known to supply what the noise lacks.
+    whole one, and for loops except where they are proved to supply the missing terms of the noise.
     """
     of = {part: [stage for stage in stages if type(stage.part) is type(record)] for part, record in PARTS.items()}
     noise = [*of["noise"], *of["joint"]]
@@ -64,7 +64,7 @@ def splitting(*stages):
 
 
 def _check_loops(loops, noise):
-    """ValueError for loops where they are not known to supply what the noise lacks."""
+    """ValueError for loops except where they are proved to supply the missing terms of the noise."""
     if len(loops) > 1:
         raise ValueError("the loops or areas stand there twice; they supply all that is lacking at once")
     whole = len(noise) == 1 and type(noise[0].order) is not Symmetric
@@ -82,7 +82,7 @@ LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
 #: The pieces of H together with the noises of their families, once, and there and back with halves of one increment.
 JOINT_LIE = splitting(flows("joint"))
 JOINT = splitting(flows("joint", "symmetric", shared=True))
-#: With the areas in the middle, where only they themselves are lacking: of strong order 1.
+#: With the areas in the middle, where only they themselves are missing: of strong order 1.
 JOINT_AREAS = splitting(
     flows("joint", fraction=1 / 2, shared=True),
     flows("areas"),
@@ -118,16 +118,16 @@ def run_stages(stages, model, h, dW, coins, y, work, report):
 
 @device
 def stages_work(model):
-    """How many floats of scratch stages need: the times of a sweep, a and b of a loop, and what inner steps need.
+    """The floats of scratch for stages: the times of a sweep, a and b of a loop, and scratch of inner steps.
 
-    A sweep of joint flows has a time for each noise that goes with a piece, and perhaps one for the piece.
+    A sweep of joint flows has a time for each noise joined to the piece, and perhaps one for the piece.
     """
     return max(3, 1 + most_joined(model)) * LANES + inner_size(model)
 
 
 #: The time of a drift flow, as source text.
 _DRIFT_TIME = "{share} * (stages[{stage}].fraction * h)"
-#: What a time is in a lane: of all lanes, of those with the coin 1, of those with the coin -1.
+#: The time in a lane, as source text: in all lanes, in those with the coin 1, in those with the coin -1.
 _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[lane] > 0.0 else {}"}
 
 
@@ -135,9 +135,9 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 def _step(sweeps, inexact, most):
     """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
-    `inexact`: ((part, numbers of those without an exact flow), ...), by which inner steps move; `most` is the largest
-    number of noises that go with one piece of the model.
-    The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
+    `inexact` = ((part, numbers without an exact flow), ...) are replaced by inner steps; `most` is the largest number
+    of noises joined to one piece of the model.  The bits of the largest |angle| stay in a variable: a store in every
+    sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
     for n, (stage, part, k, share, coin, time) in enumerate(sweeps):
@@ -199,9 +199,9 @@ def _in_lanes(place, coin, time):
 
 
 def _noise_time(k, time):
-    """sigma_k times the increment of a noise as :func:`.sweeps.sweeps` tells it, as source text.
+    """sigma_k times the increment of a noise of :func:`.sweeps.sweeps`, as source text.
 
-    Increments over sub-steps stand where ``increments.first_lane`` says.
+    For the places of increments over sub-steps see ``increments.first_lane``.
     """
     if isinstance(time, ShareOfWhole):
         increment = f"({time.share!r} * dW[{k} * LANES + lane])"
@@ -214,7 +214,7 @@ def _noise_time(k, time):
 
 
 def _lacking_time(of):
-    """What the noise flows lack of a pair of noises, as source text."""
+    """The term of a pair of noises that is missing in the noise flows, as source text."""
     (k, j), lacking = of.noises, f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
     if of.before != 0.5:
         lacking = f"({0.5 - of.before!r} * dW[{k} * LANES + lane] * dW[{j} * LANES + lane] + {lacking})"
@@ -227,9 +227,9 @@ def _loop_time(of):
     if of.place == 0:
         first, *others = of.lacking
         product = _lacking_time(first)
-        for one in others:
-            factor = f"bracket_factors(model)[{one.number}] / bracket_factors(model)[{first.number}]"
-            product += f" + {factor} * ({_lacking_time(one)})"
+        for pair in others:
+            factor = f"bracket_factors(model)[{pair.number}] / bracket_factors(model)[{first.number}]"
+            product += f" + {factor} * ({_lacking_time(pair)})"
         lines += [
             f"    product = {product}",
             "    root = coins[lane] * np.sqrt(abs(product))",

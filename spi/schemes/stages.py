@@ -1,8 +1,7 @@
 """Compositions of flows as data: stages, each of them all pieces of H, or all noises, in some order, or loops.
 
-Everything that is known of a splitting scheme derives from its stages by :func:`flows_in_order`: its kernel, the
-backward operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and what a
-step costs.
+All properties of a splitting scheme derive from its stages by :func:`flows_in_order`: its kernel, the backward
+operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and the cost of a step.
 
 The fraction of a stage is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the
@@ -10,15 +9,16 @@ step: the flows of one Wiener process use up its increments over consecutive par
 they act.  Paths resolve a step into at most :data:`FINEST` equal sub-steps, so that each such part is a multiple of
 h / FINEST.  Flows that **share** the increment dW of the step have the time fraction * dW instead, with the same dW in
 all of them.  A stage of **joint** flows is one of drift and one of noise at once: a piece of H and the noises that
-are of one family with it move together, see ``protocol.joint_noises``; the noises that go with no piece come last.
+are of one family with it move together, see ``protocol.joint_noises``; the noises joined to no piece come last.
 
-A stage of **loops** supplies what the noise flows lack at order h.  Let p be the product of the shares of dW_k and dW_l
-added up over all pairs of flows of Y_k before Y_l.  The equation has J_kl = dW_k dW_l / 2 + A_kl for "first k, then l"
-and dW_k dW_l - J_kl for the reverse, the flows p dW_k dW_l and (1 - p) dW_k dW_l.  So what is lacking is, as an
-operator, sigma_k sigma_l (A_kl + (1/2 - p) dW_k dW_l) [Y_k, Y_l]; p is 1 where all Y_k act before Y_l, 0 in the reverse
-order, and 1/2 where the same flows act there and back.  The loop exp(a Y_k), exp(b Y_l), exp(-a Y_k), exp(-b Y_l),
-acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence a b is that factor, with |a| = |b|; a coin decides the sign of
-both, so that the terms of order h^(3/2), odd in (a, b), have the mean 0.  Noises that commute need no loops.
+A stage of **loops** supplies the terms of order h that are missing in the noise flows.  Let p be the product of the
+shares of dW_k and dW_l added up over all pairs of flows of Y_k before Y_l.  The equation has J_kl = dW_k dW_l / 2 +
+A_kl for "first k, then l" and dW_k dW_l - J_kl for the reverse, the flows p dW_k dW_l and (1 - p) dW_k dW_l.  So the
+missing term is, as an operator, sigma_k sigma_l (A_kl + (1/2 - p) dW_k dW_l) [Y_k, Y_l]; p is 1 where all Y_k act
+before Y_l, 0 in the reverse order, and 1/2 where the same flows act there and back.  The loop exp(a Y_k), exp(b Y_l),
+exp(-a Y_k), exp(-b Y_l), acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence a b is that factor, with |a| = |b|; a
+coin decides the sign of both, so that the terms of order h^(3/2), odd in (a, b), have the mean 0.  Noises that commute
+need no loops.
 
 A stage of **areas** supplies the same by fewer flows where the model says so.  [Y_k, Y_l] is the field of the bracket
 {Ĥ_l, Ĥ_k}: where these brackets are multiples of one function, ``protocol.bracket_factors``, one loop has the sum of
@@ -69,37 +69,37 @@ def flow(part, model, k, t, y, angles):
 
 @method
 def angle(part, model, k, t, y):
-    """The largest |angle| in it."""
+    """The largest |angle| of the flow number k of a part."""
 
 
 @method
 def phases_in(part, model, k, t, y):
-    """The angles whose sines it takes, of a model that is asked for them."""
+    """The angles whose sines this flow takes, for a model with :func:`~spi.ensemble.protocol.phases`."""
 
 
 @method
 def turned(part, model, k, s, y):
-    """The same flow, given their sines and versines."""
+    """The flow number k of a part, given these sines and versines in one tuple s."""
 
 
 @method
 def gradient(part, model, k, y):
-    """The gradient of the Hamiltonian of this flow, one without an exact flow."""
+    """The gradient of Hamiltonian number k of a part, one without an exact flow."""
 
 
 @method
 def hessian(part, model, k, y, v):
-    """Its Hessian times v."""
+    """The Hessian of that Hamiltonian times v."""
 
 
 @method
 def structure_along(part, model, k, y, v):
-    """B(y) v for a v that is 0 wherever this gradient always is."""
+    """B(y) v for a v that is 0 wherever that gradient always is."""
 
 
 @method
 def structure_derivative_along(part, model, k, y, u, v):
-    """(DB(y)[u]) v for such a v."""
+    """(DB(y)[u]) v for a v that is 0 wherever that gradient always is."""
 
 
 class Drift(NamedTuple):
@@ -163,11 +163,11 @@ class Joint(NamedTuple):
 
 
 class Together(NamedTuple):
-    """What moves the lanes in a stage of joint flows; t = (time of the piece, times of its noises)."""
+    """The flows of the lanes in a stage of joint flows; t = (time of the piece, times of its noises)."""
 
     time: float | None  #: of the piece; None where it differs from lane to lane
-    count: NamedTuple  #: how many noises go with the piece, as one of INDICES
-    most: NamedTuple  #: with any piece, likewise
+    count: NamedTuple  #: the number of noises joined to the piece, as one of INDICES
+    most: NamedTuple  #: the largest such number of any piece, likewise
 
     def flow(part, model, k, t, y, angles):
         return joint_flow(model, k, t[0], t[1], y, angles)
@@ -177,7 +177,7 @@ class Together(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """What friction does along the noises, see ``ensemble/protocol.py``; nothing for a model without a temperature."""
+    """The friction along the noises, see ``ensemble/protocol.py``; nothing for a model without a temperature."""
 
 
 class Loops(NamedTuple):
@@ -185,7 +185,7 @@ class Loops(NamedTuple):
 
 
 class Areas(NamedTuple):
-    """The same by the fewest flows that are known, see the head of ``stages.py``."""
+    """The same terms by as few flows as possible, see the head of this file."""
 
 
 class Forwards(NamedTuple):
@@ -224,7 +224,7 @@ PARTS |= {"loops": Loops(), "areas": Areas()}
 ORDERS = {"forwards": Forwards(), "backwards": Backwards(), "symmetric": Symmetric()}
 
 
-#: The most sub-steps for which a step can have increments of their own; a power of two.
+#: The largest number of sub-steps of a step with increments of their own; a power of two.
 FINEST = 8
 
 _NAMES = {type(part): name for name, part in PARTS.items()}
@@ -238,7 +238,7 @@ class Flows(NamedTuple):
     fraction: float
     coin: Coin | None
     shared: Shared | None
-    length: NamedTuple  #: of noise: FINEST times the fraction as one of INDICES, which the compiler knows by its type
+    length: NamedTuple  #: of noise: FINEST times the fraction as one of INDICES, a constant by its type
 
 
 def flows(part, order="forwards", fraction=1.0, coin=False, shared=False):
@@ -246,13 +246,13 @@ def flows(part, order="forwards", fraction=1.0, coin=False, shared=False):
 
     `part` is one of :data:`PARTS`, `order` one of :data:`ORDERS`, `fraction` the share of the step, `coin` says whether
     the order is reversed for the paths whose coin is -1, and `shared` whether noise flows have their shares of the
-    increment of the whole step in place of increments of their own.  ValueError for words that are not known, for a
+    increment of the whole step in place of increments of their own.  ValueError for unknown words, for a
     coin or `shared` where they would change nothing, for noise over a part of the step that no sub-steps make up, and
-    for loops that are given anything besides.
+    for loops with any further argument.
     """
-    for what, name, known in (("part", part, PARTS), ("order", order, ORDERS)):
-        if name not in known:
-            raise ValueError(f"{name!r} is not a known {what}; known: {', '.join(known)}")
+    for kind, name, table in (("part", part, PARTS), ("order", order, ORDERS)):
+        if name not in table:
+            raise ValueError(f"{name!r} is not a known {kind}; known: {', '.join(table)}")
     if coin and order == "symmetric":
         raise ValueError("a symmetric stage is its own reverse and has no use for a coin")
     if part in ("loops", "areas") and (order, fraction, coin, shared) != ("forwards", 1.0, False, False):
@@ -272,13 +272,13 @@ def _eighths(order, fraction, shared):
     if fraction * FINEST not in range(unit, FINEST + 1, unit):
         multiples = f"must be a positive multiple of 1/{FINEST // unit}, at most 1"
         halves = ", as it is halved" if unit == 2 else ""
-        what = "" if shared else f": a step is divided into at most {FINEST} sub-steps with increments of their own"
-        raise ValueError(f"a noise fraction is {fraction:g} and {multiples}{halves}{what}")
+        limit = "" if shared else f": a step is divided into at most {FINEST} sub-steps with increments of their own"
+        raise ValueError(f"a noise fraction is {fraction:g} and {multiples}{halves}{limit}")
     return int(fraction * FINEST)
 
 
-class _Known(NamedTuple):
-    """What is known of a stage by its type."""
+class _StageType(NamedTuple):
+    """The properties of a stage that its Numba type determines."""
 
     part: str
     order: type
@@ -288,14 +288,14 @@ class _Known(NamedTuple):
 
 
 def stages_known(stages):
-    """What is known by their types of stages, or of the Numba type of some: a tuple of `_Known`."""
-    found = []
+    """The `_StageType` of each of some stages, given these or their Numba type."""
+    types = []
     for stage in stages:
         part, order, coin, shared, length = (
             class_of(field(stage, name)) for name in ("part", "order", "coin", "shared", "length")
         )
-        found.append(_Known(_NAMES[part], order, coin is Coin, shared is Shared, INDICES.index(length)))
-    return tuple(found)
+        types.append(_StageType(_NAMES[part], order, coin is Coin, shared is Shared, INDICES.index(length)))
+    return tuple(types)
 
 
 def indices_of(model):
@@ -316,17 +316,17 @@ def flows_in_order(stages, indices, coin=1):
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "joint": those of both with
     their parts, "loops" and "areas": pairs of noises}, and k is one of them.
     """
-    found = []
+    ordered = []
     for i, stage in enumerate(stages_known(stages)):
         acting = indices[stage.part] if stage.part == "joint" else [(stage.part, k) for k in indices[stage.part]]
         arranged = stage.order.arranged(tuple(acting))
         reverse = stage.coin and coin == -1
-        found += [(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
-    return tuple(found)
+        ordered += [(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
+    return tuple(ordered)
 
 
 def noises_moving(part, k, model):
-    """The noises whose flow, or joint flow, number k of a part is; of one that is off None in its place."""
+    """The noises whose flow, or joint flow, number k of a part is; None in the place of one that is off."""
     on = noise_indices(model)
     if part == "joint":
         return tuple(j if j in on else None for j in joined_noises(model, k))
@@ -354,13 +354,13 @@ def acting_flows(stages, indices, coin=1):
 
 
 def apart(flows, model):
-    """Flows (part, k, share) with the joint ones as those of the piece and of its noises, which commute."""
-    found = []
+    """Flows (part, k, share), each joint one replaced by those of the piece and of its noises, which commute."""
+    separate = []
     for part, k, share in flows:
-        found.append(("drift" if part == "joint" else part, k, share))
+        separate.append(("drift" if part == "joint" else part, k, share))
         if part == "joint":
-            found += [("noise", j, share) for j in noises_moving(part, k, model) if j is not None]
-    return tuple(found)
+            separate += [("noise", j, share) for j in noises_moving(part, k, model) if j is not None]
+    return tuple(separate)
 
 
 def repeats_increments(stages, model):
@@ -375,7 +375,7 @@ def needs_coins(stages):
 
 
 def has_loops(stages):
-    """Whether a step has loops, or what takes their place."""
+    """Whether a step has loops, or areas in their place."""
     return any(stage.part in ("loops", "areas") for stage in stages_known(stages))
 
 
@@ -420,9 +420,9 @@ def in_reversed_order(stages):
 
 
 def with_friction(stages):
-    """The stages with friction, as they are if they have some.
+    """The stages with friction, unchanged if they have some.
 
-    It stands before the noise, and where all flows act in reversed order if the coin is turned, half of it behind.
+    Friction acts before the noise; where the coin reverses the order of all flows, half before and half after it.
     """
     parts = [stage.part for stage in stages_known(stages)]
     noise = [i for i, part in enumerate(parts) if part in ("noise", "joint")]
@@ -436,7 +436,7 @@ def with_friction(stages):
 
 
 def substeps(stages):
-    """Into how many sub-steps, 1, 2, 4 or 8, a step must be resolved so that each noise flow has some of them."""
+    """The number of sub-steps, 1, 2, 4 or 8, into which a step is resolved so that each noise flow has whole ones."""
     noise = [stage for stage in stages_known(stages) if stage.length and not stage.shared]
     lengths = [stage.length // (2 if stage.order is Symmetric else 1) for stage in noise]
     return FINEST // math.gcd(FINEST, *lengths)

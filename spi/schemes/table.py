@@ -1,4 +1,4 @@
-"""The table of the schemes: what is known of each of them, one entry each."""
+"""The table of the schemes, with one entry for each."""
 
 from ..ensemble.fields import lie_poisson, noise_field_derivative
 from ..ensemble.protocol import has_friction, squared_length_is_casimir

@@ -1,6 +1,6 @@
 """Lie-Poisson systems defined in YAML: checked exactly, split into exact flows, generated as Python models.
 
-``definition`` reads texts into a :class:`~.source.System`, ``splitting`` and ``spectrum`` find flows in closed form,
+``definition`` reads texts into a :class:`~.source.System`, ``splitting`` and ``spectrum`` derive flows in closed form,
 ``source`` writes them as a module.  These import sympy, which takes a third of a second, and are imported only where
 a definition is read.
 """
@@ -41,18 +41,18 @@ __all__ = [
 
 
 class Made(NamedTuple):
-    """A generated model: its module, the numbers of a record, and what was found."""
+    """A generated model: its module, the numbers of a record, and a report for people."""
 
     text: str  #: of the module
     fields: list[tuple[str, float]]  #: the parameters, by the names of their fields
-    constants: list[float]  #: numbers found from the parameters
-    report: list[str]  #: flows, what was merged, Casimir functions; lines for people
+    constants: list[float]  #: numbers computed from the parameters
+    report: list[str]  #: flows, merged terms, Casimir functions; lines for people
 
 
 def made(definition: Mapping[str, Any], name: str) -> Made:
-    """The model of a definition, whose class has a name; DefinitionError if anything is wrong with it.
+    """The model of a definition, with a class of this name; DefinitionError if the definition has a mistake.
 
-    What was made once is kept beside the stored modules.
+    Models are cached beside the stored modules.
     """
     return _made(json.dumps([definition, name]))
 
@@ -60,28 +60,28 @@ def made(definition: Mapping[str, Any], name: str) -> Made:
 def record(system: Made, strengths: Sequence[float | None] | None = None) -> Any:
     """The record of a generated model, with strength 1 of all noises unless some are given, None for one that is off.
 
-    What depends on time is as it is at the beginning.  OSError if its module cannot be stored.
+    Quantities that depend on time have their initial values.  OSError if its module cannot be stored.
     """
     module = modules.stored("system", system.text)
     cls = getattr(module, module.__system__["name"])
     values = dict(system.fields) | ({"constants": tuple(system.constants)} if system.constants else {})
     if "driving" in module.__system__:
         values["driving"] = (0.0,) * module.__system__["driving"]
-    found = cls(**values)
+    model = cls(**values)
     if strengths is not None:
-        found = found._replace(sigma=tuple(strengths))
-    if answers(frozen, found):
+        model = model._replace(sigma=tuple(strengths))
+    if answers(frozen, model):
         with uncompiled():
-            now = frozen(found, 0.0, 0.0)
-        sigma = tuple(None if old is None else float(new) for old, new in zip(found.sigma, now.sigma, strict=True))
-        found = now._replace(driving=tuple(map(float, now.driving)), sigma=sigma)
-    _REPORTS[_key(found)] = system.report
-    return found
+            now = frozen(model, 0.0, 0.0)
+        sigma = tuple(None if old is None else float(new) for old, new in zip(model.sigma, now.sigma, strict=True))
+        model = now._replace(driving=tuple(map(float, now.driving)), sigma=sigma)
+    _REPORTS[_key(model)] = system.report
+    return model
 
 
 def report(model: Any) -> list[str]:
-    """What was found when a model was generated, lines for people; none for other models."""
-    return _REPORTS.get(_key(model), []) if _said(model) else []
+    """The report about a generated model, lines for people; none for other models."""
+    return _REPORTS.get(_key(model), []) if _facts_of(model) else []
 
 
 _REPORTS: dict[Any, list[str]] = {}  # of this process
@@ -99,11 +99,11 @@ def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
 
 
 def hidden(model: Any) -> tuple[str, ...]:
-    """The fields of a generated model that are no parameters: what is found from functions of time."""
-    said = _said(model)
-    if "driving" not in said:
+    """The fields of a generated model that are no parameters: values of functions of time."""
+    facts = _facts_of(model)
+    if "driving" not in facts:
         return ()
-    return ("driving", *["time"] * (model.time == 0.0), *["sigma"] * bool(said["strengths"]))
+    return ("driving", *["time"] * (model.time == 0.0), *["sigma"] * bool(facts["strengths"]))
 
 
 def names_time(given: Any) -> bool:
@@ -114,7 +114,7 @@ def names_time(given: Any) -> bool:
 
 def variables(model: Any) -> tuple[str, ...]:
     """The names of the components of a generated model; none for other models."""
-    return _said(model).get("variables", ())
+    return _facts_of(model).get("variables", ())
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:
@@ -126,15 +126,15 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
         return texts
     from .text import Symbols, entries, expression
 
-    symbols = Symbols(indices=_said(model).get("sizes", {}))
-    found = []
+    symbols = Symbols(indices=_facts_of(model).get("sizes", {}))
+    numbers = []
     for text in texts:
         if has_range(text):
-            values = [expression(one, inner) for one, inner in entries(text, symbols)]
-            found += [repr(float(value)) for value in values]
+            values = [expression(entry, inner) for entry, inner in entries(text, symbols)]
+            numbers += [repr(float(value)) for value in values]
         else:
-            found.append(text)
-    return found
+            numbers.append(text)
+    return numbers
 
 
 def has_range(text: Any) -> bool:
@@ -144,32 +144,32 @@ def has_range(text: Any) -> bool:
 
 def inexact(model: Any) -> dict[str, dict[int, tuple[str, str]]]:
     """Of a generated model, {"pieces" or "noises": {k: (formula, why)}} of those without an exact flow."""
-    return _said(model).get("inexact", {})
+    return _facts_of(model).get("inexact", {})
 
 
-def _said(model: Any) -> dict[str, Any]:
-    """What the module of a generated model says of its system; nothing of other models."""
+def _facts_of(model: Any) -> dict[str, Any]:
+    """The facts about its system in the module of a generated model; none for other models."""
     return modules.system_of(type(model)) or {}
 
 
 @functools.cache
 def _digest_of_makers() -> str:
-    """What a definition is made into a module by."""
+    """The digest of the code that makes modules from definitions."""
     return digest_of(sources("checks", "expressions", "systems"))
 
 
 @functools.lru_cache(maxsize=256)
 def _made(key: str) -> Made:
     digest = hashlib.sha256(f"{_digest_of_makers()} {key}".encode()).hexdigest()
-    kept = modules.folder() / f"definition_{digest[:32]}.json"
+    file = modules.folder() / f"definition_{digest[:32]}.json"
     with contextlib.suppress(OSError, ValueError, TypeError):
-        checksum, text = json.loads(kept.read_text(encoding="utf-8"))
+        checksum, text = json.loads(file.read_text(encoding="utf-8"))
         if checksum == hashlib.sha256(text.encode()).hexdigest():
             return Made(*json.loads(text))
     from .definition import make
 
-    found = Made(*make(*json.loads(key)))
-    text = json.dumps(found)
+    model = Made(*make(*json.loads(key)))
+    text = json.dumps(model)
     with contextlib.suppress(OSError):  # then it is made again in the next process
-        modules.write(kept, json.dumps([hashlib.sha256(text.encode()).hexdigest(), text]).encode())
-    return found
+        modules.write(file, json.dumps([hashlib.sha256(text.encode()).hexdigest(), text]).encode())
+    return model

@@ -33,7 +33,7 @@ from .text import NumberError, Symbols, parts, whole
 # Lie algebras of matrices by their generators: brackets, minus the commutators, and Casimir functions, by traces.
 #
 # A generator T_a has a dual D_a, tr(D_a T_b) = delta_ab.  Then [T_a, T_b] = sum_c tr(D_c [T_a, T_b]) T_c, and with
-# X(y) = sum_a y_a D_a the functions tr X(y)^k are kept by the coadjoint action, which conjugates X.
+# X(y) = sum_a y_a D_a the functions tr X(y)^k are invariant under the coadjoint action, which conjugates X.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Entries = dict[tuple[int, int], complex]  #: of a matrix whose entries are a + b i with whole a and b
@@ -51,26 +51,26 @@ class Generator(NamedTuple):
 
 def sl(n: int) -> list[Generator]:
     """h_1, ..., h_(n-1) with h_i = E_ii - E_(i+1)(i+1), then E_12, E_13, ..., row by row; for n = 2 h, e, f."""
-    found = []
+    generators = []
     for i in range(n - 1):
         dual = {(j, j): complex(n * (j <= i) - i - 1) for j in range(n)}  # n times a fundamental weight
-        found.append(Generator({(i, i): 1, (i + 1, i + 1): -1}, dual, Fraction(1, n)))
+        generators.append(Generator({(i, i): 1, (i + 1, i + 1): -1}, dual, Fraction(1, n)))
     pairs = itertools.permutations(range(n), 2)
-    return found + [Generator({(i, j): 1}, {(j, i): 1}, Fraction(1)) for i, j in pairs]
+    return generators + [Generator({(i, j): 1}, {(j, i): 1}, Fraction(1)) for i, j in pairs]
 
 
 def su(n: int) -> list[Generator]:
-    """-i lambda_a / 2 with the matrices of Gell-Mann, in his order, for n = 2 those of Pauli; |y|^2 is kept."""
-    found = []
+    """-i lambda_a / 2 with the matrices of Gell-Mann, in his order, for n = 2 those of Pauli; |y|^2 is invariant."""
+    generators = []
     half = sympy.Rational(1, 2)
     for k in range(1, n):
         for j in range(k):
             for matrix in ({(j, k): -1j, (k, j): -1j}, {(j, k): -1 + 0j, (k, j): 1 + 0j}):
-                found.append(Generator(matrix, {place: -c for place, c in matrix.items()}, Fraction(1, 2), half))
+                generators.append(Generator(matrix, {place: -c for place, c in matrix.items()}, Fraction(1, 2), half))
         diagonal = {(j, j): 1j * (k if j == k else -1) for j in range(k + 1)}
         dual = {place: -c for place, c in diagonal.items()}
-        found.append(Generator(diagonal, dual, Fraction(1, k * (k + 1)), 1 / sympy.sqrt(2 * k * (k + 1))))
-    return found
+        generators.append(Generator(diagonal, dual, Fraction(1, k * (k + 1)), 1 / sympy.sqrt(2 * k * (k + 1))))
+    return generators
 
 
 def sp(size: int) -> list[Generator]:
@@ -79,18 +79,18 @@ def sp(size: int) -> list[Generator]:
     b_ij = E_i(n+j) + E_j(n+i), c_ij = E_(n+i)j + E_(n+j)i, and half of that for i = j.
     """
     n = size // 2
-    found = []
+    generators = []
     for i, j in itertools.product(range(n), repeat=2):
-        found.append(Generator({(i, j): 1, (n + j, n + i): -1}, {(j, i): 1, (n + i, n + j): -1}, Fraction(1, 2)))
+        generators.append(Generator({(i, j): 1, (n + j, n + i): -1}, {(j, i): 1, (n + i, n + j): -1}, Fraction(1, 2)))
     pairs = list(itertools.combinations_with_replacement(range(n), 2))
     above = [{(i, n + j): 1 + 0j, (j, n + i): 1 + 0j} for i, j in pairs]
     below = [{(n + i, j): 1 + 0j, (n + j, i): 1 + 0j} for i, j in pairs]
-    for one, other in ((above, below), (below, above)):
-        found += [Generator(a, b, Fraction(1, len(a))) for a, b in zip(one, other, strict=True)]
-    return found
+    for matrices, duals in ((above, below), (below, above)):
+        generators += [Generator(a, b, Fraction(1, len(a))) for a, b in zip(matrices, duals, strict=True)]
+    return generators
 
 
-#: name -> (generators of a size, by which powers the traces are Casimir functions)
+#: name -> (generators of a size, powers whose traces are Casimir functions)
 OF_MATRICES: dict[str, tuple[Callable[[int], list[Generator]], Callable[[int], range]]] = {
     "sl": (sl, lambda n: range(2, n + 1)),
     "su": (su, lambda n: range(2, n + 1)),
@@ -102,10 +102,10 @@ _MOST_POWER = 6  # a higher one takes thousands of products
 def brackets_of(generators: Sequence[Generator]) -> list[tuple[int, int, Linear]]:
     """(a, b, {y_a, y_b}), minus the commutators."""
     at: dict[tuple[int, int], list[int]] = {}
-    for c, one in enumerate(generators):
-        for i, j in one.dual:
+    for c, generator in enumerate(generators):
+        for i, j in generator.dual:
             at.setdefault((j, i), []).append(c)
-    found = []
+    brackets = []
     for (a, first), (b, second) in itertools.combinations(enumerate(generators), 2):
         commutator = _product(first.matrix, second.matrix)
         for place, value in _product(second.matrix, first.matrix).items():
@@ -118,17 +118,17 @@ def brackets_of(generators: Sequence[Generator]) -> list[tuple[int, int, Linear]
                 whole = sympy.Rational(round(trace.real) * third.weight.numerator, third.weight.denominator)
                 linear[c] = -whole * first.scale * second.scale / third.scale
         if linear:
-            found.append((a, b, linear))
-    return found
+            brackets.append((a, b, linear))
+    return brackets
 
 
 def _product(first: Entries, second: Entries) -> Entries:
-    found: Entries = {}
+    product: Entries = {}
     for (i, j), a in first.items():
         for (k, m), b in second.items():
             if j == k:
-                found[i, m] = found.get((i, m), 0) + complex(a) * b
-    return found
+                product[i, m] = product.get((i, m), 0) + complex(a) * b
+    return product
 
 
 def traces(name: str, size: int, variables: Sequence[Any]) -> list[tuple[int, Any]]:
@@ -139,21 +139,21 @@ def traces(name: str, size: int, variables: Sequence[Any]) -> list[tuple[int, An
     make, powers = OF_MATRICES[name]
     generators, rotation = make(size), -1j if name == "su" else 1
     x: list[list[Part]] = [[(sympy.Integer(0), sympy.Integer(0))] * size for _ in range(size)]
-    for y, one in zip(variables, generators, strict=True):
-        factor = sympy.Rational(one.weight.numerator, one.weight.denominator) / one.scale
-        for (i, j), value in one.dual.items():
+    for y, generator in zip(variables, generators, strict=True):
+        factor = sympy.Rational(generator.weight.numerator, generator.weight.denominator) / generator.scale
+        for (i, j), value in generator.dual.items():
             c = complex(value) * rotation
             x[i][j] = (x[i][j][0] + round(c.real) * factor * y, x[i][j][1] + round(c.imag) * factor * y)
-    found, half = [], sympy.Rational(1, 2) if name == "su" else sympy.Integer(1)
-    power, known = {1: x}, [k for k in powers(size) if k <= _MOST_POWER]
-    for k in range(2, max(known, default=2) // 2 + 1):
+    functions, half = [], sympy.Rational(1, 2) if name == "su" else sympy.Integer(1)
+    power, degrees = {1: x}, [k for k in powers(size) if k <= _MOST_POWER]
+    for k in range(2, max(degrees, default=2) // 2 + 1):
         power[k] = _multiplied(power[k - 1], x)
-    for k in known:
+    for k in degrees:
         trace = half * _trace(
             power[k // 2], power[k - k // 2] if k - k // 2 in power else _multiplied(power[k // 2], x)
         )
-        found.append((k, sympy.expand(trace) if k <= 3 else trace))
-    return found
+        functions.append((k, sympy.expand(trace) if k <= 3 else trace))
+    return functions
 
 
 def _multiplied(a: list[list[Part]], b: list[list[Part]]) -> list[list[Part]]:
@@ -189,27 +189,27 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
     dimension, brackets = 0, Brackets()
     for name, sizes, count, factor in _factors(text, symbols):
-        d, one = _simple(name, sizes, factor)
+        d, factor_brackets = _simple(name, sizes, factor)
         if dimension + d * count > _LARGEST:
             raise NumberError(f"it has more than {_LARGEST} components")
         for _ in range(count):
-            for i, j, linear in one:
+            for i, j, linear in factor_brackets:
                 brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
             dimension += d
     return dimension, brackets
 
 
 def known_casimirs(text: str | None, symbols: Symbols, variables: Sequence[Any]) -> list[tuple[set[int], int, Any]]:
-    """(components, degree, Casimir function) of those that are known by the names of the factors: traces of powers."""
-    first, found = 0, []
+    """(components, degree, Casimir function) of the factors that are algebras of matrices: traces of powers."""
+    first, casimirs = 0, []
     for name, sizes, count, factor in _factors(text, symbols) if text else ():
         d, _ = _simple(name, sizes, factor)
         for n in range(first, first + d * count, d):
             if name in OF_MATRICES and sizes != [2]:
                 functions = traces(name, sizes[0], variables[n : n + d])
-                found += [(set(range(n, n + d)), degree, function) for degree, function in functions]
+                casimirs += [(set(range(n, n + d)), degree, function) for degree, function in functions]
         first += d * count
-    return found
+    return casimirs
 
 
 def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, str]]:
@@ -248,31 +248,31 @@ def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Bracke
         """factor L_ij."""
         return {pairs[min(i, j), max(i, j)]: sympy.Integer(factor if i < j else -factor)}
 
-    found = Brackets()
+    brackets = Brackets()
     for (first, a), (second, b) in itertools.combinations(pairs.items(), 2):
         shared = set(first) & set(second)
         if len(shared) == 1:
             (j,) = shared
             (i,), (k,) = set(first) - shared, set(second) - shared
             sign = (1 if first == (i, j) else -1) * (1 if second == (j, k) else -1)
-            found.append((a, b, generator(i, k, sign * metric[j])))
+            brackets.append((a, b, generator(i, k, sign * metric[j])))
     d = len(pairs)
     if translations:
         for (i, j), a in pairs.items():
-            found.append((a, d + i, {d + j: sympy.Integer(-metric[i])}))
-            found.append((a, d + j, {d + i: sympy.Integer(metric[j])}))
-    return d + n * translations, found
+            brackets.append((a, d + i, {d + j: sympy.Integer(-metric[i])}))
+            brackets.append((a, d + j, {d + i: sympy.Integer(metric[j])}))
+    return d + n * translations, brackets
 
 
 def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int, Brackets]:
     """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
-    found = Brackets()
+    brackets = Brackets()
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found.append((i, j, {k: sympy.Integer(factors[k])}))
+        brackets.append((i, j, {k: sympy.Integer(factors[k])}))
         if translations:
-            found.append((i, j + 3, {k + 3: sympy.Integer(factors[k])}))
-            found.append((j, i + 3, {k + 3: sympy.Integer(-factors[k])}))
-    return 6 if translations else 3, found
+            brackets.append((i, j + 3, {k + 3: sympy.Integer(factors[k])}))
+            brackets.append((j, i + 3, {k + 3: sympy.Integer(-factors[k])}))
+    return 6 if translations else 3, brackets
 
 
 def _so(n: int) -> tuple[int, Brackets]:
@@ -290,7 +290,7 @@ def _so_mixed(p: int, q: int) -> tuple[int, Brackets]:
 
 
 def _gl(n: int) -> tuple[int, Brackets]:
-    found = Brackets()
+    brackets = Brackets()
     places = list(itertools.product(range(n), repeat=2))
     for (a, (i, j)), (b, (k, m)) in itertools.combinations(enumerate(places), 2):
         linear: Linear = {}
@@ -298,8 +298,8 @@ def _gl(n: int) -> tuple[int, Brackets]:
             linear[i * n + m] = linear.get(i * n + m, sympy.Integer(0)) - 1
         if m == i:
             linear[k * n + j] = linear.get(k * n + j, sympy.Integer(0)) + 1
-        found.append((a, b, {place: c for place, c in linear.items() if c}))
-    return n * n, found
+        brackets.append((a, b, {place: c for place, c in linear.items() if c}))
+    return n * n, brackets
 
 
 def _of_matrices(name: str, n: int) -> tuple[int, Brackets]:
@@ -311,7 +311,7 @@ def _heisenberg(n: int) -> tuple[int, Brackets]:
     return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
 
 
-#: (name, number of sizes) -> (what makes it, least size, largest size)
+#: (name, number of sizes) -> (function that makes it, least size, largest size)
 _MAKE: dict[tuple[str, int], tuple[Callable[..., tuple[int, Brackets]], int, int]] = {
     ("so", 1): (_so, 2, 11),
     ("so", 2): (_so_mixed, 1, 10),

@@ -1,4 +1,4 @@
-"""Brackets that are polynomials, mostly {y_i, y_j} = sum_k c_ij^k y_k: what they must fulfil, and the fields they give.
+"""Brackets that are polynomials, mostly {y_i, y_j} = sum_k c_ij^k y_k: their conditions and their fields.
 
 A bracket is one of coordinates w: w_i = log y_i for some variables, see ``coordinates``, and w_i = y_i for the others.
 """
@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-#: Digits to which what is irrational is known; so small is 0 then.
+#: Digits of irrational numbers, and the size below which they count as 0.
 DIGITS = 60
 NOTHING = mpmath.mpf(10) ** -40
 
 Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
 Polynomial = dict[Monomial, Any]  #: the factor of each monomial
 Linear = dict[int, Any]  #: of an affine function of w, the factor of each coordinate, and the constant at the place d
-Entry = dict[Any, Any]  #: the same with monomials of degree 2 and more
+Entry = dict[Any, Any]  #: an affine function with further monomials of degree 2 and more
 
 
 class BracketError(ValueError):
-    """The bracket is none; `keys` lead from the definition to what is wrong, the message says why and what is right."""
+    """The bracket is none; `keys` lead from the definition to the mistake, the message has the reason and advice."""
 
     def __init__(self, message: str, *keys: str) -> None:
         super().__init__(message)
@@ -36,8 +36,8 @@ class Bracket(NamedTuple):
 
     variables: tuple[str, ...]
     constants: Mapping[tuple[int, int], Linear]  #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes
-    formulas: Mapping[tuple[int, int], Entry] = {}  #: the same in symbols, for those that depend on parameters
-    higher: Mapping[tuple[int, int], Polynomial] = {}  #: what {w_i, w_j} has of degree 2 and more
+    formulas: Mapping[tuple[int, int], Entry] = {}  #: in symbols, those that depend on parameters
+    higher: Mapping[tuple[int, int], Polynomial] = {}  #: the terms of {w_i, w_j} of degree 2 and more
     logarithmic: frozenset[int] = frozenset()  #: the variables whose logarithms are coordinates; no bracket has these
 
     @property
@@ -68,7 +68,7 @@ class Bracket(NamedTuple):
         return not (moving or self.higher or self.logarithmic)
 
     def of(self, i: int, j: int) -> Linear:
-        """{w_i, w_j}, but for what is of higher degree."""
+        """{w_i, w_j} without its terms of higher degree."""
         if i <= j:
             return self.constants.get((i, j), {})
         return {k: -c for k, c in self.constants.get((j, i), {}).items()}
@@ -82,7 +82,7 @@ class Bracket(NamedTuple):
             yield *pair, {self.monomial(k): c for k, c in entry.items()}
 
     def monomial(self, k: Any) -> Monomial:
-        """The monomial that a factor of an entry belongs to."""
+        """The monomial of the key of a factor in an entry."""
         return k if isinstance(k, tuple) else () if k == self.dimension else (k,)
 
     def commute(self, i: int, j: int) -> bool:
@@ -99,7 +99,7 @@ class Bracket(NamedTuple):
         return field_of(self.constants, functional)
 
     def curved(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
-        """What the field of a linear function has of degree 2 and more, (row, monomial) -> number."""
+        """The terms of degree 2 and more of the field of a linear function, (row, monomial) -> number."""
         return field_of(self.higher, functional)
 
     def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
@@ -129,12 +129,12 @@ class Bracket(NamedTuple):
         return all(abs(value) < NOTHING for value in total.values())
 
     def at(self, point: Sequence[Any]) -> dict[tuple[int, int], Any]:
-        """{w_i, w_j}, i < j, where w has these values; of logarithms they may be anything."""
-        found = {}
+        """{w_i, w_j}, i < j, where w has these values; those of logarithms do not matter."""
+        values = {}
         for i, j, polynomial in self.entries():
             terms = (math.prod((point[k] for k in monomial), start=precise(c)) for monomial, c in polynomial.items())
-            found[i, j] = mpmath.fsum(terms)
-        return found
+            values[i, j] = mpmath.fsum(terms)
+        return values
 
 
 def field_of(brackets: Mapping[tuple[int, int], Entry], functional: Mapping[int, Any]) -> Entry:
@@ -159,7 +159,7 @@ def precise(number: Any) -> mpmath.mpf:
     return _evaluated(number)
 
 
-@functools.lru_cache(maxsize=10_000)  # one number stands at many places of a bracket, which are gone through often
+@functools.lru_cache(maxsize=10_000)  # a number occurs at many places of a bracket, which are visited often
 def _evaluated(number: Any) -> mpmath.mpf:
     with mpmath.workdps(DIGITS):
         if number.is_Rational:
@@ -173,14 +173,14 @@ def checked(
     values: Mapping[Any, Any] = MappingProxyType({}),
     logarithmic: frozenset[int] = frozenset(),
 ) -> Bracket:
-    """The bracket of which (key, i, j, {w_i, w_j}) are given, each pair once or twice, those not given being 0.
+    """The bracket with given (key, i, j, {w_i, w_j}), each pair once or twice, those not given being 0.
 
-    `values` are those of the parameters that occur in it.
+    `values` are those of its parameters.
 
     BracketError if {w_i, w_j} is given twice with values that are not opposite, if {w_i, w_i} is not 0, or if Jacobi's
     identity does not hold.  Exact; where a number is irrational, to 40 digits.
     """
-    found: dict[tuple[int, int], Entry] = {}
+    by_pair: dict[tuple[int, int], Entry] = {}
     formulas: dict[tuple[int, int], Entry] = {}
     for key, i, j, symbolic in given:
         entry = at_values(symbolic, values)
@@ -195,13 +195,13 @@ def checked(
             continue
         pair = (min(i, j), max(i, j))
         entry = entry if i < j else {k: -c for k, c in entry.items()}
-        if pair in found and not _equal(found[pair], entry):
+        if pair in by_pair and not _equal(by_pair[pair], entry):
             opposite = "{" + f"{variables[j]}, {variables[i]}" + "}"
-            what = f"{name} is not the opposite of {opposite}"
-            raise BracketError(f"is not antisymmetric: {what}; give one of them only", "bracket", key)
-        found[pair] = entry
-    constants = {pair: {k: c for k, c in entry.items() if isinstance(k, int)} for pair, entry in found.items()}
-    higher = {pair: {k: c for k, c in entry.items() if not isinstance(k, int)} for pair, entry in found.items()}
+            fault = f"{name} is not the opposite of {opposite}"
+            raise BracketError(f"is not antisymmetric: {fault}; give one of them only", "bracket", key)
+        by_pair[pair] = entry
+    constants = {pair: {k: c for k, c in entry.items() if isinstance(k, int)} for pair, entry in by_pair.items()}
+    higher = {pair: {k: c for k, c in entry.items() if not isinstance(k, int)} for pair, entry in by_pair.items()}
     bracket = Bracket(
         tuple(variables),
         {pair: linear for pair, linear in constants.items() if linear},
@@ -211,8 +211,8 @@ def checked(
     )
     if violation := _violation(bracket) if not bracket.higher else _violation_of_polynomials(bracket):
         a, b, c = (variables[n] for n in violation)
-        what = f"violates Jacobi's identity for {a}, {b}, {c}"
-        raise BracketError(f"{what}; {{{a}, {{{b}, {c}}}}} + cyclic permutations must be 0", "bracket")
+        fault = f"violates Jacobi's identity for {a}, {b}, {c}"
+        raise BracketError(f"{fault}; {{{a}, {{{b}, {c}}}}} + cyclic permutations must be 0", "bracket")
     return bracket
 
 
@@ -245,7 +245,7 @@ def _violation(bracket: Bracket) -> tuple[int, int, int] | None:
 
 
 def _violation_of_polynomials(bracket: Bracket) -> tuple[int, int, int] | None:
-    """The same where brackets have terms of degree 2 and more."""
+    """Three such components of a bracket with terms of degree 2 and more."""
     entries: dict[tuple[int, int], Polynomial] = {}
     for i, j, polynomial in bracket.entries():
         entries[i, j], entries[j, i] = polynomial, {monomial: -c for monomial, c in polynomial.items()}
@@ -275,7 +275,7 @@ def _equal(first: Entry, second: Entry) -> bool:
 # Coordinates in which a polynomial bracket is simpler: the logarithms of some variables, the others as they are.
 #
 # With w_i = log x_i, {w_i, f} = {x_i, f}/x_i.  A log-canonical bracket {x_i, x_j} = a_ij x_i x_j is constant then, and
-# what moves w_i at a constant rate multiplies x_i by an exponential: positive x_i stay positive.
+# a flow that moves w_i at a constant rate multiplies x_i by an exponential: positive x_i stay positive.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Given = tuple[str, int, int, Polynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
@@ -286,24 +286,24 @@ def simplified(
 ) -> tuple[list[tuple[str, int, int, Entry]], frozenset[int]]:
     """(the brackets of the coordinates, the variables whose logarithms are coordinates).
 
-    A monomial of degree 1 is called by its variable, 1 by `unit`.  `values` are those of the parameters.
+    The key of a monomial of degree 1 is its variable, that of 1 is `unit`.  `values` are those of the parameters.
     """
-    kept = []
+    nonzero = []
     for key, i, j, polynomial in given:
         numbers = at_values(polynomial, values)
-        kept.append((key, i, j, {monomial: c for monomial, c in polynomial.items() if monomial in numbers}))
-    chosen = _logarithmic([(i, j, monomial) for _, i, j, polynomial in kept for monomial in polynomial])
-    found = []
-    for key, i, j, polynomial in kept:
+        nonzero.append((key, i, j, {monomial: c for monomial, c in polynomial.items() if monomial in numbers}))
+    chosen = _logarithmic([(i, j, monomial) for _, i, j, polynomial in nonzero for monomial in polynomial])
+    entries = []
+    for key, i, j, polynomial in nonzero:
         divided = {_divided(i, j, monomial, chosen): c for monomial, c in polynomial.items()}
-        found.append((key, i, j, {(m if len(m) > 1 else m[0] if m else unit): c for m, c in divided.items()}))
-    return found, frozenset(chosen)
+        entries.append((key, i, j, {(m if len(m) > 1 else m[0] if m else unit): c for m, c in divided.items()}))
+    return entries, frozenset(chosen)
 
 
 def _logarithmic(monomials: Sequence[tuple[int, int, Monomial]]) -> set[int]:
-    """None where all brackets, with monomials (i, j, monomial), are affine; else as many variables as may be.
+    """None where all brackets, with monomials (i, j, monomial), are affine; else the largest set of such variables.
 
-    Each divides all of its brackets; and once all are divided, no bracket has any of them.
+    Each divides all of its brackets; and after all divisions no bracket has any of them.
     """
     if all(len(monomial) <= 1 for _, _, monomial in monomials):
         return set()
@@ -315,7 +315,7 @@ def _logarithmic(monomials: Sequence[tuple[int, int, Monomial]]) -> set[int]:
 
 
 def _divided(i: int, j: int, monomial: Monomial, chosen: set[int]) -> Monomial:
-    """A monomial of {x_i, x_j} divided by those of the two whose logarithms are taken."""
+    """A monomial of {x_i, x_j} divided by those of x_i and x_j whose logarithms are coordinates."""
     rest = list(monomial)
     for n in {i, j} & chosen:
         rest.remove(n)

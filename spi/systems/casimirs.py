@@ -1,4 +1,4 @@
-"""Casimir functions, B(y) grad C(y) = 0 for all y: polynomials found by linear algebra, or given and verified."""
+"""Casimir functions, B(y) grad C(y) = 0 for all y: polynomials computed by linear algebra, or given and verified."""
 
 import itertools
 import math
@@ -23,45 +23,45 @@ _MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes 
 
 
 class Search(NamedTuple):
-    """What was found."""
+    """The result of a search."""
 
-    functions: tuple[Any, ...]  #: independent of each other's sums and products, of degree 1, 2, ...
-    degrees: tuple[int | None, ...]  #: None of what is not homogeneous
-    searched: int  #: up to this degree all are found whose coefficients are such fractions
+    functions: tuple[Any, ...]  #: none is a polynomial in the others; of degree 1, 2, ...
+    degrees: tuple[int | None, ...]  #: None for a function that is not homogeneous
+    searched: int  #: up to this degree all with coefficients of such denominators are included
 
 
-def search(world: Symbolics, known: Sequence[tuple[set[int], int, Any]] = ()) -> Search:
+def search(world: Symbolics, by_name: Sequence[tuple[set[int], int, Any]] = ()) -> Search:
     """The polynomial Casimir functions up to degree 4 that are no sums of products of others.
 
-    Of components of which (components, degree, function) are `known`, these.
+    For components with Casimir functions `by_name`, (components, degree, function), these.
     """
     bracket = world.bracket
     parts = connected([*({i, j}.union(*polynomial) for i, j, polynomial in bracket.entries())])
     linked = set().union(*parts)
-    found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
-    found += [(degree, function) for _, degree, function in known]
+    casimirs = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
+    casimirs += [(degree, function) for _, degree, function in by_name]
     searched = MOST_DEGREE
     for part in parts:
-        if any(part <= components for components, _, _ in known):
+        if any(part <= components for components, _, _ in by_name):
             continue
         constant = [(i, j, c) for i, j, c in bracket.entries() if i in part]
         if all([*polynomial] == [()] for _, _, polynomial in constant):
-            found += [(1, f) for f in _linear({(i, j): c[()] for i, j, c in constant}, sorted(part), world)]
+            casimirs += [(1, f) for f in _linear({(i, j): c[()] for i, j, c in constant}, sorted(part), world)]
             continue
         unit = [] if bracket.is_lie else [bracket.dimension]
         functions, reached = _search_within([*sorted(part), *unit], world)
-        found += functions
+        casimirs += functions
         searched = min(searched, reached)
-    found.sort(key=lambda pair: pair[0])
-    return Search(tuple(f for _, f in found), tuple(degree_of(f, world) for _, f in found), searched)
+    casimirs.sort(key=lambda pair: pair[0])
+    return Search(tuple(f for _, f in casimirs), tuple(degree_of(f, world) for _, f in casimirs), searched)
 
 
-def named(world: Symbolics, known: Sequence[tuple[set[int], int, Any]]) -> tuple[tuple[Function, ...], int]:
-    """(functions, degree up to which all are known); known ones of degree 4 and more are called by their trace."""
-    short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
-    found = search(world, known)
-    both = zip(found.functions, found.degrees, strict=True)
-    return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
+def named(world: Symbolics, by_name: Sequence[tuple[set[int], int, Any]]) -> tuple[tuple[Function, ...], int]:
+    """(functions, degree up to which all are known); those `by_name` of degree 4 and more are named by their trace."""
+    short = {function: f"tr X^{degree}" for _, degree, function in by_name if degree > 3}
+    outcome = search(world, by_name)
+    both = zip(outcome.functions, outcome.degrees, strict=True)
+    return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), outcome.searched
 
 
 def squares_first(functions: tuple[Function, ...], world: Symbolics) -> tuple[tuple[Function, ...], bool]:
@@ -74,10 +74,10 @@ def squares_first(functions: tuple[Function, ...], world: Symbolics) -> tuple[tu
 
 
 def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
-    """(how many of some Casimir functions are independent, how many independent ones there are).
+    """(number of independent ones among some Casimir functions, number of all independent ones).
 
-    Near almost all points there are as many as the corank of B(y), the dimension less the rank, says; not all of them
-    need be polynomials, or defined everywhere.
+    Near almost all points the latter is the corank of B(y), the dimension less the rank; not all of them need be
+    polynomials, or defined everywhere.
     """
     d = len(world.variables)
     with mpmath.workdps(DIGITS + 20):
@@ -105,7 +105,7 @@ def _rank(rows: Iterable[dict[int, Any]]) -> int:
 
 
 def _linear(constants: dict[tuple[int, int], Any], part: Sequence[int], world: Symbolics) -> list[Any]:
-    """Those of constant brackets {w_i, w_j}: linear functions of the w_i, of which all others are functions."""
+    """The Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
     matrix = [[constants.get((i, j), 0) - constants.get((j, i), 0) for j in part] for i in part]
     if all(c.is_Rational for c in constants.values()):
         kernel = DomainMatrix.from_Matrix(sympy.Matrix(matrix)).to_field().nullspace().rref()[0].to_Matrix().tolist()
@@ -119,9 +119,11 @@ def _kernel(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """A basis of the kernel of a matrix of irrational numbers, in doubles where it is not rational itself."""
     with mpmath.workdps(DIGITS + 20):
         rows = ({j: precise(sympy.sympify(c)) for j, c in enumerate(row) if c != 0} for row in matrix)
-        found, pivots = reduced(list(rows))
+        independent, pivots = reduced(list(rows))
         free = [j for j in range(len(matrix)) if j not in pivots]
-        basis = [{j: mpmath.mpf(1)} | {p: -row.get(j, 0) for row, p in zip(found, pivots, strict=True)} for j in free]
+        basis = [
+            {j: mpmath.mpf(1)} | {p: -row.get(j, 0) for row, p in zip(independent, pivots, strict=True)} for j in free
+        ]
         return [[_shortest(row.get(j, mpmath.mpf(0))) for j in range(len(matrix))] for row in basis]
 
 
@@ -133,28 +135,28 @@ def _shortest(c: mpmath.mpf) -> Any:
 
 
 def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[int, Any]], int]:
-    """(degree, function) of those of some components that no bracket links with others, and the degree reached."""
-    found: list[tuple[int, dict[tuple[int, ...], Fraction]]] = []
+    """[(degree, Casimir function)] of some components that no bracket links with others, and the degree reached."""
+    polynomials: list[tuple[int, dict[tuple[int, ...], Fraction]]] = []
     for degree in range(1, MOST_DEGREE + 1):
         if math.comb(len(part) + degree - 1, degree) > _MOST_UNKNOWNS:
-            return _expressions(found, part, world), degree - 1
+            return _expressions(polynomials, part, world), degree - 1
         monomials = list(itertools.combinations_with_replacement(range(len(part)), degree))
-        known = list(_products(found, degree))
-        space = _null_space(part, monomials, world.bracket, len(known))
-        rows = [[product.get(monomial, Fraction(0)) for monomial in monomials] for product in known]
+        products = list(_products(polynomials, degree))
+        space = _null_space(part, monomials, world.bracket, len(products))
+        rows = [[product.get(monomial, Fraction(0)) for monomial in monomials] for product in products]
         for row in _new_rows(rows, space, len(monomials)):
             polynomial = {monomials[n]: c for n, c in enumerate(row) if c}
             if world.is_casimir(_expression(polynomial, part, world)):
-                found.append((degree, polynomial))
-    return _expressions(found, part, world), MOST_DEGREE
+                polynomials.append((degree, polynomial))
+    return _expressions(polynomials, part, world), MOST_DEGREE
 
 
 def _null_space(
-    part: Sequence[int], monomials: Sequence[tuple[int, ...]], bracket: Bracket, known: int
+    part: Sequence[int], monomials: Sequence[tuple[int, ...]], bracket: Bracket, product_count: int
 ) -> list[list[float]]:
     """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
 
-    None where there are no more than are `known`, so that no vectors need be computed.
+    None where there are no more than `product_count`, so that no vectors need be computed.
     """
     generator = np.random.default_rng(5)
     d, count = len(part), len(monomials)
@@ -185,7 +187,7 @@ def _null_space(
             wanted -= max(1, np.linalg.matrix_rank(structure))
         values = np.linalg.eigvalsh(gram)
         dimension = int(np.sum(values < 1e-11 * values[-1]))
-        if dimension <= known:  # it has all products of known ones, and more equations only make it smaller
+        if dimension <= product_count:  # it contains all these products, and more equations only make it smaller
             return []
         if dimension == before:
             return np.linalg.eigh(gram)[1][:, :dimension].T.tolist()
@@ -193,14 +195,14 @@ def _null_space(
 
 
 def _new_rows(
-    known: Sequence[Sequence[Fraction]], space: Sequence[Sequence[float]], count: int
+    given: Sequence[Sequence[Fraction]], space: Sequence[Sequence[float]], count: int
 ) -> list[list[Fraction]]:
-    """Rows that complete `known` to a basis of a space, with small rational entries; none for irrational ones."""
-    if len(space) <= len(known):
+    """Rows that complete `given` to a basis of a space, with small rational entries; none for irrational ones."""
+    if len(space) <= len(given):
         return []
     reduced = _echelon(np.array(space).reshape(-1, count))
     rational = [[Fraction(float(c)).limit_denominator(LARGEST_DENOMINATOR) for c in row] for row in reduced]
-    rows, basis = [], [list(map(float, row)) for row in known]
+    rows, basis = [], [list(map(float, row)) for row in given]
     for row, exact in zip(reduced, rational, strict=True):
         if max(abs(float(e) - c) for e, c in zip(exact, row, strict=True)) > 1e-8:
             continue
@@ -228,11 +230,11 @@ def _echelon(matrix: np.ndarray) -> np.ndarray:
 
 
 def _products(
-    found: Sequence[tuple[int, dict[tuple[int, ...], Fraction]]], degree: int
+    polynomials: Sequence[tuple[int, dict[tuple[int, ...], Fraction]]], degree: int
 ) -> Iterable[dict[tuple[int, ...], Fraction]]:
-    """All products of known functions that have this degree."""
+    """All products of some polynomials that have this degree."""
     for count in range(1, degree + 1):
-        for chosen in itertools.combinations_with_replacement(found, count):
+        for chosen in itertools.combinations_with_replacement(polynomials, count):
             if sum(d for d, _ in chosen) == degree and count > 1:
                 total: dict[tuple[int, ...], Fraction] = {(): Fraction(1)}
                 for _, factor in chosen:
@@ -244,8 +246,10 @@ def _products(
                 yield total
 
 
-def _expressions(found: Sequence[tuple[int, Any]], part: Sequence[int], world: Symbolics) -> list[tuple[int, Any]]:
-    functions = [(degree, _expression(polynomial, part, world)) for degree, polynomial in found]
+def _expressions(
+    polynomials: Sequence[tuple[int, Any]], part: Sequence[int], world: Symbolics
+) -> list[tuple[int, Any]]:
+    functions = [(degree, _expression(polynomial, part, world)) for degree, polynomial in polynomials]
     return [(degree, _without_logarithms(f, world)) for degree, f in functions if world.used(f)]
 
 

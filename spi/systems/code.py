@@ -16,17 +16,17 @@ _PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh", 
 
 
 class Formula:
-    """Writes expressions of sympy; `names` says how symbols are called, `varying` which of them differ between lanes.
+    """Writes expressions of sympy; `names` are those of symbols, `varying` the symbols that differ between lanes.
 
-    With `angles` sines are taken by ``sin_versine(angles, x)``, otherwise by NumPy.
+    With `angles` sines are computed by ``sin_versine(angles, x)``, otherwise by NumPy.
     """
 
     def __init__(self, names: Mapping[Any, str], varying: Iterable[Any], angles: bool = False) -> None:
         self.names, self.varying, self.angles = dict(names), set(varying), angles
 
     def lines(self, expressions: Sequence[Any]) -> tuple[list[str], list[str]]:
-        """Lines that give names to what occurs more than once, and the code of each expression."""
-        fresh = (sympy.Symbol(f"χ{n}", real=True) for n in itertools.count(1))  # nobody can write this
+        """Lines that give names to common subexpressions, and the code of each expression."""
+        fresh = (sympy.Symbol(f"χ{n}", real=True) for n in itertools.count(1))  # not a name that users can write
         shared, rest = sympy.cse([sympy.sympify(e) for e in expressions], symbols=fresh, order="none")
         lines = []
         for symbol, value in shared:
@@ -59,7 +59,7 @@ class Formula:
         return self._function(e)
 
     def _product(self, e: Any) -> str:
-        """What is the same in all lanes comes first, in parentheses, so that it is computed once."""
+        """Code of a product; factors that are equal in all lanes come first, in parentheses, to be computed once."""
         same = [f for f in e.args if not f.free_symbols & self.varying]
         other = [f for f in e.args if f not in same]
         above: list[Any] = []
@@ -145,33 +145,33 @@ def _literal(number: Any) -> str:
 
 
 class Numbers:
-    """How numbers are written: those that depend on parameters as entries of ``model.constants``, others as literals.
+    """The code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
 
-    A literal that is no double has two parts, so that products with it are right to all digits: what a transform and
-    its inverse leave of a rounded factor would add up over the steps.
+    A literal that is no double has two parts, so that products with it are accurate to all digits: errors of
+    a transform and its inverse with a rounded factor would add up over the steps.
     """
 
     def __init__(self) -> None:
         self.constants: list[mpmath.mpf] = []
         self.pairs: dict[tuple[float, float], str] = {}
 
-    def times(self, value: mpmath.mpf, what: str, depends: bool) -> tuple[str, str]:
-        """(sign, code) of the product of a number and what has a name."""
+    def times(self, value: mpmath.mpf, factor: str, depends: bool) -> tuple[str, str]:
+        """(sign, code) of the product of a number and a named `factor`."""
         if abs(value - 1) < _EXACT or abs(value + 1) < _EXACT:
-            return ("+" if value > 0 else "-"), what
+            return ("+" if value > 0 else "-"), factor
         if depends:
-            return "+", f"{self.constant(value)} * {what}"
+            return "+", f"{self.constant(value)} * {factor}"
         sign, size = ("+", value) if value > 0 else ("-", -value)
         high = float(size)
         with mpmath.workdps(60):
             low = float(size - high)
         if abs(low) < 1e-30 * high:
-            return sign, f"{high!r} * {what}"
+            return sign, f"{high!r} * {factor}"
         name = self.pairs.setdefault((high, low), f"_C{len(self.pairs) + 1}")
-        return sign, f"times({name}, {name}_REST, {what})"
+        return sign, f"times({name}, {name}_REST, {factor})"
 
     def constant(self, value: mpmath.mpf) -> str:
-        """A number that depends on parameters."""
+        """The code of a number that depends on parameters."""
         self.constants.append(value)
         return f"model.constants[{len(self.constants) - 1}]"
 
@@ -187,7 +187,7 @@ def written_sum(terms: Iterable[tuple[str, str]]) -> str:
 def forms(
     rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: Numbers, depends: bool
 ) -> tuple[list[str], list[str]]:
-    """Lines that compute what several linear forms of named quantities share, and the code of each form."""
+    """Lines that compute the common parts of several linear forms of named quantities, and the code of each form."""
     left = [dict(row) for row in rows]
     lines: list[str] = []
     if not depends:
@@ -237,15 +237,15 @@ def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, 
 
 def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
     """A linear form from its terms; a quantity may occur in several."""
-    found: dict[str, mpmath.mpf] = {}
+    form: dict[str, mpmath.mpf] = {}
     for name, c in terms:
-        found[name] = found.get(name, mpmath.mpf(0)) + c
-    return {name: c for name, c in found.items() if abs(c) > NOTHING}
+        form[name] = form.get(name, mpmath.mpf(0)) + c
+    return {name: c for name, c in form.items() if abs(c) > NOTHING}
 
 
-def signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
+def signed(value: mpmath.mpf, factor: str) -> tuple[str, str]:
     size = abs(value)
-    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
+    return ("+" if value > 0 else "-"), factor if abs(size - 1) < NOTHING else f"{float(size)!r} * {factor}"
 
 
 def as_tuple(codes: Sequence[str]) -> str:

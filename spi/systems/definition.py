@@ -1,4 +1,4 @@
-"""A system as a person defines it in YAML, and the model that is generated of it.
+"""A system as it is defined in YAML, and the model that is generated from it.
 
     algebra: so(3)            or bracket: {P1 P2: -P3, ...}
     variables: [P1, P2, P3]
@@ -6,7 +6,7 @@
     hamiltonian: P1^2/(2*I1) + P2^2/(2*I2) + P3^2/(2*I3)
     noises: [P1, P2^2]
 
-All values are texts, lists and mappings of texts, as they stand in the file.
+All values are texts, lists and mappings of texts, as in the file.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,11 +44,11 @@ class Defined(NamedTuple):
     system: System
     sizes: Mapping[str, int]
     searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
-    independent: tuple[int, int]  #: how many independent Casimir functions are known, and how many there are
+    independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
 
 
 def define(data: Mapping[str, Any]) -> Defined:
-    """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
+    """The system of a definition with some of :data:`KEYS`; DefinitionError if it has a mistake."""
     unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
         raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
@@ -62,21 +62,21 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
         return [1.0] * count
-    found = []
+    values = []
     for keys, text, value in reader.expressions("sigma", formulas):
         value = sympy.Integer(1) if formulas.time in value.free_symbols else value  # see driving.py
         if not value.is_number or not value.is_real or not 0 <= value < 1e300:
             raise DefinitionError(f"is '{shortened(text)}'; must be a number, at least 0", *keys)
-        found.append(float(value))
-    if len(found) != count:
-        raise DefinitionError(f"has {len(found)} entries; must have {count}, one for each noise", "sigma")
-    return found
+        values.append(float(value))
+    if len(values) != count:
+        raise DefinitionError(f"has {len(values)} entries; must have {count}, one for each noise", "sigma")
+    return values
 
 
 class _Reader(Data):
     def __init__(self, data: Mapping[str, Any]) -> None:
         super().__init__(data)
-        self.invariants: list[Any] | None = None  # the Casimir functions, once they were asked for
+        self.invariants: list[Any] | None = None  # the Casimir functions, once they have been computed
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
@@ -120,16 +120,16 @@ class _Reader(Data):
 
     def numbers(self) -> dict[str, Any]:
         """The parameters, exact numbers; each may use those before it."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
             check_name(name, "parameters")
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
-            value = self.at(("parameters", name), expression, text, Symbols(parameters=found, indices=self.sizes))
+            value = self.at(("parameters", name), expression, text, Symbols(parameters=values, indices=self.sizes))
             if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
                 raise DefinitionError(f"is '{shortened(text)}'; must be a finite real number", "parameters", name)
-            found[name] = value
-        return found
+            values[name] = value
+        return values
 
     def check_names(self, variables: Sequence[str]) -> None:
         if not variables:
@@ -148,12 +148,12 @@ class _Reader(Data):
     def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
         if ("algebra" in self.data) == ("bracket" in self.data):
-            what = (
+            fault = (
                 "has algebra and bracket; leave one out"
                 if "algebra" in self.data
                 else "missing key 'algebra'; add algebra: or bracket:"
             )
-            raise DefinitionError(what, *(["bracket"] if "algebra" in self.data else ["algebra"]))
+            raise DefinitionError(fault, *(["bracket"] if "algebra" in self.data else ["algebra"]))
         sizes = Symbols(indices=self.sizes)
         variables = [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
         if "bracket" in self.data:
@@ -176,21 +176,21 @@ class _Reader(Data):
         values: Mapping[Any, Any],
     ) -> Bracket:
         if given is not None:
-            return checked(variables, [("", *one) for one in given])
-        found = [
-            one
+            return checked(variables, [("", *entry) for entry in given])
+        brackets = [
+            entry
             for key in self.mapping("bracket")
-            for one in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
+            for entry in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
         ]
-        entries, logarithmic = simplified(found, values, len(variables))
+        entries, logarithmic = simplified(brackets, values, len(variables))
         try:
             return checked(variables, entries, values, logarithmic)
         except BracketError as error:
             raise DefinitionError(str(error), *error.keys) from None
 
     def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
-        """The brackets that an entry ``x(i) y(i) for i = 1..n: z(i)`` gives."""
-        found = []
+        """The brackets of an entry ``x(i) y(i) for i = 1..n: z(i)``."""
+        brackets = []
         for body, inner in repeated(key, formulas):
             pair = [name for part in parts(body, " ,\t") if part for name in names(part, inner)]
             if len(pair) != 2:
@@ -200,16 +200,16 @@ class _Reader(Data):
                     raise NumberError(f"'{name}' is not a variable")
             value = expression(self.data["bracket"][key], inner)
             i, j = (variables.index(name) for name in pair)
-            found.append((key, i, j, polynomial(value, formulas)))
-        return found
+            brackets.append((key, i, j, polynomial(value, formulas)))
+        return brackets
 
     # ---- Hamiltonians --------------------------------------------------------------------------------------------
 
     def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
-        """The flows of H: those of the given pieces, or the ones that the splitting finds."""
+        """The flows of H: those of the given pieces, or of the pieces of the splitting."""
         if "pieces" in self.data:
             pieces = self.expressions("pieces", formulas)
-            found = [self.flow(piece, world, formulas, keys) for keys, _, piece in pieces]
+            flows = [self.flow(piece, world, formulas, keys) for keys, _, piece in pieces]
         else:
             if "hamiltonian" not in self.data:
                 raise DefinitionError(
@@ -219,16 +219,16 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(parts, world, constants, lambda addend: self.by_quadratics(addend, world, formulas))
+                flows = split(parts, world, constants, lambda addend: self.by_quadratics(addend, world, formulas))
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
-        if len(found) > MOST:
+        if len(flows) > MOST:
             key = "pieces" if "pieces" in self.data else "hamiltonian"
-            raise DefinitionError(f"splits into {len(found)} flows; there may be {MOST}", key)
-        return found
+            raise DefinitionError(f"splits into {len(flows)} flows; there may be {MOST}", key)
+        return flows
 
     def hamiltonian(self, world: Symbolics, formulas: Symbols) -> Any:
-        """H as it was given, which must be the sum of the pieces where both are."""
+        """H as given; it must be the sum of the pieces where both are given."""
         pieces = [piece for _, _, piece in self.expressions("pieces", formulas)]
         if "hamiltonian" not in self.data:
             return sympy.Add(*pieces)
@@ -239,27 +239,27 @@ class _Reader(Data):
 
     def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
         noises = self.expressions("noises", formulas)
-        found = [self.flow(noise, world, formulas, keys) for keys, _, noise in noises]
-        if len(found) > MOST:
-            raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
-        return found
+        flows = [self.flow(noise, world, formulas, keys) for keys, _, noise in noises]
+        if len(flows) > MOST:
+            raise DefinitionError(f"has {len(flows)} noises; there may be {MOST}", "noises")
+        return flows
 
     def by_quadratics(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of quadratic functions that its flow keeps and of linear ones, if it is one."""
         factor, rest = split_in_time(function, world.time)
         if world.time in rest.free_symbols:
             return None
-        found = by_quadratics(rest, world, self.known(world, formulas))
-        return found and found._replace(expression=factor * found.expression, original=factor * found.whole)
+        term = by_quadratics(rest, world, self.invariant_functions(world, formulas))
+        return term and term._replace(expression=factor * term.expression, original=factor * term.whole)
 
-    def known(self, world: Symbolics, formulas: Symbols) -> list[Any]:
+    def invariant_functions(self, world: Symbolics, formulas: Symbols) -> list[Any]:
         """The Casimir functions."""
         if self.invariants is None:
-            self.invariants = [found.expression for found in self.casimirs(world, formulas.in_time(None))[0]]
+            self.invariants = [casimir.expression for casimir in self.casimirs(world, formulas.in_time(None))[0]]
         return self.invariants
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
-        """The one flow of a piece or a noise, which is known where all of its terms commute."""
+        """The one flow of a piece or a noise, which is exact where all of its terms commute."""
         text = shortened(world.name(function))
         if not world.used(function):
             raise DefinitionError(f"is '{text}', which moves nothing; leave it out", *keys)
@@ -273,16 +273,16 @@ class _Reader(Data):
             terms = [single(term, world) for term in sympy.Add.make_args(sympy.expand(function))]
         except NoExactFlow:
             terms = []
-        found = merged(terms, world.bracket)
-        if len(found) == 1:
-            return found[0]
+        flows = merged(terms, world.bracket)
+        if len(flows) == 1:
+            return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
         term = self.by_quadratics(function, world, formulas)
         return Flow((term,)) if term else without_flow(function, str(reason), world)
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
-        """(functions, degree up to which all are known); None for those that were given."""
+        """(functions, degree up to which all are known); None for given ones."""
         if "casimirs" not in self.data:
             return named(world, known_casimirs(self.data.get("algebra"), Symbols(indices=self.sizes), world.variables))
         functions = []
@@ -290,8 +290,8 @@ class _Reader(Data):
             if not world.used(value):
                 raise DefinitionError("is constant; leave it out", *keys)
             if not world.is_casimir(value):
-                what = f"is '{shortened(text)}', no Casimir function"
-                raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
+                fault = f"is '{shortened(text)}', no Casimir function"
+                raise DefinitionError(f"{fault}; its brackets must all be 0", *keys)
             functions.append(Function(world.name(value), value, degree_of(value, world)))
         return tuple(functions), None
 
@@ -302,7 +302,7 @@ class _Reader(Data):
 
 
 def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:
-    """The entries of :class:`spi.systems.Made`; DefinitionError if anything is wrong with the definition."""
+    """The entries of :class:`spi.systems.Made`; DefinitionError if the definition has a mistake."""
     defined = define(definition)
     generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
     values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
@@ -313,7 +313,7 @@ def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str,
 
 
 def _report(defined: Defined, generated: Generated) -> list[str]:
-    """What was found, for people."""
+    """Lines about the flows and Casimir functions, for people."""
     system = defined.system
     lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
     if positive := [system.world.bracket.variables[i] for i in sorted(system.world.bracket.logarithmic)]:
@@ -323,13 +323,13 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
     moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
     for n, (flow, motion) in enumerate(moving):
         number = n - len(system.flows)
-        what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
+        name = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
         if isinstance(motion, str):
-            lines.append(f"{what}: {_terms(flow, defined)}: no exact flow, as {motion}{_by_inner(system.inner)}")
+            lines.append(f"{name}: {_terms(flow, defined)}: no exact flow, as {motion}{_by_inner(system.inner)}")
             continue
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
-        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}{lost}")
+        lines.append(f"{name}: {_terms(flow, defined)}: {kinds}{lost}")
     lacking = any(isinstance(motion, str) for motion in generated.motions)
     if lacking and not system.inner:
         lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
@@ -339,18 +339,18 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
 
 
 def _by_inner(method: str) -> str:
-    """How compositions move by what has no exact flow."""
+    """The method that compositions use in place of an exact flow, for people."""
     return {"": "", "midpoint": "; by the implicit midpoint rule", "munthe_kaas": "; by Munthe-Kaas midpoint"}[method]
 
 
 def _casimirs(defined: Defined) -> str:
-    """The Casimir functions that are known, and how many there are."""
-    (known, there), functions = defined.independent, defined.system.casimirs
-    if not there:
+    """The known Casimir functions and the number of all, for people."""
+    (count, total), functions = defined.independent, defined.system.casimirs
+    if not total:
         return "Casimir functions: there are none"
-    by = f" independent ones, by {len(functions)}" if len(functions) > known else ""
-    line = f"Casimir functions, {known} of {there}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
-    if known == there or defined.searched is None:
+    by = f" independent ones, by {len(functions)}" if len(functions) > count else ""
+    line = f"Casimir functions, {count} of {total}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
+    if count == total or defined.searched is None:
         return line
     kind = f"polynomials up to degree {defined.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
     return f"{line}; sought were {kind}"
@@ -366,9 +366,9 @@ def _terms(flow: Flow, defined: Defined) -> str:
 
 def _counted(kinds: Sequence[str]) -> list[str]:
     """``["2 rotations", "a shear"]``."""
-    found = []
+    texts = []
     for kind in dict.fromkeys(kinds):
         n = kinds.count(kind)
         plural = kind.replace(" with", "s with", 1) if " with" in kind else kind + "s"
-        found.append(f"{n} {plural}" if n > 1 else f"a {kind}")
-    return found
+        texts.append(f"{n} {plural}" if n > 1 else f"a {kind}")
+    return texts

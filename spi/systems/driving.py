@@ -1,8 +1,8 @@
 """Systems that depend on time: coefficients c(t) in H, in noises and in their strengths, frozen over each step.
 
-In a Hamiltonian all that depends on time alone becomes a number of the step.  A factor, c(t) in c(t) f(y), becomes its
-mean over the step, so that flows which commute at all times are exact; what stands within a function, as in
-cos(y1 - w t), is taken at the middle; a strength sigma(t) becomes the root of the mean of its square.
+In a Hamiltonian every part that depends on time alone becomes a number of the step.  A factor, c(t) in c(t) f(y),
+becomes its mean over the step, so that flows which commute at all times are exact; the time within a function, as in
+cos(y1 - w t), is the middle of the step; a strength sigma(t) becomes the root of the mean of its square.
 """
 
 import textwrap
@@ -19,7 +19,7 @@ from .symbolics import shortened
 from .text import NumberError, Symbols, entries, expression
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The keys of a definition as texts, lists and mappings of texts; errors about the place where one stands.
+# The keys of a definition as texts, lists and mappings of texts; errors with the place of a mistake.
 # ---------------------------------------------------------------------------------------------------------------------
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ class Data:
         self.data = data
 
     def at(self, keys: Sequence[Any], read: Callable[..., T], *arguments: Any) -> T:
-        """What `read` makes of the arguments; its NumberError becomes one about the place to which `keys` lead."""
+        """``read(*arguments)``; its NumberError becomes a DefinitionError about the place to which `keys` lead."""
         try:
             return read(*arguments)
         except NumberError as error:
@@ -41,49 +41,49 @@ class Data:
             raise DefinitionError(f"is '{shortened(self.value(keys))}' ({error}); {right}", *keys) from None
 
     def value(self, keys: Sequence[Any]) -> Any:
-        found: Any = self.data
+        value: Any = self.data
         for key in keys:
-            found = found[key]
-        return found
+            value = value[key]
+        return value
 
     def mapping(self, key: str) -> Mapping[str, str]:
-        found = self.data.get(key, {})
-        if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
-            _refuse_truth_values(found.items() if isinstance(found, dict) else (), key)
+        given = self.data.get(key, {})
+        if not isinstance(given, dict) or not all(isinstance(value, str) for value in given.values()):
+            _refuse_truth_values(given.items() if isinstance(given, dict) else (), key)
             raise DefinitionError(f"must be a mapping such as {KEYS[key].partition('as in ')[2] or '{a: 1}'}", key)
-        return found
+        return given
 
     def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
         """The texts of a list, or the one text, each with its place."""
-        found = self.data.get(key, [])
-        if isinstance(found, str):
-            return [(found, (key,))]
-        if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
-            _refuse_truth_values(enumerate(found) if isinstance(found, list) else [(None, found)], key)
+        given = self.data.get(key, [])
+        if isinstance(given, str):
+            return [(given, (key,))]
+        if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
+            _refuse_truth_values(enumerate(given) if isinstance(given, list) else [(None, given)], key)
             raise DefinitionError("must be a list of texts", key)
-        return [(text, (key, n)) for n, text in enumerate(found)]
+        return [(text, (key, n)) for n, text in enumerate(given)]
 
     def expressions(self, key: str, formulas: Symbols) -> Iterator[tuple[tuple[Any, ...], str, Any]]:
         """(place, text, expression) of each formula of a list, ranges written out."""
         for text, keys in self.texts(key):
-            for one, inner in self.at(keys, entries, text, formulas):
-                yield keys, one.strip(), self.at(keys, expression, one, inner)
+            for entry, inner in self.at(keys, entries, text, formulas):
+                yield keys, entry.strip(), self.at(keys, expression, entry, inner)
 
     def inner(self) -> str:
-        """How compositions move by terms that have no exact flow."""
+        """The key `inner`: the method of compositions for terms without an exact flow."""
         given = self.data.get("inner", "")
         if given not in ("", *INNER_METHODS):
             raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
         return str(given)
 
 
-def _refuse_truth_values(found: Iterable[tuple[Any, Any]], key: str) -> None:
+def _refuse_truth_values(given: Iterable[tuple[Any, Any]], key: str) -> None:
     """DefinitionError about the first of some (place, value) that YAML takes for true or false."""
-    for place, value in found:
+    for place, value in given:
         if isinstance(value, bool):
             words = "yes, on and true" if value else "no, off and false"
-            what = f"has a word that YAML reads as {str(value).lower()}, one of {words}"
-            raise DefinitionError(f"{what}; put it in quotes", key, *([] if place is None else [place]))
+            fault = f"has a word that YAML reads as {str(value).lower()}, one of {words}"
+            raise DefinitionError(f"{fault}; put it in quotes", key, *([] if place is None else [place]))
 
 
 TIME = sympy.Symbol("t", real=True)
@@ -94,16 +94,16 @@ __system__ |= {{"driving": {count}, "strengths": {strengths}}}"""
 
 
 class Driving(NamedTuple):
-    """How a system depends on time."""
+    """The dependence of a system on time."""
 
     initial: float  #: the time at the beginning
     strengths: Mapping[int, Any]  #: noise -> sigma(t), of those that change
 
 
 def driving_of(data: Data, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
-    """How a system depends on time whose H and noises are `functions`; None if it does not.
+    """The :class:`Driving` of a system whose H and noises are `functions`; None if it does not depend on time.
 
-    `formulas` names parameters as symbols, `numbers` as their values.
+    In `formulas` parameters are symbols, in `numbers` their values.
     """
     strengths, time = {}, formulas.time
     if time is not None and "sigma" in data.data:
@@ -135,20 +135,20 @@ def split_in_time(expression: Any, time: Any) -> tuple[Any, Any]:
 
 def by_factor(products: Sequence[Any], time: Any) -> dict[Any, list[Any]]:
     """The rests of some products by the factor that depends on time alone."""
-    found: dict[Any, list[Any]] = {}
+    rests: dict[Any, list[Any]] = {}
     for product in products:
         factor, rest = split_in_time(product, time)
-        found.setdefault(factor, []).append(rest)
-    return found
+        rests.setdefault(factor, []).append(rest)
+    return rests
 
 
 def _of_time(expression: Any, time: Any) -> bool:
-    """Whether no variable occurs in it: these have names that nobody can write."""
+    """Whether no variable occurs in it: these have names that users cannot write."""
     return all(symbol == time or str(symbol).isascii() for symbol in expression.free_symbols)
 
 
 class Coefficients:
-    """What of the formulas of a system is a number of the step, and the code that finds these numbers."""
+    """The parts of the formulas of a system that are numbers of the step, and the code that computes these."""
 
     def __init__(self, names: dict[Any, str], strengths: Mapping[int, Any]) -> None:
         self.names = names  #: of symbols in code; those of coefficients are added
@@ -156,7 +156,7 @@ class Coefficients:
         self.strengths = strengths
 
     def frozen(self, expression: Any, kind: str = MEAN) -> Any:
-        """An expression with symbols in place of what depends on time alone."""
+        """An expression with symbols in place of the parts that depend on time alone."""
         if TIME not in expression.free_symbols:
             return expression
         if expression.is_Add:
@@ -172,7 +172,7 @@ class Coefficients:
         return sympy.Mul(self._symbol(alone, kind), *inner)
 
     def _symbol(self, expression: Any, kind: str) -> Any:
-        """What stands for a function of time."""
+        """The symbol in place of a function of time."""
         if not expression.free_symbols:
             return expression
         if expression.is_Add:
@@ -185,7 +185,7 @@ class Coefficients:
         return self.entries[key]
 
     def head(self) -> str:
-        """What a module has besides at its beginning."""
+        """Further lines at the beginning of a module."""
         return _HEAD.format(count=len(self.entries), strengths=list(self.strengths))
 
     def function(self) -> list[str]:
@@ -220,11 +220,11 @@ class Coefficients:
         return [*lines, f"    return {name}({values}start, driving, sigma)"]
 
     def report(self) -> str:
-        """How time enters, for people."""
+        """The treatment of time, for people."""
         parts = []
-        for kind, what in ((MEAN, "by its mean over a step"), (MIDDLE, "at the middle of a step")):
+        for kind, how in ((MEAN, "by its mean over a step"), (MIDDLE, "at the middle of a step")):
             if texts := [str(e).replace("**", "^") for e, k in self.entries if k == kind]:
-                parts.append(f"{', '.join(texts)} {what}")
+                parts.append(f"{', '.join(texts)} {how}")
         if self.strengths:
             texts = [f"sigma of noise {k + 1}, {str(e).replace('**', '^')}," for k, e in self.strengths.items()]
             parts.append(f"{' '.join(texts)} by its root mean square")

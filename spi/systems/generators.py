@@ -1,6 +1,6 @@
-"""What a flow moves by: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps.
+"""The generators of a flow: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps.
 
-Where logarithms are coordinates, y stands for these; where fields are not affine, for a matrix stands a field.
+Where logarithms are coordinates, y stands for these; where fields are not affine, M_j stands for a field.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from .spectrum import Block, blocks
 from .splitting import Field, Flow, Series, constant_rates, series
 from .symbolics import Entries, Symbolics, form_text
 
-#: What moves block by block, what moves by series, and the variables whose logarithms are coordinates.
+#: Blocks, series by component, and the variables whose logarithms are coordinates.
 Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
 
 
@@ -32,9 +32,9 @@ class Generator(NamedTuple):
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
-    """Those of the linear functions that a flow depends on, by their pivots, then those of quadratic ones."""
+    """The generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
     bracket = world.bracket
-    found = []
+    generators = []
     key: tuple[Any, ...]
     for f, pivot in zip(*flow.reduced(), strict=True):
         if bracket.moves(f):
@@ -42,7 +42,7 @@ def generators(flow: Flow, world: Symbolics) -> list[Generator]:
             curved = bracket.polynomial_field(f) if bracket.curved(f) else {}
             text = form_text(f, bracket.coordinates)
             slope = rate(flow, pivot, world)
-            found.append(Generator(bracket.field(f), slope, key, tuple(f), text, "linear", curved))
+            generators.append(Generator(bracket.field(f), slope, key, tuple(f), text, "linear", curved))
     for term in flow.terms:
         for symbol, u in term.inner.items():
             slope, text = (term.slope(symbol), world.name(u.function)) if u.fields else (None, "")
@@ -50,27 +50,28 @@ def generators(flow: Flow, world: Symbolics) -> list[Generator]:
                 key = (c, tuple((place, mpmath.nstr(value, 40)) for place, value in sorted(entries.items())))
                 turned = sympy.Mul(world.coordinate(c), slope)
                 used = world.used(u.function)
-                found.append(Generator(entries, turned, ("quadratic", *key), used, text, "quadratic"))
-    return _added(found)
+                generators.append(Generator(entries, turned, ("quadratic", *key), used, text, "quadratic"))
+    return _added(generators)
 
 
 def rate(flow: Flow, pivot: int, world: Symbolics) -> Any:
-    """The number of the linear function with this pivot, of those that a flow depends on."""
+    """The factor a_j of the linear function with this pivot that a flow depends on."""
     return world.by_coordinate(flow.slope(world.variables[pivot]), pivot)
 
 
-def _added(found: Sequence[Generator]) -> list[Generator]:
-    """Equal matrices once, with the sum of their numbers."""
+def _added(generators: Sequence[Generator]) -> list[Generator]:
+    """Generators with equal matrices added up to one with the sum of their rates."""
     merged: dict[tuple[Any, ...], Generator] = {}
-    for one in found:
-        known = merged.get(one.key)
-        merged[one.key] = one if known is None else known._replace(rate=known.rate + one.rate)
+    for generator in generators:
+        before = merged.get(generator.key)
+        merged[generator.key] = generator if before is None else before._replace(rate=before.rate + generator.rate)
     return list(merged.values())
 
 
-def motions(found: Sequence[Generator], bracket: Bracket) -> Moving:
-    """By matrices that commute, block by block, and by series."""
-    if any(one.curved for one in found):
-        return [], series([one.curved or bracket.as_field(one.entries) for one in found]), bracket.logarithmic
-    steady, matrices = constant_rates([one.entries for one in found], bracket.dimension)
+def motions(generators: Sequence[Generator], bracket: Bracket) -> Moving:
+    """The motions by commuting matrices, block by block, and by series."""
+    if any(generator.curved for generator in generators):
+        fields = [generator.curved or bracket.as_field(generator.entries) for generator in generators]
+        return [], series(fields), bracket.logarithmic
+    steady, matrices = constant_rates([generator.entries for generator in generators], bracket.dimension)
     return blocks(matrices), steady, bracket.logarithmic

@@ -1,9 +1,9 @@
-"""The keys of a definition, and the error about one; without the heavy imports of what reads them."""
+"""The keys of a definition, and the error about one; without the heavy imports of their readers."""
 
 from types import MappingProxyType
 from typing import Any
 
-#: Names that generated modules give other meanings than their class.
+#: Names that generated modules use for other things than their class.
 USED = (
     *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
     *("sinh_coshm1", "times"),
@@ -27,7 +27,7 @@ KEYS = MappingProxyType(
 
 
 class DefinitionError(ValueError):
-    """The definition is wrong; `keys` lead to where."""
+    """The definition has a mistake; `keys` lead to its place."""
 
     def __init__(self, message: str, *keys: Any) -> None:
         super().__init__(message)

@@ -12,12 +12,12 @@ from .spectrum import Block, Near, Space
 from .splitting import Series
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Source of what moves within a joint eigenspace besides e^z, as shears, and of what moves by series that end.
+# Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Shears:
-    """Lines of source, and those of what moves within a space besides e^z."""
+    """A writer of lines of source, with the motions within a space besides e^z."""
 
     def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
         self.count, self.numbers, self.depends = count, numbers, depends
@@ -41,7 +41,7 @@ class Shears:
         return name
 
     def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
-        """Names of the sine and the versine of an angle; `phase` is what the angle is made of."""
+        """Names of the sine and the versine of an angle; `phase` are the factors of the a in it."""
         if angle not in self.taken:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
@@ -55,10 +55,10 @@ class Shears:
         self.lines += lines
         return codes
 
-    def product(self, c: mpmath.mpf, what: str) -> str:
+    def product(self, c: mpmath.mpf, factor: str) -> str:
         if self.depends:
-            return f"{self.numbers.constant(c)} * {what}"
-        sign, code = self.numbers.times(c, what, False)
+            return f"{self.numbers.constant(c)} * {factor}"
+        sign, code = self.numbers.times(c, factor, False)
         return code if sign == "+" else f"-{code}"
 
     def total_angle(self, factors: Sequence[mpmath.mpf]) -> str:
@@ -139,11 +139,11 @@ class Shears:
         """(part of the result, part of the factor, number) of c / order times a complex number."""
         with mpmath.workdps(60):
             re, im = mpmath.re(c) / order, mpmath.im(c) / order
-        found = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
-        return [(part, other, number) for part, other, number in found if number]
+        products = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
+        return [(part, other, number) for part, other, number in products if number]
 
     def near(self, near: Near, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-        """The same for N_j = c_j K with K^2 = kappa: (cosh w - 1) u + sinh(w)/sqrt(kappa) K u.
+        """The change for N_j = c_j K with K^2 = kappa: (cosh w - 1) u + sinh(w)/sqrt(kappa) K u.
 
         w is sqrt(kappa) sum_j c_j a_j.
         """
@@ -162,15 +162,15 @@ class Shears:
             for part, other, factor in self._products(c, 1):
                 if u[n][other] != "0.0":
                     rows[m][part].append(self.numbers.times(factor, u[n][other], self.depends))
-        found = []
+        changes = []
         for row, own in zip(rows, u, strict=True):
             codes = [
                 " + ".join([f"{v} * {x}"] * (x != "0.0") + ([f"{s} * ({written_sum(terms)})"] if terms else []))
                 for terms, x in zip(row, own, strict=True)
             ]
             real, imaginary = (self.let("q", code) if code else "0.0" for code in codes)
-            found.append((real, imaginary))
-        return found
+            changes.append((real, imaginary))
+        return changes
 
 
 def _product(name: str, monomial: Sequence[int]) -> str:
@@ -183,7 +183,7 @@ class Motion(NamedTuple):
     lines: tuple[str, ...]  #: that compute the new components, from y1, y2, ..., a1, a2, ... and `angles`
     components: tuple[int, ...]  #: that are moved, new ones in z1, z2, ...
     angle: str  #: a bound of the angles whose sines it takes, from a1, a2, ...; "" if there are none
-    kinds: tuple[str, ...]  #: what it consists of, in words
+    kinds: tuple[str, ...]  #: its parts, in words
     lost: int  #: digits that it loses, where eigenvalues are nearly equal
 
 
@@ -241,17 +241,17 @@ class _Writer(Shears):
         most = [max(abs(phase[n]) for phase in self.phases) for n in range(self.count)]
         return " + ".join(self._factor(c, f"abs(a{n + 1})") for n, c in enumerate(most) if c)
 
-    def _factor(self, c: mpmath.mpf, what: str) -> str:
+    def _factor(self, c: mpmath.mpf, factor: str) -> str:
         if abs(c - 1) < NOTHING:
-            return what
+            return factor
         if self.depends:
-            return f"abs({self.numbers.constant(c)}) * {what}"
-        return f"{math.nextafter(float(c), math.inf)!r} * {what}"
+            return f"abs({self.numbers.constant(c)}) * {factor}"
+        return f"{math.nextafter(float(c), math.inf)!r} * {factor}"
 
     # ---- one matrix with M^3 = -omega^2 M ----------------------------------------------------------------------------
 
     def _turns(self, block: Block) -> bool:
-        """Whether the form with M and M^2 is the better one: without a basis, and mostly with fewer products."""
+        """Whether the form with M and M^2 is better: without a basis, and mostly with fewer products."""
         assert block.turn
         entries, square = block.turn
         if len(block.components) == 1:
@@ -265,13 +265,13 @@ class _Writer(Shears):
         """y + sin(omega a)/omega M y + (1 - cos(omega a))/omega^2 M^2 y, or with hyperbolic functions."""
         assert block.turn
         entries, square = block.turn
-        (which,) = {n for space in block.spaces for n in range(self.count) if space.rates[n] or space.phases[n]}
+        (place,) = {n for space in block.spaces for n in range(self.count) if space.rates[n] or space.phases[n]}
         with mpmath.workdps(60):
             omega = mpmath.sqrt(abs(square))
             inverse, inverse_square = 1 / omega, 1 / abs(square)
-        z = self.product(omega, f"a{which + 1}")
+        z = self.product(omega, f"a{place + 1}")
         if square > 0:
-            s, v = self.sine(z, tuple(omega if n == which else mpmath.mpf(0) for n in range(self.count)))
+            s, v = self.sine(z, tuple(omega if n == place else mpmath.mpf(0) for n in range(self.count)))
         else:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
@@ -341,7 +341,7 @@ class _Writer(Shears):
                 self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
 
     def _common_factor(self, block: Block) -> mpmath.mpf:
-        """By what all that is put back is to be multiplied."""
+        """The common factor of all columns by which changes are put back."""
         sizes = {mpmath.nstr(max(map(abs, row.values())), 30) for space in block.spaces for row in space.right}
         if len(sizes) != 1 or self.depends:
             return mpmath.mpf(1)
@@ -362,8 +362,8 @@ class _Writer(Shears):
         for (a, b), (c, d) in zip(u, sheared, strict=True):
             # (e^z - 1) u + e^z q, where e^z u + ... of a sheared q is e^z (u + q) - u
             if (c, d) != ("0.0", "0.0"):
-                one = self.let("g", f"1.0 + {real}" if any(space.rates) else f"1.0 - {v}")
-                extra = (f" + ({one} * {c} - {imaginary} * {d})", f" + ({one} * {d} + {imaginary} * {c})")
+                whole = self.let("g", f"1.0 + {real}" if any(space.rates) else f"1.0 - {v}")
+                extra = (f" + ({whole} * {c} - {imaginary} * {d})", f" + ({whole} * {d} + {imaginary} * {c})")
             else:
                 extra = ("", "")
             if any(space.rates):

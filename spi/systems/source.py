@@ -21,18 +21,18 @@ from .system import System, poisson_bracket
 from .system import lines as lines_of_solvable
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Source of what a model says besides its flows: B v, H, gradients and what follows of them by differentiation.
+# Source of the methods of a model besides its flows: B v, H, gradients and their derivatives.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Term = tuple[str, str]  #: (sign, code)
 
 
 def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable[int], at: str = "y") -> str:
-    """B(y) v as a tuple, for a v that is 0 outside of some columns; `names` says how parameters are called."""
-    kept, rows = set(columns), dict[int, list[Term]]()
+    """B(y) v as a tuple, for a v that is 0 outside of some columns; `names` are those of parameters."""
+    used, rows = set(columns), dict[int, list[Term]]()
     for i, j in bracket.constants:
         for row, column, sign in ((i, j, 1), (j, i, -1)):
-            if column in kept:
+            if column in used:
                 terms = [term for _, term in _terms(bracket, names, i, j, sign, lambda k: f"{at}[{k}]")]
                 if len(terms) == 1:
                     rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
@@ -62,12 +62,12 @@ def _terms(
 
 
 class Derivatives:
-    """Writes these methods; `names` says how symbols are called, `frozen` what formulas are within a step."""
+    """Writes these methods; `names` are those of symbols, `frozen` replaces formulas by those within a step."""
 
     def __init__(
         self, system: System, names: Mapping[Any, str], frozen: Callable[[Iterable[Any]], list[Any]] = list
     ) -> None:
-        self.given, self.frozen = names, frozen  # which names more where it freezes
+        self.given, self.frozen = names, frozen  # which adds names where it freezes
         self.system, self.variables, self.bracket = system, system.world.variables, system.world.bracket
         count = range(self.bracket.dimension)
         self.v, self.u = ([sympy.Symbol(f"{c}{n + 1}", real=True) for n in count] for c in "νυ")
@@ -75,7 +75,7 @@ class Derivatives:
         self.names |= {u: f"u[{n}]" for n, u in enumerate(self.u)}
 
     def lines(self, inexact: Iterable[int]) -> list[str]:
-        """All methods; `inexact` are the pieces without an exact flow, whose own gradients are asked for."""
+        """All methods; `inexact` are the pieces without an exact flow, which need gradients of their own."""
         system, variables = self.system, self.variables
         lines = self.structure()
         lines += self.word("hamiltonian(model, y)", [[system.hamiltonian]], scalar=True)
@@ -96,7 +96,7 @@ class Derivatives:
     # ---- B v -------------------------------------------------------------------------------------------------------
 
     def structure(self) -> list[str]:
-        """The word for B v, and that for its derivative where B is not linear."""
+        """The method for B v, and that for its derivative where B is not linear."""
         every = range(self.bracket.dimension)
         if self.bracket.is_lie:
             lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.names, every)}"]
@@ -106,7 +106,7 @@ class Derivatives:
         return lines + self.word("structure_derivative(model, y, u, v)", [self.rows_along(every)])
 
     def noise_structure(self, supports: Sequence[Sequence[int]]) -> list[str]:
-        """The same for v that are 0 outside of some components, one set of them for each noise."""
+        """These methods for v that are 0 outside of some components, one set of them for each noise."""
         heads = "noise_structure(model, k, y, v)", "noise_structure_derivative(model, k, y, u, v)"
         if not self.bracket.is_lie:
             lines = self.word(heads[0], [self.rows(support) for support in supports])
@@ -124,15 +124,15 @@ class Derivatives:
 
         {y_i, y_j} is {w_i, w_j}, times y_i and y_j where their logarithms are coordinates.
         """
-        found = self._sums(columns, lambda entry, j: entry * self._factor(j))
-        return [self._factor(i) * sympy.Add(*terms) for i, terms in enumerate(found)]
+        sums = self._sums(columns, lambda entry, j: entry * self._factor(j))
+        return [self._factor(i) * sympy.Add(*terms) for i, terms in enumerate(sums)]
 
     def rows_along(self, columns: Iterable[int]) -> list[Any]:
-        """Those of the derivative of B along u, applied to v."""
-        kept = list(columns)
+        """The components of the derivative of B along u, applied to v."""
+        used = list(columns)
         change = [u if i in self.bracket.logarithmic else sympy.Integer(0) for i, u in enumerate(self.u)]
-        still = self._sums(kept, lambda entry, j: entry * self._factor(j))
-        moved = self._sums(kept, lambda entry, j: entry * change[j] + self.along([entry], self.u)[0] * self._factor(j))
+        still = self._sums(used, lambda entry, j: entry * self._factor(j))
+        moved = self._sums(used, lambda entry, j: entry * change[j] + self.along([entry], self.u)[0] * self._factor(j))
         both = zip(still, moved, strict=True)
         return [change[i] * sympy.Add(*a) + self._factor(i) * sympy.Add(*b) for i, (a, b) in enumerate(both)]
 
@@ -142,25 +142,25 @@ class Derivatives:
 
     def _sums(self, columns: Iterable[int], term: Callable[[Any, int], Any]) -> list[list[Any]]:
         """For each i, the addends v_j term({w_i, w_j}, j) with j in some columns."""
-        kept: set[int] = set(columns)
-        found: list[list[Any]] = [[] for _ in self.variables]
+        used: set[int] = set(columns)
+        sums: list[list[Any]] = [[] for _ in self.variables]
         for i, j, polynomial in self.bracket.entries(symbolic=True):
             products = (c * sympy.Mul(*(self.variables[k] for k in monomial)) for monomial, c in polynomial.items())
             entry = sympy.Add(*products)
             for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in kept:
-                    found[row].append(sign * self.v[column] * term(entry, column))
-        return found
+                if column in used:
+                    sums[row].append(sign * self.v[column] * term(entry, column))
+        return sums
 
     # ---- formulas ----------------------------------------------------------------------------------------------------
 
     def along(self, expressions: Sequence[Any], direction: Sequence[Any]) -> list[Any]:
         """The derivatives of some expressions along a vector."""
-        found = []
+        derivatives = []
         for e in expressions:
             used = [n for n, y in enumerate(self.variables) if y in e.free_symbols]
-            found.append(sympy.Add(*(sympy.diff(e, self.variables[n]) * direction[n] for n in used)))
-        return found
+            derivatives.append(sympy.Add(*(sympy.diff(e, self.variables[n]) * direction[n] for n in used)))
+        return derivatives
 
     def word(
         self, head: str, cases: Sequence[Sequence[Any]] | Mapping[int, Sequence[Any]], scalar: bool = False
@@ -204,10 +204,10 @@ def head(
     inexact: str,
     numbers: Numbers,
 ) -> str:
-    """Imports, the system, and numbers of two parts: all that stands before the functions."""
+    """The text before the functions: imports, the system, and numbers of two parts."""
     listed = textwrap.fill(", ".join(variables), 110)
-    what = {"kind": kind, "name": name, "names": variables, "sizes": dict(sizes), "inexact": inexact}
-    text = _HEAD.format(variables=listed, **what)
+    facts = {"kind": kind, "name": name, "names": variables, "sizes": dict(sizes), "inexact": inexact}
+    text = _HEAD.format(variables=listed, **facts)
     pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in numbers.pairs.items()]
     return "\n".join([text, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])])
 
@@ -221,8 +221,8 @@ class Generated(NamedTuple):
     text: str
     fields: tuple[tuple[str, str], ...]  #: (parameter, field)
     constants: tuple[float, ...]
-    motions: tuple[Motion | str, ...]  #: of the flows of H, then of those of the noises; or why there is none
-    in_time: str | None  #: how time enters, for people; None if nothing depends on it
+    motions: tuple[Motion | str, ...]  #: of the flows of H, then of those of the noises; or the reason for none
+    in_time: str | None  #: the treatment of time, for people; None if nothing depends on it
 
 
 def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, str]:
@@ -232,7 +232,7 @@ def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, st
 
 
 def generate(system: System, name: str, words: Iterable[str], sizes: Mapping[str, int]) -> Generated:
-    """The module of a system, with a class of this name; `words` are what a model class gives other meanings."""
+    """The module of a system, with a class of this name; `words` are the names with a meaning in model classes."""
     with mpmath.workdps(DIGITS):
         return _Generator(system, name, words, sizes).generate()
 
@@ -288,44 +288,44 @@ class _Generator:
         )
 
     def frozen(self, expressions: Iterable[Any]) -> list[Any]:
-        """Expressions with what depends on time alone as numbers of the step."""
+        """Expressions with the parts that depend on time alone as numbers of the step."""
         return [self.coefficients.frozen(e) for e in expressions] if self.coefficients else list(expressions)
 
     def inexact(self, lacking: Mapping[str, Mapping[int, str]]) -> str:
-        """What the module says of pieces and noises without an exact flow: {part: {k: (formula, why)}}."""
+        """The entry of the module about pieces and noises without an exact flow: {part: {k: (formula, reason)}}."""
         of = {"pieces": self.system.flows, "noises": self.system.noises}
-        said = {
-            part: {k: (self.world.name(of[part][k].expression), why) for k, why in found.items()}
-            for part, found in lacking.items()
+        facts = {
+            part: {k: (self.world.name(of[part][k].expression), why) for k, why in reasons.items()}
+            for part, reasons in lacking.items()
         }
-        return f', "inexact": {said!r}' if any(said.values()) else ""
+        return f', "inexact": {facts!r}' if any(facts.values()) else ""
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
     def moved(self, flow: Flow) -> tuple[Any, list[Any]]:
-        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or why not."""
+        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or a reason why not."""
         if flow.lacking:
             return flow.lacking, []
-        found = generators(flow, self.world)
-        key = tuple(one.key for one in found)
+        parts = generators(flow, self.world)
+        key = tuple(part.key for part in parts)
         if key not in self.motions:
             before = len(self.numbers.constants)
             try:
-                self.moving[key] = motions(found, self.bracket)
-                made = motion(*self.moving[key], len(found), self.numbers, flow.varying)
+                self.moving[key] = motions(parts, self.bracket)
+                moved_by = motion(*self.moving[key], len(parts), self.numbers, flow.varying)
             except Inseparable as error:
                 return str(error), []
             uses = len(self.numbers.constants) > before
-            self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
-        return key, self.frozen(one.rate for one in found)
+            self.motions[key] = f"_motion{len(self.motions) + 1}", moved_by, parts, uses
+        return key, self.frozen(part.rate for part in parts)
 
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
-        """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
+        """The methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
         return self.writer.words(heads, _calls(flows, moved)) if flows else ["", heads[0], "    return y"]
 
     def divided(self, *moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
-        """What a model of long flows says besides; nothing if one of them cannot be divided."""
+        """Further methods of a model of long flows; none if one of them cannot be divided."""
         if not (phases := phases_of(self.motions)):
             return []
         calls = {"drift": _calls(self.system.flows, moved[0]), "noise": _calls(self.system.noises, moved[1])}
@@ -334,10 +334,10 @@ class _Generator:
         return ["", f"phases = {phases}", *words["drift"], *words["noise"]] if done else []
 
     def tables(self, tables: Tables, *moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
-        """What a model of many components says besides, whose flows are loops over tables."""
+        """Further methods of a model of many components, whose flows are loops over tables."""
         if not has_tables(self.world, self.coefficients):
             return []
-        found = [
+        moving_tables = [
             [
                 () if isinstance(key, str) else tables.table(self.moving[key], len(rates), rates, flow)
                 for flow, (key, rates) in zip(flows, of, strict=True)
@@ -345,20 +345,20 @@ class _Generator:
             for flows, of in zip((self.system.flows, self.system.noises), moved, strict=True)
         ]
         slopes = [tables.friction(noise.expression, self.system.hamiltonian) for noise in self.system.noises]
-        return tables.lines(found[0], found[1], slopes)
+        return tables.lines(moving_tables[0], moving_tables[1], slopes)
 
     def joint_words(self) -> list[str]:
-        """The trait ``joint_noises`` and the words ``joint_flow`` and ``joint_angle``, where there are joint flows."""
+        """The trait ``joint_noises`` and the methods ``joint_flow`` and ``joint_angle``, if there are joint flows."""
         flows, noises = self.system.flows, self.system.noises
-        found, calls = families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))), []
-        for k, family in enumerate(found):
+        grouped, calls = families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))), []
+        for k, family in enumerate(grouped):
             if family.noises:
                 together, key = [flows[k], *(noises[n] for n in family.noises)], self.moved(family.leader)[0]
                 times = ["t", *(f"s[{n}]" for n in range(len(family.noises)))]
-                pivots = [one.key[0] for one in self.motions[key][2]]
+                pivots = [part.key[0] for part in self.motions[key][2]]
                 rates = (self.frozen(rate(f, pivot, self.world) for pivot in pivots) for f in together)
                 calls.append(Call(k, key, list(zip(times, rates, strict=True)), together))
-        groups = "".join(f"{family.noises!r}, " for family in found)
+        groups = "".join(f"{family.noises!r}, " for family in grouped)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
 
@@ -376,7 +376,7 @@ class _Generator:
         strengths = f"({', '.join(['1.0'] * m)}{',' if m == 1 else ''})"
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
         lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
-        lines += [f"inexact_{part} = {as_tuple(list(map(str, found)))}" for part, found in lacking.items() if found]
+        lines += [f"inexact_{part} = {as_tuple(list(map(str, ks)))}" for part, ks in lacking.items() if ks]
         if any(lacking.values()):
             lines += [f'inner = "{system.inner}"', f"structure_is_kept = {self.bracket.is_kept}"]
         lines.append(f"conserved = {len(system.casimirs)}")
@@ -410,11 +410,11 @@ class _Generator:
 
 
 def _calls(flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[Call]:
-    """Each flow by itself."""
+    """The calls of flows, each by itself."""
     each = enumerate(zip(flows, moved, strict=True))
     return [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
 
 
 def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:
-    """By their numbers, why flows have no motion."""
+    """{k: reason} of the flows without a motion."""
     return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}

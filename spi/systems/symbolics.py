@@ -1,4 +1,4 @@
-"""Formulas of a system: what occurs in them, what they are called, whether they commute with everything."""
+"""Formulas of a system: their variables, their names, whether they commute with everything."""
 
 import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,12 +13,12 @@ from .text import TAKEN, NumberError, Symbols
 
 
 class Symbolics(NamedTuple):
-    """What formulas are made of."""
+    """The symbols of formulas and their meaning."""
 
     bracket: Bracket
     variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
     parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
-    time: Any = None  #: the symbol of time, None where a parameter or variable is called t
+    time: Any = None  #: the symbol of time, None where a parameter or variable has the name t
 
     def used(self, expression: Any) -> tuple[int, ...]:
         """The components that occur in an expression."""
@@ -26,7 +26,7 @@ class Symbolics(NamedTuple):
         return tuple(i for i, y in enumerate(self.variables) if y in free)
 
     def at_a_time(self) -> dict[Any, Any]:
-        """What stands for time where a formula is looked at."""
+        """The value of time at which formulas are tested."""
         return {self.time: sympy.sqrt(19) / 7} if self.time is not None else {}
 
     def varies(self, expression: Any) -> bool:
@@ -45,7 +45,7 @@ class Symbolics(NamedTuple):
         return str(expression.xreplace(words)).replace("**", "^")
 
     def by_coordinate(self, derivative: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i, made of that by y_i; see ``coordinates``."""
+        """The derivative of a function by the coordinate w_i, from that by y_i; see :attr:`Bracket.coordinates`."""
         if i not in self.bracket.logarithmic:
             return derivative
         return sympy.Add(*(self.variables[i] * term for term in sympy.Add.make_args(derivative)))
@@ -57,12 +57,12 @@ class Symbolics(NamedTuple):
 
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
         """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
-        found = {}
+        gradient = {}
         for i in self.used(function):
             with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
                 slope = self.slope(function, i).xreplace(self.at_a_time())
-                found[i] = mpmath.mpmathify(numeric(self.variables, slope)(*point))
-        return found
+                gradient[i] = mpmath.mpmathify(numeric(self.variables, slope)(*point))
+        return gradient
 
     def is_casimir(self, function: Any) -> bool:
         """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
@@ -84,11 +84,11 @@ class Symbolics(NamedTuple):
         return tried > 0
 
 
-def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
+def numeric(variables: Sequence[Any], expressions: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    known = {"Heaviside": _step, "DiracDelta": _delta}
-    found: Callable[..., Any] = sympy.lambdify(variables, what, [known, "mpmath"])
-    return found
+    names = {"Heaviside": _step, "DiracDelta": _delta}
+    function: Callable[..., Any] = sympy.lambdify(variables, expressions, [names, "mpmath"])
+    return function
 
 
 def _step(x: Any, at_0: Any) -> Any:
@@ -97,7 +97,7 @@ def _step(x: Any, at_0: Any) -> Any:
 
 
 def _delta(x: Any) -> Any:
-    """The second one, wherever it exists."""
+    """The second derivative of max(x, 0), wherever it exists."""
     return mpmath.mpf(0)
 
 
@@ -122,7 +122,7 @@ def degree_of(value: Any, world: Symbolics) -> int | None:
 
 
 def check_name(name: str, key: str) -> None:
-    """DefinitionError if formulas cannot name a parameter or a size so."""
+    """DefinitionError if a parameter or a size cannot have this name in formulas."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
     if not is_name or name in TAKEN:
         raise DefinitionError(
@@ -136,11 +136,11 @@ def polynomial(value: Any, formulas: Symbols) -> Polynomial:
     expanded = sympy.expand(value)
     if not expanded.is_polynomial(*symbols):
         raise NumberError("a bracket must be a polynomial in the variables")
-    found: Polynomial = {}
+    factors: Polynomial = {}
     for powers, c in sympy.Poly(expanded, *symbols).terms():
         if c != 0:
-            found[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
-    return found
+            factors[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
+    return factors
 
 
 def merged_powers(function: Any) -> Any:
@@ -180,8 +180,8 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
                     )
         if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
             name = world.name(function)
-            what = f"has no finite real value at these parameters: '{shortened(name)}'"
-            raise DefinitionError(f"{what}; take others", "parameters")
+            fault = f"has no finite real value at these parameters: '{shortened(name)}'"
+            raise DefinitionError(f"{fault}; take others", "parameters")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ class NowhereFinite(NoExactFlow):
 
 
 def functionals_of(
-    expression: Any, world: Symbolics, kept: Iterable[Any] = ()
+    expression: Any, world: Symbolics, fixed: Iterable[Any] = ()
 ) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
     """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
@@ -214,7 +214,7 @@ def functionals_of(
         and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
     ):
         return coordinates, used  # a monomial
-    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
+    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(fixed)}
     gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
     in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
     symbols = [*(world.variables[i] for i in used), *in_time]
@@ -232,14 +232,14 @@ def functionals_of(
             rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
         if not rows:
             raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
-    found, pivots = reduced(rows)
-    return (coordinates, used) if len(found) == len(used) else (found, pivots)
+    span, pivots = reduced(rows)
+    return (coordinates, used) if len(span) == len(used) else (span, pivots)
 
 
 def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
     """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
     left = [dict(row) for row in rows]
-    found: dict[int, Functional] = {}
+    by_pivot: dict[int, Functional] = {}
     tiny = mpmath.mpf(10) ** -30
     with mpmath.workdps(DIGITS + 20):
         while True:
@@ -252,14 +252,14 @@ def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional,
             row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
             row[pivot] = mpmath.mpf(1)
             left = [_without(other, pivot, row, tiny) for other in left]
-            found = {p: _without(other, pivot, row, tiny) for p, other in found.items()}
-            found[pivot] = row
-    pivots = tuple(sorted(found))
-    return tuple(found[pivot] for pivot in pivots), pivots
+            by_pivot = {p: _without(other, pivot, row, tiny) for p, other in by_pivot.items()}
+            by_pivot[pivot] = row
+    pivots = tuple(sorted(by_pivot))
+    return tuple(by_pivot[pivot] for pivot in pivots), pivots
 
 
 def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
-    """A row less so much of another that its entry at the pivot is 0."""
+    """A row minus the multiple of another one that makes its entry at the pivot 0."""
     factor = row.get(pivot)
     if not factor:
         return dict(row)

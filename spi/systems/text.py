@@ -29,7 +29,7 @@ FUNCTIONS = {
     "abs": sympy.Abs,
 }
 OF_SEVERAL = {"max": sympy.Max, "min": sympy.Min}
-#: What no variable, parameter or size can be called.
+#: Names that no variable, parameter or size can have.
 TAKEN = (*FUNCTIONS, *OF_SEVERAL, "pi", "mod", "sum", "for")
 _MOST = 10_000  # entries that one range may stand for
 _LARGEST = sympy.Float(sys.float_info.max)
@@ -42,7 +42,7 @@ class Symbols:
     """The meaning of the grammar in expressions of sympy.
 
     `variables` and `parameters` map names, such as "x(1)", to symbols; `indices` are words with whole values, the sizes
-    of the system and what ranges run over.
+    of the system and the indices of ranges.
     """
 
     longest = 20_000
@@ -64,11 +64,11 @@ class Symbols:
         self.constants |= {name: sympy.Integer(value) for name, value in self.indices.items()}
 
     def within(self, indices: Mapping[str, int]) -> "Symbols":
-        """The same with further indices."""
+        """These symbols with further indices."""
         return Symbols(self.variables, self.parameters, {**self.indices, **indices}, self.time)
 
     def in_time(self, time: Any) -> "Symbols":
-        """The same with the word t for time, unless a variable, a parameter or a size is called so."""
+        """These symbols with the word t for time, unless a variable, a parameter or a size has this name."""
         if time is not None and "t" in self.constants:
             return self
         return Symbols(self.variables, self.parameters, self.indices, time)
@@ -80,8 +80,8 @@ class Symbols:
     def unknown(self, word: str) -> NumberError:
         if word == "t":
             return NumberError("t, the time, stands in hamiltonian, pieces, noises and sigma alone")
-        known = [*self.constants, *self.families, *self.functions]
-        near = difflib.get_close_matches(word, known, 1)
+        words = [*self.constants, *self.families, *self.functions]
+        near = difflib.get_close_matches(word, words, 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
 
     def negative(self, a: Any) -> Any:
@@ -103,7 +103,7 @@ class Symbols:
         return FUNCTIONS[function](a)
 
     def call(self, word: str, inside: str) -> Any:
-        """What a word with this text in parentheses is; NotImplemented for a function of one argument."""
+        """The value of a word with this text in parentheses; NotImplemented for a function of one argument."""
         if word == "sum":
             return sympy.Add(*(read(body, algebra) for body, algebra in repeated(inside, self)))
         if word == "mod":
@@ -137,23 +137,23 @@ def indexed(word: str, inside: str, algebra: Symbols) -> str:
 
 def expression(text: str, algebra: Symbols) -> Any:
     """The expression that a text stands for; NumberError, with a short reason, if it is none."""
-    found = read(text, algebra)
-    if found.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+    value = read(text, algebra)
+    if value.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
         raise NumberError("it has no finite real value")
-    if any(abs(number) > _LARGEST for number in found.atoms(sympy.Number)):
+    if any(abs(number) > _LARGEST for number in value.atoms(sympy.Number)):
         raise NumberError("too large")
-    if _depth(found) > _DEEPEST:
+    if _depth(value) > _DEEPEST:
         raise NumberError("too deeply nested")
-    return found
+    return value
 
 
-def _depth(found: Any) -> int:
-    return 1 + max(map(_depth, found.args), default=0)
+def _depth(value: Any) -> int:
+    return 1 + max(map(_depth, value.args), default=0)
 
 
 def addends(text: str, algebra: Symbols) -> list[Any]:
     """The expressions whose sum a text is, in the order of the text, those of a ``sum(...)`` one after the other."""
-    found = []
+    terms = []
     for sign, part in _signed(text):
         start = part.find("(")
         inside, end = in_parentheses(part, start) if part[: max(start, 0)].strip() == "sum" else ("", 0)
@@ -161,24 +161,24 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
             inner = [x for body, bound in repeated(inside, algebra) for x in addends(body, bound)]
         else:
             inner = [expression(part, algebra)]
-        found += [-x for x in inner] if sign == "-" else inner
-    return found
+        terms += [-x for x in inner] if sign == "-" else inner
+    return terms
 
 
 def _signed(text: str) -> list[tuple[str, str]]:
-    """The parts of a sum, each with its sign; that of a factor or of a literal such as 1e-3 is none of a sum."""
-    found, depth = [["+", ""]], 0
+    """The parts of a sum, each with its sign; the sign of a factor or in a literal such as 1e-3 does not separate."""
+    signed_parts, depth = [["+", ""]], 0
     for n, c in enumerate(text):
         depth += {"(": 1, ")": -1}.get(c, 0)
         before = text[:n].rstrip()
         if c in "+-" and depth == 0 and before[-1:] not in ("^", "*", "/") and not re.search(r"[\d.][eE]$", text[:n]):
-            if not found[-1][1].strip():
-                found[-1][0] = "-" if (found[-1][0] == "-") != (c == "-") else "+"
+            if not signed_parts[-1][1].strip():
+                signed_parts[-1][0] = "-" if (signed_parts[-1][0] == "-") != (c == "-") else "+"
             else:
-                found.append([c, ""])
+                signed_parts.append([c, ""])
         else:
-            found[-1][1] += c
-    return [(sign, part) for sign, part in found]
+            signed_parts[-1][1] += c
+    return [(sign, part) for sign, part in signed_parts]
 
 
 def whole(text: str, algebra: Symbols) -> int:
@@ -191,18 +191,18 @@ def whole(text: str, algebra: Symbols) -> int:
 
 def names(text: str, algebra: Symbols) -> list[str]:
     """The names in an entry such as ``P1`` or ``x(i), y(i) for i = 1..n``."""
-    found = []
+    names = []
     for body, inner in repeated(text, algebra):
         for part in parts(body):
             word, parenthesis, rest = part.strip().partition("(")
             if not _NAME.fullmatch(word.strip()) or (parenthesis and not rest.endswith(")")):
                 raise NumberError(f"'{part.strip()}' is not a name; names have letters from a to z, digits and _")
-            found.append(indexed(word.strip(), rest[:-1], inner) if parenthesis else word)
-    return found
+            names.append(indexed(word.strip(), rest[:-1], inner) if parenthesis else word)
+    return names
 
 
 def entries(text: str, algebra: Symbols) -> list[tuple[str, Symbols]]:
-    """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with what its indices are."""
+    """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with the values of its indices."""
     return [(part, inner) for body, inner in repeated(text, algebra) for part in parts(body)]
 
 
@@ -232,7 +232,7 @@ def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
 
 
 def _split_for(text: str) -> tuple[str, str, str]:
-    """Body, "for" and ranges, at the word "for" that stands in no parentheses."""
+    """Body, "for" and ranges, separated by the word "for" outside of parentheses."""
     depth = 0
     for match in re.finditer(r"[()]|\bfor\b", text):
         depth += {"(": 1, ")": -1}.get(match[0], 0)
@@ -242,15 +242,15 @@ def _split_for(text: str) -> tuple[str, str, str]:
 
 
 def parts(text: str, separators: str = ",") -> list[str]:
-    """The parts of a text between separators that stand in no parentheses."""
-    found, depth = [""], 0
+    """The parts of a text between separators outside of parentheses."""
+    parts, depth = [""], 0
     for c in text:
         depth += {"(": 1, ")": -1}.get(c, 0)
         if c in separators and depth == 0:
-            found.append("")
+            parts.append("")
         else:
-            found[-1] += c
-    return found
+            parts[-1] += c
+    return parts
 
 
 __all__ = [

@@ -123,7 +123,7 @@ def test_a_cache_that_cannot_be_written_is_told_once_and_stops_nothing(tmp_path,
         raise OSError(errno.ENOSPC, "as the system says it")
 
     monkeypatch.setattr(caching.FunctionCache, "save_overload", full)
-    monkeypatch.setattr(caching.SharedCache, "_told", False)
+    monkeypatch.setattr(caching.SharedCache, "_warned", False)
     cache = caching.SharedCache(run)
     cache._cache_path = str(tmp_path)
     for _ in range(2):

@@ -4,8 +4,8 @@ The backward operator of a splitting step, (P f)(y) = E f(y_1) given y_0 = y, is
 one for each exact flow, and each of them is diagonal in a Fourier variable.  It is applied in the reverse order of the
 flows.
 
-Which solver works on a model follows from what the model answers, see ``spi.ensemble.protocol``: ``axis_inertias`` for
-spheres, ``rotation_shear_rates`` for cylinders.
+The solver is chosen by a method of the model, see ``spi.ensemble.protocol``: ``axis_inertias`` for spheres,
+``rotation_shear_rates`` for cylinders.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ __all__ = [
     "seconds_of_equation",
 ]
 
-SOLVING = "solving"  #: what the work is called
+SOLVING = "solving"  #: the name of the work
 
 
 class Expectations(NamedTuple):
@@ -50,23 +50,23 @@ class Expectations(NamedTuple):
     value_bound: np.ndarray  #: (F, S)
     limit_bound: np.ndarray  #: (F,)
     weak_error_bound: np.ndarray  #: (F, S)
-    notes: dict[str, Any]  #: how it was computed: resolution, seconds, ...
+    notes: dict[str, Any]  #: resolution, seconds and the like
 
 
 class Demands(NamedTuple):
-    """What a solver takes for a question, roughly."""
+    """The rough cost of a computation by a solver."""
 
     seconds: float  #: on all threads
     bytes: float  #: of memory, at most
-    obstacle: str = ""  #: why the solver cannot do it, in words that follow "the solver"
-    remedy: str = ""  #: what would be right then
+    obstacle: str = ""  #: the reason why the solver cannot do it, as a predicate of "the solver"
+    remedy: str = ""  #: advice for that case
     least: float = 0.0  #: numerical error below which rounding lets no accuracy be reached
 
 
 class _Solver(NamedTuple):
-    word: Callable  #: what a model must answer
+    word: Callable  #: the method that a model must have
     module: str
-    equation: bool  #: whether it solves the equation without looking at a scheme
+    equation: bool  #: whether it solves the equation alone, without a scheme
 
 
 _SOLVERS = (
@@ -80,11 +80,11 @@ def _solvers(model, equation=False):
 
 
 def _solver(model, equation=False):
-    if found := _solvers(model, equation):
-        return import_module(f".{found[0].module}", __name__)
+    if solvers := _solvers(model, equation):
+        return import_module(f".{solvers[0].module}", __name__)
     words = " or ".join(s.word.__name__ for s in _SOLVERS if s.equation or not equation)
-    what = "limit without schemes" if equation else "solver without sampling"
-    raise ValueError(f"no {what} for {class_of(model).__qualname__}, which does not answer {words}")
+    purpose = "limit without schemes" if equation else "solver without sampling"
+    raise ValueError(f"no {purpose} for {class_of(model).__qualname__}, which does not answer {words}")
 
 
 def can_solve(model):
@@ -98,9 +98,9 @@ def can_solve_equation(model):
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
-    """What :func:`expectations` takes with these arguments, and whether it can do it at all: :class:`Demands`.
+    """The :class:`Demands` of :func:`expectations` with these arguments, and whether it can compute them at all.
 
-    Found within milliseconds, from the grids that the solver would choose.
+    Takes milliseconds, by the grids that the solver would choose.
     """
     compositions = by_place(model, compositions)
     return _solver(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
@@ -112,7 +112,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     `compositions` is a step as ``schemes.stages.compositions`` gives it: ((probability, flows), ...) with the flows
     ("drift" or "noise", k, share of the step) in the order in which they act, each noise flow with an increment of its
     own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
-    error.  ValueError for a model that no solver is for (:func:`can_solve`).
+    error.  ValueError for a model without a solver (:func:`can_solve`).
     """
     solver = _solver(model)
     asked = model, by_place(model, compositions), initial, final_time, steps, functions, accuracy
@@ -126,7 +126,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
     At several times, which increase, in place of the final one: (F, times).  NaN and infinite where it would take too
     long, with ``most_seconds=`` longer than that.
 
-    No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
+    No scheme is involved.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
     solver = _solver(model, equation=True)
     with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions, **limits)):
@@ -134,12 +134,12 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
 
 
 def seconds_of_equation(model, initial, final_time, functions, **limits):
-    """About how many seconds :func:`exact_expectations` takes, found within milliseconds, as :func:`demands`."""
+    """The seconds of :func:`exact_expectations`, roughly; takes milliseconds, as :func:`demands`."""
     return _solver(model, equation=True).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 
 def refiner(model, initial, final_time, functions, accuracy):
-    """What refines E phi(y(T)) of the equation for F functions, one refinement at a time, on spheres and cylinders.
+    """An object that refines E phi(y(T)) of the equation for F functions step by step, on spheres and cylinders.
 
     It has ``costs``, the seconds of typical speed of each refinement there can be, ``rough`` (F,), which functions
     have kinks, ``known`` (F,), the expectations where nothing moves, else None, and ``refine(number)``, the values and

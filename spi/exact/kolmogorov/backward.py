@@ -9,7 +9,7 @@ from itertools import takewhile
 
 
 def numbers_of_steps(final_time, steps):
-    """How many steps of each size there are; ValueError where the final time is not a multiple."""
+    """The number of steps of each size; ValueError where the final time is not a multiple."""
     numbers = [round(final_time / h) for h in steps]
     for n, h in zip(numbers, steps, strict=True):
         if n < 1 or abs(n * h - final_time) > 1e-9 * final_time:
@@ -51,7 +51,7 @@ def words_of(compositions, active):
 def weak_order(words, commute=lambda a, b: a[1] == b[1]):
     """Weak order of a step, 1 or 2: in the product of the exponentials, X_i X_j must have the coefficient 1/2.
 
-    That is not asked of flows, (part, number) each, that `commute`.
+    This is not required of flows, (part, number) each, that `commute`.
     """
     parts = {(part, k) for word in words for part, k, _ in word}
     for first, second in ((a, b) for a in parts for b in parts if a != b and not commute(a, b)):
@@ -67,7 +67,7 @@ def weak_order(words, commute=lambda a, b: a[1] == b[1]):
 
 
 def plan(words):
-    """(begin, branches, end): what all words share is applied once; a branch is (probability, groups)."""
+    """(begin, branches, end): the common beginning and end of all words, and branches (probability, groups) between."""
     if len(words) == 1:
         return joined(next(iter(words))), (), ()
     shortest = min(map(len, words))

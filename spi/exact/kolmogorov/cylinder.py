@@ -1,7 +1,7 @@
 r"""E phi(y_N) of splitting schemes on cylinders, for models with ``rotation_shear_rates``, without sampling.
 
 With y_2 + i y_3 = r e^{i alpha}, where r is conserved, a function of the state is a function f(y_1, alpha) on a
-cylinder. The backward operators f -> E f(flow) of the pieces over time t are diagonal after one Fourier transform,
+cylinder.  The backward operators f -> E f(flow) of the pieces over time t are diagonal after one Fourier transform,
 
     H_1:  e^{i m alpha} -> exp(-i m a t y_1 - (sigma_1 â)^2 m^2 y_1^2 t / 2) e^{i m alpha}      at each y_1,
     H_2:  e^{i k y_1}   -> exp( i k c t y_2 - (sigma_2 ĉ)^2 k^2 y_2^2 t / 2) e^{i k y_1}        at each alpha
@@ -13,7 +13,7 @@ Richardson's extrapolation gains two orders at a time.
 
 *The line y_1* is cut to a period of half-width X + LAYER about y_1(0): phi is multiplied by a window and a rate of
 killing is added to L_1, both active beyond X only.  Scheme and equation are changed alike, by at most 2 max|phi|
-times the probability to be killed, which is 1 - E 1 and is computed by the same road.
+times the probability to be killed, which is 1 - E 1 and is computed in the same way.
 
 *Small steps* are not made.  On one grid the weak error of a method of order p is h^p times a smooth function of h; it
 is computed at step sizes T/8, T/16, ... and interpolated, until leaving out points no longer matters.
@@ -63,7 +63,7 @@ from .ladders import (
     weak_error,
 )
 
-ACCURACY = 1e-10  #: what is tried for when nothing is asked
+ACCURACY = 1e-10  #: the goal without a given accuracy
 STEPS = 256  #: that a refinement of the limit has at the finest, usually
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
@@ -130,7 +130,7 @@ class Refining:
             self.costs.append(float(np.prod(size)) * (steps + np.count_nonzero(self.rough) * KINKS))
 
     def _grid(self, number):
-        """(its size, its half-width); those of odd number are wider."""
+        """(size, half-width) of grid number 0, 1, ...; grids of odd number are wider."""
         wider = 1.05 if number % 2 else 1.0
         points = first_points(self.half_width) / 96 * (self.half_width * wider + LAYER) / (self.half_width + LAYER)
         return [even(n * REFINEMENT ** (number - 1)) for n in (points, 96)], self.half_width * wider
@@ -139,14 +139,14 @@ class Refining:
         """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
         size, half_width = self._grid(number)
         grid = Grid(self.problem, *size, half_width)
-        found, values = [], []
+        limits, values = [], []
         for n in FIRST * 2 ** np.arange(DEPTH + 1):
             values.append(grid.run(self.strang, int(n)))
-            found.append(richardson(values))
-            if len(found) > 2 and np.all(abs(found[-1][0] - found[-2][0]) <= 0.02 * self.accuracy):
+            limits.append(richardson(values))
+            if len(limits) > 2 and np.all(abs(limits[-1][0] - limits[-2][0]) <= 0.02 * self.accuracy):
                 break
         floor = (2 * self.killed + ROUNDING * np.sqrt(n)) * grid.largest
-        return found[-1][0], np.maximum(found[-1][1], abs(found[-1][0] - found[-2][0])) + floor
+        return limits[-1][0], np.maximum(limits[-1][1], abs(limits[-1][0] - limits[-2][0])) + floor
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -159,8 +159,10 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     with np.errstate(all="ignore"):
         least, usual, most = (first_points(x * safe_half_width(problem, 1e-13)) for x in (0.2, 0.4, 1.0))
     if not least <= POINTS:
-        what = f"would need a grid of {least:.2g} points, so far does y1 get until final_time; {POINTS} are the most"
-        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+        obstacle = (
+            f"would need a grid of {least:.2g} points, so far does y1 get until final_time; {POINTS} are the most"
+        )
+        return Demands(np.inf, np.inf, obstacle, "decrease sigma, initial or final_time")
     groups = sum(map(len, (p := plan(words_of(compositions, problem.active)))[::2])) + sum(len(w) for _, w in p[1])
     points = min(max(POINTS * coarser**-0.15, 4 * usual), max(POINTS, 2 * usual))
     runs = 1000 * coarser**-0.1 * (1 + groups / 3) / 2  # steps, for the limit and for the scheme, on three grids
@@ -190,28 +192,28 @@ def _grids(problem, size, half_width, rough):
     With functions that are `rough` two more: changes from grid to grid may be small by chance where there are kinks.
     """
     wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
-    found = [
+    grids = [
         Grid(problem, *size, half_width),
         Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
         Grid(problem, size[0], even(coarser[1]), half_width),
     ]
     more = [[even(n / REFINEMENT**k) for n in size] for k in (1, 2)] if rough else []
-    return found + [Grid(problem, *each, half_width) for each in more]
+    return grids + [Grid(problem, *each, half_width) for each in more]
 
 
 def _steps_of(numbers, ladder):
-    """The numbers of steps that the scheme takes."""
+    """The numbers of steps with which the scheme is run."""
     return [n for n in {*numbers, *ladder} if n <= ladder[-1]]
 
 
 def _seconds_on(grid, scheme, strang, numbers, limit_ladder, ladder):
-    """About how many seconds :func:`_on_grid` takes."""
+    """The seconds that :func:`_on_grid` takes, roughly."""
     steps = {strang: sum(limit_ladder), scheme: sum(_steps_of(numbers, ladder))}
     return sum(n * grid.seconds(plan) for plan, n in steps.items())
 
 
 class _Run(NamedTuple):
-    """What one grid gives, for F functions and S step sizes, and what is uncertain in it."""
+    """The results on one grid for F functions and S step sizes, with their uncertainties."""
 
     limit: np.ndarray  #: (F,)
     limit_uncertain: np.ndarray
@@ -233,7 +235,7 @@ def _bounds(runs, rough, floor, disagreement):
     finest, others = runs[0], runs[1:]
 
     def of_grid(of):
-        """The sum of the changes with either direction; where there are kinks twice the largest that any grid shows."""
+        """The sum of the changes in both directions; where there are kinks twice the largest change on any grid."""
         changes = np.abs([of(finest) - of(run) for run in others])
         return np.where(rough.reshape(-1, *[1] * (changes.ndim - 2)), 2 * changes.max(axis=0), sum(changes[:2]))
 

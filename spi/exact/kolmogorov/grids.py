@@ -18,11 +18,11 @@ from .kinks import FINER, low_pass, roughness, waves
 SECONDS, KINKS = 5e-9, 1.6e-6  #: of a point, for each function and group of flows of a step, and to look for kinks
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
-REFINEMENT = 1.4  #: ratio of a grid to the coarser one that tells its error
+REFINEMENT = 1.4  #: ratio of a grid to the coarser one by which its error is estimated
 
 
 class Problem(NamedTuple):
-    """A question in the terms of a cylinder."""
+    """The equation, initial value and functions in the coordinates of a cylinder."""
 
     initial: tuple
     T: float
@@ -37,12 +37,12 @@ class Problem(NamedTuple):
 
     @property
     def speed(self):
-        """The largest that the drift gives y_1."""
+        """The largest speed of y_1 by the drift."""
         return abs(self.rates[1]) * self.r
 
     @property
     def diffusion(self):
-        """The largest that the noise gives y_1."""
+        """The largest diffusion coefficient of y_1 by the noise."""
         return abs(self.sigma[1]) * self.r
 
     def rough(self, half_width):
@@ -126,7 +126,7 @@ class Grid:
         return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * low_pass(self.m), self.shape[1], axis=1)[:, 0]
 
     def seconds(self, plan):
-        """About how many seconds a step takes."""
+        """The seconds of a step, roughly."""
         begin, branches, end = plan
         groups = len(begin) + len(end) + sum(len(word) for _, word in branches)
         return groups * SECONDS * self.start.shape[0] * prod(self.shape)
@@ -157,7 +157,7 @@ class Grid:
 
 
 def _window(x, half_width):
-    """(how deep in the layer y_1 - y_1(0) = x is, what functions are multiplied by)."""
+    """(depth of y_1 - y_1(0) = x in the layer, window by which functions are multiplied)."""
     depth = (abs(x) - half_width) / LAYER
     return depth, 0.5 * erfc((depth - 0.35) / 0.07)
 
@@ -176,7 +176,7 @@ def _first_size(half_width):
 
 
 def first_points(half_width):
-    """How many points the first grid of a half-width has, before it is refined."""
+    """The number of points of the first grid of a half-width, before it is refined."""
     return 2 * (half_width + LAYER) * 24 / np.pi * 96
 
 
@@ -196,9 +196,9 @@ def domain(problem, strang, fewest, accuracy):
     reach = problem.speed * h + 8 * problem.diffusion * np.sqrt(h)
     if reach > 2 * LAYER:  # a step could jump over the layer and not be killed
         return safe, target
-    one = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
+    constant = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
     for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
-        grid = Grid(one, *_first_size(share * safe), share * safe)
+        grid = Grid(constant, *_first_size(share * safe), share * safe)
         killed = max(abs(1 - grid.run(strang, min(n, 512))[0]) for n in (fewest, max(64, fewest)))
         if killed < target:
             return share * safe, float(killed)

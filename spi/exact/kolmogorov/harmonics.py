@@ -10,8 +10,8 @@ degree l of a class has the orders m of one parity with one of cos(m phi), sin(m
 
 The operator behind all flows about the third axis, A f = d/dt f(y turned about axis 3 by the angle t y3), is
 A = -y3 d/dphi: it turns cos into m sin and multiplies by y3, that is, in the chain l = m, ..., L of one order m it is
-m times a signed Jacobi matrix J_m.  All of it is truncated in one place, J_m to L - m + 1 rows; what is made of A
-(exp(tA), exp(sA^2), sums) is then exact in the truncated space.  So a splitting scheme in this space is a splitting
+m times a signed Jacobi matrix J_m.  All of it is truncated in one place, J_m to L - m + 1 rows; functions of A
+(exp(tA), exp(sA^2), sums) are then exact in the truncated space.  So a splitting scheme in this space is a splitting
 scheme for the finite system whose generator is made of the same A, and its error tends to 0 with h for every L.
 Functions of J_m taken in its eigenvectors are those that Gauss quadrature with L - m + 1 nodes would give.
 
@@ -29,7 +29,7 @@ from ..work import counted
 from .kinks import FINER, low_pass, waves
 
 CLASSES = (0, 1, 2, 3)
-#: Up to this degree :func:`harmonics_up_to` keeps what it has made, 30 MB at most.
+#: Up to this degree :func:`harmonics_up_to` caches its results, 30 MB at most.
 KEPT = 128
 
 
@@ -159,11 +159,11 @@ class Harmonics:
         points = radius * points.reshape(3, -1)
         values = np.array([np.broadcast_to(f(points), points.shape[1]).reshape(rings, around) for f in functions])
         modes = np.fft.rfft(values, axis=-1)[..., : self.L + 1] * (weights * 2 * np.pi / around)[:, None]
-        found = self._coefficients(modes, z)
+        by_class = self._coefficients(modes, z)
         for f in np.flatnonzero(rough):
             for c, coefficients in self._projected(functions[f], radius).items():
-                found[c][:, f] = coefficients
-        return found
+                by_class[c][:, f] = coefficients
+        return by_class
 
     def _projected(self, f, radius):
         """Coefficients of a function with kinks for each class, from a finer grid and through a low-pass filter.
@@ -186,9 +186,9 @@ class Harmonics:
         modes = waves(weighted, point, t, phi, half, half) * np.exp(0.5j * np.pi / half * k)
         modes[half] = 0.0  # the wave -L - 1
         modes = 2 * half * np.fft.ifft(modes, axis=0)[:half] * (2 * np.pi**2 / half)
-        found = self._coefficients(modes[None], np.cos(middles))
+        by_class = self._coefficients(modes[None], np.cos(middles))
         degree = {c: np.repeat(np.arange(self.L + 1), [len(m) for m in self.orders[c]]) for c in CLASSES}
-        return {c: found[c][:, 0] * low_pass(degree[c], self.L) for c in CLASSES}
+        return {c: by_class[c][:, 0] * low_pass(degree[c], self.L) for c in CLASSES}
 
     def _coefficients(self, modes, z):
         """From weighted modes (functions, rings, orders)."""
@@ -197,12 +197,12 @@ class Harmonics:
     def evaluation(self, point):
         """The vectors e_c with f(point) = sum_c e_c . f_c, for a point of the unit sphere."""
         phi = np.arctan2(point[1], point[0])
-        found = self._sort(lambda P, m: (P * np.cos(m * phi), P * np.sin(m * phi)), np.array([point[2]]), 1)
-        return {c: v[:, 0] for c, v in found.items()}
+        vectors = self._sort(lambda P, m: (P * np.cos(m * phi), P * np.sin(m * phi)), np.array([point[2]]), 1)
+        return {c: v[:, 0] for c, v in vectors.items()}
 
     def _sort(self, parts, z, count):
         """Coefficients from parts(P, m) = those of cos(m phi) and sin(m phi), l = m, ..., L."""
-        found = {c: np.zeros((self.size[c], count)) for c in CLASSES}
+        by_class = {c: np.zeros((self.size[c], count)) for c in CLASSES}
         for m, P in enumerate(legendre(self.L, z)):
             cosine, sine = parts(P if m == 0 else np.sqrt(2) * P, m)
             for c in CLASSES:
@@ -211,27 +211,27 @@ class Harmonics:
                 for degree in range(m, self.L + 1):
                     if is_cosine(c, degree) or m > 0:
                         part = cosine if is_cosine(c, degree) else sine
-                        found[c][self.starts[c][degree] + (m - self.orders[c][degree][0]) // 2] = part[degree - m]
-        return found
+                        by_class[c][self.starts[c][degree] + (m - self.orders[c][degree][0]) // 2] = part[degree - m]
+        return by_class
 
 
 def harmonics_up_to(L):
-    """The :class:`Harmonics` of a degree; those of which many fit into memory are kept for the next question."""
-    return _kept(L) if L <= KEPT else Harmonics(L)
+    """The :class:`Harmonics` of a degree; those of low degrees, of which many fit into memory, are cached."""
+    return _cached(L) if L <= KEPT else Harmonics(L)
 
 
 def seconds_to_make(L):
-    """About how many seconds all of the :class:`Harmonics` of a degree take to make, on one core."""
+    """The seconds to make all of the :class:`Harmonics` of a degree, roughly, on one core."""
     return (2e-5 if L <= KEPT else 1e-4) * L**2
 
 
 def _making(L, degree):
-    """The share of that of one degree."""
+    """The part of :func:`seconds_to_make` for one degree."""
     return seconds_to_make(L) * 3 * degree**2 / L**3
 
 
 @functools.cache
-def _kept(L):
+def _cached(L):
     return Harmonics(L)
 
 

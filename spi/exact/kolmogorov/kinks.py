@@ -1,8 +1,8 @@
-"""Functions with kinks, jumps or poles: which ones have them, and how sure a sequence of refinements of them is.
+"""Functions with kinks, jumps or poles: finding them, projecting them, and errors of their expectations.
 
 The coefficients of such a function fall as a power of the wave number only.  So it is projected by far more points
-than there are waves, most of them at kinks, through a smooth low-pass filter; and the error of its expectation is told
-from how the refinements fell, which is taken to be no faster than theory has it.
+than there are waves, most of them at kinks, through a smooth low-pass filter; and the error of its expectation is
+estimated from the decrease of the refinements, which is taken to be no faster than in theory.
 """
 
 from typing import NamedTuple
@@ -13,30 +13,31 @@ from scipy.special import erfc
 
 #: A part u of a function, as in abs(u), is away from 0 where |u| stays above this share of its largest value.
 _AWAY = 0.1
-NEXT = 1.4  #: about so many times finer is the grid of the next refinement
-#: By what factor errors fall from one refinement to the next at most and at least, where the factor is measured.
+NEXT = 1.4  #: ratio of the grids of two successive refinements, roughly
+#: Bounds of the measured factor by which errors fall from one refinement to the next.
 _FALLS = 0.25, 0.9
-_ASKED = 3  # changes that the error is told from
+_ASKED = 3  # changes from which the error is estimated
 _SAFETY = 2.0
-FINER = 2  #: so many times finer is the grid on which a function with kinks is asked for
-NEAR = 3.0  #: cells so near to a kink, in cells, have many points
-CROSSED, WITHIN, SMOOTH = 0.5, 32, 4  #: cells so near have so many points across, the others so many of Gauss
+FINER = 2  #: refinement of the grid on which a function with kinks is evaluated
+NEAR = 3.0  #: distance to a kink, in cells, below which cells have many points
+#: Cells within the distance CROSSED have WITHIN^2 points, the other near ones SMOOTH^2 of Gauss.
+CROSSED, WITHIN, SMOOTH = 0.5, 32, 4
 
 
 def roughness(phi, points):
     """0 of a function that is smooth on a surface, given points (3, n) that are close together there.
 
-    Otherwise, where it has kinks, jumps or poles, by what factor the error of :func:`waves` falls at best from one
-    refinement to the next: |x|^p has h^(1+p).  By its attribute ``singular`` a function may be rough at the zeros of
-    these, of which each has its p in an attribute ``power``; without one it is taken to be smooth.
+    Otherwise, where it has kinks, jumps or poles, the smallest factor by which the error of :func:`waves` falls from
+    one refinement to the next: |x|^p has h^(1+p).  By its attribute ``singular`` a function may be rough at the zeros
+    of these, of which each has its p in an attribute ``power``; without one it is taken to be smooth.
     """
-    found = 0.0
+    factor = 0.0
     for part in getattr(phi, "singular", ()):
         with np.errstate(all="ignore"):
             u = np.broadcast_to(part(points), points.shape[1:])
         if not np.isfinite(u).all() or u.min() <= 0.0 <= u.max() or abs(u).min() <= _AWAY * abs(u).max():
-            found = max(found, NEXT ** -(1.0 + part.power))
-    return found
+            factor = max(factor, NEXT ** -(1.0 + part.power))
+    return factor
 
 
 def waves(phi, point, rows, columns, half, few):
@@ -47,8 +48,8 @@ def waves(phi, point, rows, columns, half, few):
     coefficients of phi times s(k1 h1) s(k2 h2), s(x) = (sin(x/2) / (x/2))^2.  Near zeros of a `singular` part
     phi * H comes from many points in each cell.  Elsewhere it is (1 + d^2/12 - d^4/240) phi, d^2 the second differences
     in either direction, but for 31/60480 h^6 times the sixth derivative.  So the coefficients of the values, and those
-    of the difference of the two there over s s, lack h^4 and more of what is smooth, and of |x|^p, which has
-    h^(1+p) from values alone, about a thousandth of that, most of it wherever between the points x = 0 is.
+    of the difference of the two there over s s, have errors of order h^4 where phi is smooth, and for |x|^p
+    about a thousandth of the h^(1+p) of values alone, wherever between the points x = 0 is.
     """
     states = point(*np.meshgrid(rows, columns, indexing="ij")).reshape(3, -1)
     shape = len(rows), len(columns)
@@ -62,17 +63,17 @@ def waves(phi, point, rows, columns, half, few):
     hats = _with_hats(phi, point, rows, columns, crossed, *_on_lattice())
     hats += _with_hats(phi, point, rows, columns, near & ~crossed, *_of_gauss())
     added = np.where(there, hats - _smoothed(values), 0.0)
-    found = _coefficients(values, half, few)
+    modes = _coefficients(values, half, few)
     k1, k2 = np.fft.fftfreq(2 * half, 1 / (2 * half)), np.arange(few)
-    found += _coefficients(added, half, few) / np.outer(np.sinc(k1 / shape[0]) ** 2, np.sinc(k2 / shape[1]) ** 2)
-    return found
+    modes += _coefficients(added, half, few) / np.outer(np.sinc(k1 / shape[0]) ** 2, np.sinc(k2 / shape[1]) ** 2)
+    return modes
 
 
 def _cells_away(part):
-    """(n, m) how many cells a zero of a part (n, m) of a function is away from each cell, at most one of them being 0.
+    """(n, m) the distance in cells of each cell from a zero of a part (n, m) of a function.
 
-    A cell has the number of one corner, and lies between that and the next ones.  It is told from how much the part
-    changes across the cell; so the part may touch zero without a change of sign.
+    A cell has the number of one corner, and lies between that and the next ones.  The distance is estimated from the
+    change of the part across the cell; so the part may touch zero without a change of sign.
     """
     corners = np.stack([part, np.roll(part, -1, 0), np.roll(part, -1, 1), np.roll(part, (-1, -1), (0, 1))])
     with np.errstate(all="ignore"):
@@ -107,7 +108,7 @@ def _of_gauss():
 
 def _with_hats(phi, point, rows, columns, cells, along, across, weights):
     """(n, m) integrals of a function with hats of integral 1 over those of `cells` (n, m) that are true."""
-    found = np.zeros(cells.shape)
+    integrals = np.zeros(cells.shape)
     hats = {(p, q): weights * abs(1.0 - p - along) * abs(1.0 - q - across) for p in (0, 1) for q in (0, 1)}
     down, right = rows[1] - rows[0], columns[1] - columns[0]
     i, j = np.nonzero(cells)
@@ -117,8 +118,8 @@ def _with_hats(phi, point, rows, columns, cells, along, across, weights):
         states = point(rows[a, None] + down * along, columns[b, None] + right * across).reshape(3, -1)
         fine = np.broadcast_to(phi(states), states.shape[1]).reshape(len(a), -1)
         for (p, q), hat in hats.items():
-            np.add.at(found, ((a + p) % cells.shape[0], (b + q) % cells.shape[1]), fine @ hat)
-    return found
+            np.add.at(integrals, ((a + p) % cells.shape[0], (b + q) % cells.shape[1]), fine @ hat)
+    return integrals
 
 
 def _coefficients(values, half, few):
@@ -134,19 +135,19 @@ def low_pass(wave, largest=None):
 
 
 class Settling(NamedTuple):
-    """What a sequence of refinements tells of the last one, (F,) each."""
+    """The error of the last of a sequence of refinements, (F,) each."""
 
-    error: np.ndarray  #: infinite before it is known
-    falls: np.ndarray  #: by what factor errors fall from one refinement to the next; NaN before it is known
+    error: np.ndarray  #: infinite before there are enough refinements
+    falls: np.ndarray  #: the factor by which errors fall from one refinement to the next; NaN before there are enough
 
 
 def settling(values, rough):
-    """The :class:`Settling` of values (refinements, F) of functions of which `rough` (F,) is not 0, or is.
+    """The :class:`Settling` of values (refinements, F) of functions with kinks (`rough` (F,) not 0) or without.
 
-    Of smooth functions the error is the last change, or a quarter of the change before where that is larger (a change
-    may be small by chance).  Of the others changes come and go with where kinks lie between points: the largest of
-    the last three counts, each carried on by the measured factor, which is at least `rough` (:func:`roughness`), and
-    what a geometric series leaves after it, twice.
+    For smooth functions the error is the last change, or a quarter of the change before where that is larger (a change
+    may be small by chance).  For the others changes vary with the places of kinks between points: the error is
+    twice the largest of the last three changes, each carried on by the measured factor, which is at least `rough`
+    (:func:`roughness`), times the sum of the geometric series that is left.
     """
     values, rough = np.asarray(values, float), np.asarray(rough, float)
     changes = np.abs(np.diff(values, axis=0))
@@ -158,8 +159,8 @@ def settling(values, rough):
         smooth = np.maximum(changes[-1], changes[-2] / 4)
         ratio = np.clip(np.nan_to_num(falls, nan=1.0), np.clip(rough, *_FALLS), _FALLS[1])
         carried = [changes[-1 - i] * ratio**i for i in range(min(_ASKED, len(changes)))]
-        told = _SAFETY * np.max(carried, axis=0) * np.maximum(1.0, ratio / (1.0 - ratio))
-        error = np.where(rough > 0.0, told if len(changes) >= _ASKED else np.inf, smooth)
+        series = _SAFETY * np.max(carried, axis=0) * np.maximum(1.0, ratio / (1.0 - ratio))
+        error = np.where(rough > 0.0, series if len(changes) >= _ASKED else np.inf, smooth)
     return Settling(np.where(np.isnan(error), np.inf, error), falls)
 
 

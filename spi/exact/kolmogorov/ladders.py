@@ -4,7 +4,7 @@ from math import prod
 
 import numpy as np
 
-FIRST, DEPTH = 8, 6  #: number of steps from which interpolation in h starts; how many step sizes it uses
+FIRST, DEPTH = 8, 6  #: the number of steps at which interpolation in h starts; the number of step sizes that it uses
 LONGEST = 512  #: no interpolation uses more steps than this
 
 
@@ -19,7 +19,7 @@ def richardson(values):
 
 
 def limit_on(grid, strang, ladder):
-    """(limit, estimated error) from as many steps as the ladder says."""
+    """(limit, estimated error) from the numbers of steps in `ladder`."""
     return richardson([grid.run(strang, n) for n in ladder])
 
 
@@ -41,7 +41,7 @@ def _weights(h, order, at):
 
 
 def _interpolate(h, e, order, at):
-    """(value at `at`, its uncertainty, by what factor an error common to all e is enlarged)."""
+    """(value at `at`, its uncertainty, the factor by which an error common to all e is enlarged)."""
     full = _weights(h, order, at)
     value = full @ e
     shorter = [_weights(part, order, at) @ ee for part, ee in ((h[1:], e[1:]), (h[:-1], e[:-1]))]
@@ -68,8 +68,8 @@ def ladder_of_scheme(grid, scheme, strang, limit_ladder, order, numbers, accurac
         direct[ladder[-1]] = grid.run(scheme, ladder[-1])
         if len(ladder) < 4:
             continue
-        found = [weak_error(T, direct, ladder, limit, 0.0, order, n) for n in numbers if n > ladder[-1]]
-        if all(np.all(u < np.maximum(1e-3 * abs(e), 1e-3 * accuracy)) for e, u, _ in found):
+        errors = [weak_error(T, direct, ladder, limit, 0.0, order, n) for n in numbers if n > ladder[-1]]
+        if all(np.all(u < np.maximum(1e-3 * abs(e), 1e-3 * accuracy)) for e, u, _ in errors):
             break
     return ladder
 
@@ -87,7 +87,7 @@ def limit_of_scheme(T, direct, ladder, limit, order):
 
 
 def prediction(T, direct, ladder, limit, order):
-    """Distance of the weak error at the finest step computed from what the coarser ones predict."""
+    """Distance of the weak error at the finest step computed from its prediction by the coarser ones."""
     h = np.array([T / m for m in ladder[-DEPTH:]])
     e = np.stack([direct[m] - limit for m in ladder[-DEPTH:]])
     return abs(_weights(h[:-1], order, h[-1]) @ e[:-1] - e[-1])

@@ -1,7 +1,7 @@
 """Backward operators on the sphere, class by class (see :mod:`.harmonics`): one step, its powers, and the semigroup.
 
-A step is kept as E = P - I throughout, and a flow about axis k adds U^j (exp(turn A + spread A^2) - 1) U^-j f to f: the
-rounding errors of the fixed matrices are then proportional to h, and do not pile up over many small steps.
+A step is stored as E = P - I throughout, and a flow about axis k adds U^j (exp(turn A + spread A^2) - 1) U^-j f to f:
+the rounding errors of the fixed matrices are then proportional to h, and do not pile up over many small steps.
 """
 
 from typing import NamedTuple
@@ -38,7 +38,7 @@ def factors(turn, spread, composition, h):
 class Step:
     """The backward operator of a step in one class of functions.
 
-    `words` are (probability, factors); what all words begin or end with is applied once.
+    `words` are (probability, factors); the common beginning and end of all words are applied once.
     """
 
     def __init__(self, harmonics, which, words):
@@ -52,7 +52,7 @@ class Step:
 
     @property
     def length(self):
-        """How many factors are applied."""
+        """The number of factors that are applied."""
         return len(self.before) + len(self.after) + sum(len(word) for _, word in self.branches)
 
     def increment(self, V):
@@ -102,7 +102,7 @@ class Step:
         return E
 
     def power(self, V, n):
-        """P^n V: step by step, or with E as a matrix, squared as often as pays."""
+        """P^n V: step by step, or with E as a matrix, squared as often as is cheapest."""
         L = self.harmonics.L
         doublings = cheapest(L, n, self.length)[1]
         if doublings is None:
@@ -123,7 +123,7 @@ class Step:
 
 
 def _common(lists):
-    """How many first elements the lists share."""
+    """The length of the common beginning of the lists."""
     return next((i for i, group in enumerate(zip(*lists, strict=False)) if len(set(group)) > 1), min(map(len, lists)))
 
 
@@ -143,22 +143,22 @@ def _stepping(L, length):
 
 
 def _building(L, length):
-    """The same for its matrix."""
+    """Seconds of one core to build the matrix of such a step, roughly."""
     return length * L**3 * (L**2 / 4) / 1e10
 
 
 def _multiplying(L):
-    """The same for a step with the matrix."""
+    """Seconds of one core for a step with the matrix, roughly."""
     return (L**2 / 4) ** 2 * 1e-9 + 5e-5
 
 
 def _squaring(size):
-    """The same for the square of a matrix."""
+    """Seconds of one core for the square of a matrix, roughly."""
     return 2 * size**3 / 4e10 + size**2 * 3e-9
 
 
 def _squared(E):
-    """E E, of large matrices some columns after the other, so that work can be told of and stopped on the way."""
+    """E E, for large matrices some columns at a time, so that progress is counted and work can be interrupted."""
     size, square = len(E), np.empty_like(E)
     width = size if size <= _AT_ONCE else 512
     for a in range(0, size, width):

@@ -1,8 +1,8 @@
-"""The expectation of the equation alone, refined as far as is asked for, with what each refinement costs.
+"""The expectation of the equation alone, refined up to a given accuracy, with the cost of each refinement.
 
-A refinement is told by its number; it needs nothing of those before, so that whoever goes on with them, perhaps in
-another process, needs their values only.  Costs are in seconds of typical speed, from counts of operations, not from
-a clock: so whoever decides by them decides alike on every machine.
+A refinement is given by its number and needs nothing of those before, so that another process can go on from their
+values only.  Costs are in seconds of typical speed, from counts of operations, not from a clock: decisions by them are
+the same on every machine.
 """
 
 from typing import NamedTuple
@@ -13,16 +13,16 @@ from .kinks import settling
 
 
 class Refined(NamedTuple):
-    """What some refinements tell of E phi(y(T)) for F functions."""
+    """E phi(y(T)) for F functions from some refinements, with bounds of the errors."""
 
     value: np.ndarray  #: (F,)
-    bound: np.ndarray  #: (F,) of the numerical error, infinite before it is known
-    falls: float  #: by what factor the error is expected to fall with the next refinement, 1 where it does not
-    least: int  #: refinements before the error can be known
+    bound: np.ndarray  #: (F,) of the numerical error, infinite before there are enough refinements
+    falls: float  #: the factor by which the error is expected to fall with the next refinement, 1 where it does not
+    least: int  #: refinements before the error can be estimated
 
 
 class Outlook(NamedTuple):
-    """What it takes to go on to a wanted accuracy."""
+    """The cost of going on to a wanted accuracy."""
 
     next_seconds: float  #: of the next refinement; infinite where there is none
     next_bound: float  #: the error that it is expected to reach
@@ -30,28 +30,28 @@ class Outlook(NamedTuple):
     refinements: int  #: until then
 
 
-#: Before the order of convergence is known, this is expected of a refinement.
+#: The factor expected of a refinement before the order of convergence can be measured.
 _EXPECTED = 0.3
-#: So many values tell how fast errors fall.
+#: The number of refinements from which the decrease of errors is measured.
 _KNOWN = 4
 
 
 def refined(values, uncertain, rough):
-    """What refinements (k, F) tell, each with an uncertainty of its own, (k, F), of functions `rough` or not."""
+    """The :class:`Refined` of refinements (k, F), with uncertainties (k, F), of functions `rough` (F,) or not."""
     values, uncertain = np.asarray(values, float), np.asarray(uncertain, float)
     least = _KNOWN if np.any(rough) else _KNOWN - 1
     if not len(values):
         nothing = np.full(len(rough), np.nan)
         return Refined(nothing, np.full(len(rough), np.inf), _EXPECTED, least)
-    found = settling(values, rough)
-    bound = np.where(np.isnan(values[-1]), np.inf, found.error + uncertain[-1])
+    settled = settling(values, rough)
+    bound = np.where(np.isnan(values[-1]), np.inf, settled.error + uncertain[-1])
     worst = int(np.argmax(bound))
-    falls = found.falls[worst] if len(values) >= _KNOWN else _EXPECTED
+    falls = settled.falls[worst] if len(values) >= _KNOWN else _EXPECTED
     return Refined(values[-1], bound, float(np.clip(np.nan_to_num(falls, nan=_EXPECTED), 1e-3, 1.0)), least)
 
 
 def outlook(so_far, number, costs, accuracy):
-    """The :class:`Outlook` after `number` refinements, of which `costs` has the seconds of all there can be."""
+    """The :class:`Outlook` after `number` refinements, `costs` being the seconds of all possible refinements."""
     left, bound = costs[number:], float(so_far.bound.max())
     if bound <= accuracy:
         return Outlook(0.0, bound, 0.0, 0)

@@ -27,11 +27,11 @@ from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup, te
 
 #: Degrees tried in turn.
 LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
-#: Without a wish, weak errors are wanted to this fraction.
+#: The relative error of weak errors that is aimed at without a given accuracy.
 RELATIVE = 0.02
 #: A level is not tried if it would take longer, in estimated seconds of one core, for the schemes and for the limit.
 LONGEST, LONGEST_LIMIT = 100.0, 5.0
-#: What the first three degrees, which are always tried, may take for a question to be answered at all, in seconds.
+#: The most seconds of the first three degrees, which are always tried, for a problem to be solved at all.
 LONGEST_FIRST = 600.0
 #: Rounding errors in units of the largest |phi|.
 ROUNDING = 2e-14
@@ -45,9 +45,9 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     without it, weak errors are wanted to a fiftieth of themselves.
 
     The degree L is raised until the weak error has settled.  The stated error is its last change, or a quarter of the
-    change before where that is larger (a change may be small by chance); of functions with kinks see
-    :func:`.kinks.settling`.  The limit is far cheaper, so it is taken at a
-    higher degree, and value = limit + weak error.
+    change before where that is larger (a change may be small by chance); for functions with kinks see
+    :func:`.kinks.settling`.  The limit is far cheaper, so it is taken at a higher degree, and value = limit + weak
+    error.
     """
     started = time.perf_counter()
     problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
@@ -87,22 +87,22 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     except OverflowError:
         first = np.inf
     if not first <= LONGEST_FIRST:
-        what = f"would take about {first:.1g} s" if np.isfinite(first) else "would take for ever"
-        what = f"{what} at the coarsest degrees; {LONGEST_FIRST:g} s are the most"
-        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+        obstacle = f"would take about {first:.1g} s" if np.isfinite(first) else "would take for ever"
+        obstacle = f"{obstacle} at the coarsest degrees; {LONGEST_FIRST:g} s are the most"
+        return Demands(np.inf, np.inf, obstacle, "decrease sigma, initial or final_time")
     lost, waves = problem.waves()
     on = f"on the sphere |y| = {problem.radius:.3g}"
     if np.isnan(lost):
-        what = f"needs functions that are finite {on}"
-        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that grow less")
+        obstacle = f"needs functions that are finite {on}"
+        return Demands(np.inf, np.inf, obstacle, "decrease initial, or use functions that grow less")
     if lost > 0.25:  # so much is lost that the projection would be, too
-        what = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
-        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that oscillate less")
+        obstacle = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
+        return Demands(np.inf, np.inf, obstacle, "decrease initial, or use functions that oscillate less")
     return problem.demands(waves)
 
 
 def _settled_weak_errors(problem, rounding, accuracy):
-    """({degree: weak errors}, {degree: limits}, the last weak errors, their bound, what was aimed at)."""
+    """({degree: weak errors}, {degree: limits}, the last weak errors, their bound, the goal for it)."""
     limits, weak, level = {}, {}, problem.level(problem.waves()[1])
     for number, L in enumerate(LEVELS):
         if len(weak) >= 3 and problem.cost(L) > LONGEST:
@@ -127,8 +127,8 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     times = np.atleast_1d(np.asarray(final_time, float))
     problem = _Problem.of(model, ((1.0, ()),), initial, times[-1], [times[-1]], functions)
     if np.count_nonzero(initial) <= 1:
-        found = _at_rest(problem, initial)
-        limit, bound = (np.repeat(each[:, None], len(times), axis=1) for each in (found.limit, found.limit_bound))
+        rest = _at_rest(problem, initial)
+        limit, bound = (np.repeat(each[:, None], len(times), axis=1) for each in (rest.limit, rest.limit_bound))
     elif not _cost_of_first_limits(problem) <= most_seconds:
         limit, bound = (np.full((len(functions), len(times)), unknown) for unknown in (np.nan, np.inf))
     else:
@@ -137,7 +137,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
 
 
 def seconds_of_equation(model, initial, final_time, functions, most_seconds=LONGEST_FIRST):
-    """About how many seconds :func:`exact_expectations` takes, from the waves of the functions."""
+    """The seconds of :func:`exact_expectations`, roughly, from the waves of the functions."""
     times = np.atleast_1d(np.asarray(final_time, float))
     if np.count_nonzero(initial) <= 1:
         return 0.0
@@ -166,28 +166,28 @@ class Refining:
 
 
 def _cost_of_first_limits(problem):
-    """About how many seconds the three coarsest degrees of the limit take."""
+    """The seconds of the three coarsest degrees of the limit, roughly."""
     with np.errstate(all="ignore"):
         return 2 * problem.cost_of_limit(LEVELS[2], rough=True)
 
 
-def _refined_limit(problem, found, goal, rounding, times=None):
-    """The limit and its error, from `found` {degree: limit} and as many higher degrees as the goal asks for.
+def _refined_limit(problem, limits, goal, rounding, times=None):
+    """The limit and its error, from `limits` {degree: limit} and as many higher degrees as the goal needs.
 
-    With `times` those at all of them.
+    With `times` (T,) the limits at all of them, (F, T).
     """
     rough = problem.rough if times is None else problem.rough[:, None]
-    for L in LEVELS[len(found) :]:
-        settled = len(found) >= 3 and np.all(_settled(found, rounding, rough)[1] <= np.maximum(goal, 2 * rounding))
-        if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
+    for L in LEVELS[len(limits) :]:
+        settled = len(limits) >= 3 and np.all(_settled(limits, rounding, rough)[1] <= np.maximum(goal, 2 * rounding))
+        if settled or (len(limits) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
         with part(problem.cost_of_limit(L, rough=True, times=times) + problem.making(L)):
-            found[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
-    return _settled(found, rounding, rough)
+            limits[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
+    return _settled(limits, rounding, rough)
 
 
 def _at_rest(problem, initial):
-    """On an axis nothing moves (and seen from there expectations elsewhere are least smooth)."""
+    """The expectations from a point on an axis, where nothing moves (and where expectations are least smooth)."""
     y = np.asarray(initial, dtype=float)[:, None]
     limit, nothing = np.array([np.ravel(f(y))[0] for f in problem.functions]), np.zeros(len(problem.steps))
     weak_error = limit[:, None] * nothing
@@ -196,26 +196,26 @@ def _at_rest(problem, initial):
 
 
 def _settled(by_degree, rounding, rough):
-    """The last of a sequence of refinements, and its error, infinite where that is not known."""
-    found = list(by_degree.values())
-    return found[-1], settling(found, rough).error + rounding
+    """The last of a sequence of refinements, and its error, infinite where there are too few of them."""
+    values = list(by_degree.values())
+    return values[-1], settling(values, rough).error + rounding
 
 
 def extrapolate(steps, weak_error):
     """The polynomial through the weak errors at the smallest steps (at most seven), at h = 0; and its error.
 
-    That is the limit found by extrapolating the scheme, minus the limit found from the generator.  The error is taken
+    That is the limit extrapolated from the scheme minus the limit from the generator.  The error is taken
     to be the change when the largest of the steps is left out; infinite for less than three steps.
     """
     h, at = np.unique(steps, return_index=True)
     h, values = h[:7], weak_error[:, at[:7]]
     if len(h) < 3:
         return np.zeros(len(values)), np.full(len(values), np.inf)
-    found = []
+    limits = []
     for n in (len(h), len(h) - 1):
         weights = [np.prod([b / (b - a) for b in h[:n] if b != a]) for a in h[:n]]
-        found.append(values[:, :n] @ np.array(weights))
-    return found[0], abs(found[0] - found[1])
+        limits.append(values[:, :n] @ np.array(weights))
+    return limits[0], abs(limits[0] - limits[1])
 
 
 def _all_over():
@@ -272,7 +272,7 @@ class _Problem(NamedTuple):
         return limit, values
 
     def limits(self, L, times):
-        """(F, times) the limit at increasing times, as :meth:`solve` has that at one."""
+        """(F, times) the limit at increasing times, computed as in :meth:`solve`."""
         nothing, harmonics, classes = self._classes(L)
         limit = nothing[:, None] + np.zeros(len(times))
         for c, on, e, V in classes:
@@ -282,11 +282,11 @@ class _Problem(NamedTuple):
         return limit
 
     def _classes(self, L):
-        """(F,) 0, or NaN where functions oscillate too fast for degree L; the harmonics; and of each class of them:
+        """(F,) 0, or NaN where functions oscillate too fast for degree L; the harmonics; and a list of their classes.
 
-        its number, which functions have a part in it, the functional of y_0, and their coefficients.
+        A class is (its number, which functions have a part in it, the functional of y_0, coefficients of these parts).
         """
-        harmonics, found = harmonics_up_to(L), []
+        harmonics, classes = harmonics_up_to(L), []
         coefficients = harmonics.project(self.functions, self.radius, self.rough)
         evaluation = harmonics.evaluation(self.point)
         size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
@@ -294,17 +294,17 @@ class _Problem(NamedTuple):
             e = evaluation[c]
             on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
             if np.any(on) and np.linalg.norm(e) >= 1e-14 * L:
-                found.append((c, on, e, np.ascontiguousarray(coefficients[c][:, on])))
-        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), harmonics, found
+                classes.append((c, on, e, np.ascontiguousarray(coefficients[c][:, on])))
+        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), harmonics, classes
 
     def cost(self, L, rough=False):
-        """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""
+        """The seconds of `solve`, roughly; with `rough` the number of terms of the limit is estimated."""
         lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
         return 3 * steps + self.cost_of_limit(L, rough)
 
     def cost_of_limit(self, L, rough=False, times=None):
-        """The same of the limit alone, at one time or at several that increase."""
+        """The seconds of the limit alone, at one time or at several that increase."""
         beta, rho = bounds(L, self.turn, self.spread)
         if rough:
             each = np.array([self.time]) if times is None else np.diff(times, prepend=0.0)
@@ -317,13 +317,13 @@ class _Problem(NamedTuple):
         return 3 * float(terms) * term(L) * len(self.functions)
 
     def making(self, L):
-        """About how many seconds the harmonics and the coefficients of the functions take."""
+        """The seconds of the harmonics and the coefficients of the functions, roughly."""
         return seconds_to_make(L) + 4e-3 * L * np.count_nonzero(self.rough)
 
     def waves(self):
-        """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
+        """(the share of phi beyond the highest degree, its waves), the largest over all phi on three great circles.
 
-        The share is of the mean square, NaN where phi is not finite; all but 1e-8 of it has at most so many waves.
+        The share is of the mean square, NaN where phi is not finite; all but 1e-8 of it has at most that many waves.
         """
         n = 16 * LEVELS[-1]
         angle = 2 * np.pi / n * np.arange(n)
@@ -342,7 +342,7 @@ class _Problem(NamedTuple):
         return lost, most
 
     def level(self, waves):
-        """Which of the degrees is enough, about, for functions of so many waves."""
+        """The number of the degree that is enough, roughly, for functions of `waves` waves."""
         turned = sum(map(abs, self.turn))  # shear makes waves, and noise smooths them
         degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
         return max(2, int(np.searchsorted(LEVELS, degree)))
@@ -353,12 +353,12 @@ class _Problem(NamedTuple):
         return weak, [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
 
     def seconds(self, level, done=0):
-        """About how many seconds these degrees take without the first ones, which are `done`."""
+        """The seconds of these degrees, roughly, without the first `done` of them."""
         weak, finer = self.tried(level)
         return sum(map(self.cost, weak[done:])) + sum(map(self.cost_of_limit, finer))
 
     def demands(self, waves):
-        """Of a question that can be answered, from how many waves the functions have."""
+        """The :class:`~.Demands` of a problem that can be solved, from the waves of its functions."""
         weak, finer = self.tried(self.level(waves))
         cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, self.words(h)).length for h in self.steps) * weak[-1] ** 3
         memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2

@@ -1,6 +1,6 @@
 """The stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
 
-The vorticity omega(x) = sum_m omega_m exp(i m.x) on [0, 2 pi)^2 has the modes of ``lattice.py``, and (the paper's
+The vorticity omega(x) = sum_m omega_m exp(i m.x) on [0, 2 pi)^2 has the modes of ``tables.py``, and (the paper's
 Example expl-SE, for every N = 2M + 1)
 
     B_{m,n} = c sin(2 pi (m x n) / N) omega_{m+n},    H = 1/2 sum_{m != 0} |omega_m|^2 / |m|^2,
@@ -32,7 +32,7 @@ class Noise(NamedTuple):
 
     quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
     Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
-    Instead of m may be given -m: it is the same noise, written with the one of both that is in the state.
+    The mode -m may be given instead of m: it is the same noise, expressed by the mode that is in the state.
     """
 
     sigma: Annotated[float, Ge(0), "strength of the noise; 0 switches it off"]
@@ -110,8 +110,8 @@ _MOST_PROCESSES = 4096  # channels of the random numbers
 
 
 def _modes_of(noise: Noise, n: int) -> tuple[Mode, ...]:
-    """The modes of a noise, each one that stands for two: of a shell in the order of the state."""
+    """The modes of a noise, one for each pair m, -m; those of a shell in the order of the state."""
     if noise.shell is not None:
         return tuple(m for m in modes(n) if shell(m) == noise.shell)
-    known = set(modes(n))
-    return tuple(m if m in known else (-m[0], -m[1]) for m in noise.modes)
+    stored = set(modes(n))
+    return tuple(m if m in stored else (-m[0], -m[1]) for m in noise.modes)

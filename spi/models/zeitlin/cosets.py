@@ -12,12 +12,11 @@ from ...compiler.vectors import TILE, WIDTH, flipped, fused, load, load_pairs, s
 from ...numerics.rng import LANES
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The scratch of a flow, and what its parts must know of a line.
+# The scratch of a flow, and the record of a line.
 #
 # One array of floats holds, one after the other: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines,
-# each
-# twice; tiles, 4 parts of M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a
-# transform by blocks.
+# each twice; tiles, 4 parts of M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows
+# for a transform by blocks.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -49,12 +48,12 @@ def around(n, position):
 
 @device
 def turn_work(n):
-    """How many floats of scratch a flow needs."""
+    """The floats of scratch for a flow."""
     return tiles_at(n) + 6 * (n // 2 + 1) * TILE
 
 
 class Line(NamedTuple):
-    """What tiles must know of a line; the last fields are those of the lattice."""
+    """The data of a line that tiles need; the last fields are those of the lattice."""
 
     places: np.ndarray  #: its row of ``Lattice.cosets``; in rows: the position of c = 0 in row 0, 1, ..., M
     n: int
@@ -70,7 +69,7 @@ class Line(NamedTuple):
 
 @device
 def line_of(lattice, places):
-    """The record of a line, its arrays on loan: `places` must be part of the lattice."""
+    """The record of a line, its arrays without counted references: `places` must be part of the lattice."""
     return Line(
         without_refcount(places),
         lattice.n,
@@ -92,17 +91,17 @@ def take_pair(way, line, c, j, y, work, tiles):
 
 @method
 def add_pair(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Add 1 / N of these to z_j and z_{N-j}."""
+    """Add 1 / N of these vectors to z_j and z_{N-j}."""
 
 
 @method
 def begin_tile(way, line, c, y, work, tiles):
-    """What comes before :func:`take_pair`; puts z_0 into the first row of sums."""
+    """Prepare a tile for :func:`take_pair` and put z_0 into the first row of sums."""
 
 
 @method
 def end_tile(way, line, c, out, work, tiles):
-    """What comes after :func:`add_pair`; adds 1 / N of the first row of the cosine transform to z_0."""
+    """Finish a tile after :func:`add_pair` and add 1 / N of the first row of the cosine transform to z_0."""
 
 
 @device
@@ -113,7 +112,7 @@ def divided(line, x):
 
 @device
 def _place(line, c, j, width):
-    """Where component j of coset c begins, and the sign of its imaginary part."""
+    """(place where component j of coset c begins, sign of its imaginary part)."""
     place = line.places[(c - 1) * line.n + j]
     return (place - (place & 1)) * width, 1.0 - 2.0 * (place & 1)
 
@@ -141,7 +140,7 @@ def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, othe
 
 @device
 def _row_of(line, j):
-    """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
+    """(place where the row begins in the state, position of c = 0) for j or N - j <= M."""
     row = min(j, line.n - j)
     return 2 * (line.n // 2 + (row - 1) * line.n), line.places[row]
 
@@ -205,7 +204,7 @@ def _pair_packed(way, line, c, j, y, work, tiles):
 
 
 def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Keep in rows what is to be added to z_j and z_{N-j}."""
+    """Store the changes of z_j and z_{N-j} in rows."""
     at, other = tiles + j * TILE, tiles + (line.n - j) * TILE
     store(work, at, re)
     store(work, at + WIDTH, im)

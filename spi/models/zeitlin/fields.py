@@ -1,6 +1,6 @@
 """Vorticity on the torus: from a state to a field and back, spectra, and random states.
 
-A state is (Re omega_m, Im omega_m) of the modes of ``lattice.py``, shape (..., d) with d = N^2 - 1, and
+A state is (Re omega_m, Im omega_m) of the modes of ``tables.py``, shape (..., d) with d = N^2 - 1, and
 
     omega(x) = sum_m omega_m exp(i m.x),    x in [0, 2 pi)^2,    omega_{-m} the complex conjugate of omega_m.
 
@@ -18,7 +18,7 @@ from ..sine_euler import SineEuler
 from . import Zeitlin
 from .tables import modes, shell
 
-#: What counts as rounding in samples of a field, relative to the largest of them: of its mean, and of a mode.
+#: Sizes of rounding errors of the mean and of a mode of a sampled field, relative to its largest value.
 MEAN_ROUNDING, MODE_ROUNDING = 1e-12, 1e-15
 
 
@@ -112,7 +112,7 @@ def _lengths(n: int) -> np.ndarray:
 
 
 def _squares(y: np.ndarray) -> np.ndarray:
-    """(..., d / 2) |omega_m|^2 of each mode that stands for two."""
+    """(..., d / 2) |omega_m|^2 of each mode of the state."""
     return np.square(y[..., ::2]) + np.square(y[..., 1::2])
 
 
@@ -123,6 +123,6 @@ def _frequencies(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_points(points: int, n: int) -> None:
-    """ValueError unless a grid of so many points a side tells the modes apart."""
+    """ValueError unless a grid of `points` points a side distinguishes the modes."""
     if points < n:
         raise ValueError(f"{points} points a side are too few for the lattice modulo {n}")

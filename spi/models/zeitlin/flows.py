@@ -9,11 +9,12 @@ a circulant system: its Fourier components, z_j = sum_q u_q exp(2 pi i j q / N),
 
     u_q(t) = exp(-i t (phi(q + c) - phi(q - c))) u_q(0),    phi(q) = sum_a Re(x_a exp(-2 pi i a q / N)),
 
-so that N phases serve all cosets: in the matrices of ``matrices.py`` this is W -> U W U* with U diagonal in the basis
-in which the matrices of the line are.  The coset of -c is the complex conjugate of that of c, and that of 0 is at rest.
+so that N phases serve all cosets: in the matrices of ``kernels.py`` this is W -> U W U* with U diagonal in the basis
+in which the matrices of the line are diagonal.  The coset of -c is the complex conjugate of that of c, and that of 0 is
+at rest.
 
 A transform of length N is a cosine and a sine transform of sums and differences of z_j and z_{N-j}, products of real
-matrices with as many columns as there are cosets and paths.  What is added to z is the transform back of
+matrices with as many columns as there are cosets and paths.  The change of z is the transform back of
 (exp(-i theta) - 1) u, with sine and versine: roundings of the constants then count by theta^2 only, and with them the
 Casimirs do not drift.
 """
@@ -53,7 +54,7 @@ def _find_phases(line, width, work):
 def _sines(largest, n, width, work):
     """Sines and versines of the phases, always LANES together, so that each is rounded alike at any width.
 
-    Phases beyond reduction go to the library's sine, each for itself: what others are must not change a path's bits.
+    Phases beyond reduction go to the library's sine, each by itself: other phases must not change the bits of a path.
     """
     first, begin, size = phases_at(n), sines_at(n), sines_length(n)
     for i in range(0, n * width, LANES):
@@ -144,7 +145,7 @@ def _turned(exact, n, c, q, width, work, re, im):
 
 @device
 def _turn_components(exact, line, c, width, work, tiles):
-    """From the transforms of a tile to sums and differences of what is to be added to u_q and u_{-q}."""
+    """From the transforms of a tile to sums and differences of the changes of u_q and u_{-q}."""
     n, part = line.n, (line.n // 2 + 1) * TILE
     re, im = load(work, tiles + 2 * part), load(work, tiles + 2 * part + WIDTH)
     re, im = _turned(exact, n, c, 0, width, work, re, im)

@@ -43,7 +43,7 @@ def matrix(lattice, y, re, im):
 
 @device(inline=False)
 def product(n, a_re, a_im, b_re, b_im, re, im, work):
-    """The product of two complex N x N matrices, given and found as real and imaginary parts; `work` has 3 N TILE."""
+    """The product of two complex N x N matrices, all as real and imaginary parts; `work` has 3 N TILE."""
     tile, first, second = work[: n * TILE], work[n * TILE : 2 * n * TILE], work[2 * n * TILE :]
     for begin in range(0, n, WIDTH):
         columns = min(WIDTH, n - begin)
@@ -74,21 +74,22 @@ def trace_of_product(a_re, a_im, b_re, b_im):
 def first_casimirs(lattice, count, y):
     """(C_2, C_3, ...), `count` of them: tr(V V) and tr(V V W) of V = W, W^2, ..., one product for each."""
     n = lattice.n
-    found = np.empty(count)
+    values = np.empty(count)
     w = np.empty((2, n, n))
     matrix(lattice, y, w[0], w[1])
     power, following, work = w.copy(), np.zeros((2, n, n)), np.zeros(3 * n * TILE)
     for c in range(count):
         if c % 2 == 0:
-            found[c] = trace_of_product(power[0], power[1], power[0], power[1]) / n
+            values[c] = trace_of_product(power[0], power[1], power[0], power[1]) / n
         else:
             product(n, power[0], power[1], w[0], w[1], following[0], following[1], work)
-            found[c] = trace_of_product(power[0], power[1], following[0], following[1]) / n
+            values[c] = trace_of_product(power[0], power[1], following[0], following[1]) / n
             power, following = following, power
-    return found
+    return values
 
 
-#: How the amplitude of a noise depends on the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2) |m|).
+#: Forms of the amplitude of a noise as a function of the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2)
+#: |m|).
 QUADRATIC, REAL, IMAGINARY = range(3)
 
 
@@ -102,7 +103,7 @@ class Noises(NamedTuple):
     multiple: np.ndarray  #: a - 1 of the mode a g, or of its conjugate, a = 1, ..., M
     sign: np.ndarray  #: -1.0 where it is the conjugate
     form: np.ndarray  #: QUADRATIC, REAL or IMAGINARY
-    weight: np.ndarray  #: what the amplitude is multiplied with
+    weight: np.ndarray  #: the factor of the amplitude
 
 
 class ZeitlinTables(NamedTuple):
@@ -191,7 +192,7 @@ class ZeitlinTables(NamedTuple):
 
 @device
 def clear_amplitudes(model, work):
-    """Begin with x = 0."""
+    """Set x = 0."""
     for i in range((model.lattice.n - 1) * TILE):
         work[i] = 0.0
 
@@ -210,7 +211,7 @@ def drift_amplitudes(model, k, t, width, y, work):
 
 @device(inline=False)
 def add_noise_amplitude(model, e, times, width, y, work):
-    """Add the amplitude of one process, number e line by line, for the times that flows are given."""
+    """Add the amplitude of one process, number e in the order of lines, for the times of its flow."""
     of, stride = model.noise, TILE if width == WIDTH else 1
     i, a, process = 2 * of.mode[e] * width, 2 * of.multiple[e] * stride, of.process[e] * width
     for path in range(width):
@@ -234,7 +235,7 @@ def noise_amplitudes(model, group, times, width, y, work):
 
 @functools.lru_cache(maxsize=32)
 def tables(model) -> ZeitlinTables:
-    """What kernels are given of a ``Zeitlin``."""
+    """The record of a ``Zeitlin`` for kernels."""
     n, processes = model.n, model.processes
     m = len(processes)
     where = on_lines(n)

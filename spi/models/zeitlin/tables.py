@@ -1,4 +1,4 @@
-"""What kernels must know of the sine-Euler equations for an N: where modes stand, their weights, transforms."""
+"""Tables of the sine-Euler equations for an N, for kernels: places of modes, their weights, transforms."""
 
 import functools
 import itertools
@@ -27,7 +27,7 @@ Mode = tuple[int, int]
 
 @functools.cache
 def modes(n: int) -> tuple[Mode, ...]:
-    """The (N^2 - 1)/2 modes that stand for all, in the order of the state."""
+    """The (N^2 - 1)/2 modes of the state, one of each pair m, -m, in their order."""
     largest = n // 2
     rows = [(m1, 0) for m1 in range(largest, 0, -1)]
     return (*rows, *((m1, m2) for m2 in range(1, largest + 1) for m1 in range(largest, -largest - 1, -1)))
@@ -47,8 +47,8 @@ def shell(mode: Mode) -> int:
 @functools.cache
 def places(n: int) -> dict[Mode, tuple[int, int]]:
     """Mode -> (number of the mode that stands for it, 1, or -1 where omega is the complex conjugate of that)."""
-    found = {m: (i, 1) for i, m in enumerate(modes(n))}
-    return found | {(-a, -b): (i, -1) for (a, b), (i, _) in found.items()}
+    stored = {m: (i, 1) for i, m in enumerate(modes(n))}
+    return stored | {(-a, -b): (i, -1) for (a, b), (i, _) in stored.items()}
 
 
 @functools.cache
@@ -56,13 +56,13 @@ def lines(n: int) -> tuple[tuple[Mode, tuple[Mode, ...]], ...]:
     """The lines through 0, ((g, modes), ...): the cyclic subgroups of N elements, each with the modes it moves.
 
     The line of g has all multiples of g; the generator g is the first of its modes in the order of the state, and lines
-    follow each other in the order of their generators.  Each mode that stands for two belongs to the first line on
-    which it lies, of which there are several only where N is no prime.
+    follow each other in the order of their generators.  Each mode of the state belongs to the first line on which
+    it lies; it lies on several only where N is no prime.
     """
     order = {m: i for i, m in enumerate(modes(n))}
     taken: set[Mode] = set()
     on_line: set[Mode] = set()
-    found = []
+    through_origin = []
     for g in modes(n):
         if g in on_line or math.gcd(g[0], g[1], n) > 1:
             continue
@@ -70,19 +70,19 @@ def lines(n: int) -> tuple[tuple[Mode, tuple[Mode, ...]], ...]:
         on_line.update(m for a, m in enumerate(line, 1) if math.gcd(a, n) == 1)
         own = sorted((m for m in line if m in order and m not in taken), key=order.__getitem__)
         taken.update(own)
-        found.append((g, tuple(own)))
-    return tuple(found)
+        through_origin.append((g, tuple(own)))
+    return tuple(through_origin)
 
 
 class Lattice(NamedTuple):
     """The lines of an N.  On the line of g all modes are a g, a = 1, ..., N - 1; see ``flows.py`` for the rest."""
 
     n: int
-    #: (lines, M N): where on coset c = 1, ..., M of the line the modes m_c + j g, j = 0, ..., N - 1, stand: twice the
-    #: number of the mode, plus 1 where the mode is the conjugate of that
+    #: (lines, M N): the places of the modes m_c + j g, j = 0, ..., N - 1, on the cosets c = 1, ..., M of the line:
+    #: twice the number of the mode, plus 1 where the mode is the conjugate of that
     cosets: np.ndarray
-    #: (lines, M + 1) of the line of (s, 1) the positions M - s j, modulo N, in the rows j of the state; -1 of lines and
-    #: of N that ``cosets.InRows`` is not for
+    #: (lines, M + 1) of the line of (s, 1) the positions M - s j, modulo N, in the rows j of the state; -1 for
+    #: lines and N to which ``cosets.InRows`` does not apply
     middles: np.ndarray
     own_first: np.ndarray  #: (lines + 1,) where the modes that a line moves begin in the arrays that follow
     own_mode: np.ndarray  #: number of the mode
@@ -96,13 +96,13 @@ class Lattice(NamedTuple):
     cosines: np.ndarray  #: (M + 1, M + 1) cos(2 pi j q / N), or the blocks of that without the first row and column
     sines: np.ndarray  #: (M, M) sin(2 pi j q / N) without the first, or its blocks
     fourier: np.ndarray  #: (2, a, a) the real Fourier matrix of :func:`by_blocks`, and its transpose
-    rest: float  #: what :func:`rest_of_share` says
+    rest: float  #: see :func:`rest_of_share`
     modes: np.ndarray  #: (d/2, 2)
     turns: np.ndarray  #: (N, 2) cos and sin of 2 pi r / N
 
 
 class OnLine(NamedTuple):
-    """Where a mode stands on the line that moves it: m = a g, or m = -a g with the sign -1, a = 1, ..., M."""
+    """The place of a mode on the line that moves it: m = a g, or m = -a g with the sign -1, a = 1, ..., M."""
 
     line: int
     multiple: int  #: a - 1
@@ -111,35 +111,35 @@ class OnLine(NamedTuple):
 
 @functools.lru_cache(maxsize=8)
 def on_lines(n: int) -> dict[Mode, OnLine]:
-    """Each mode that stands for two, line by line."""
-    found = {}
+    """Each mode of the state and its place, line by line."""
+    places_on_lines = {}
     for k, (g, own) in enumerate(lines(n)):
         multiples = {nearest(n, (a * g[0], a * g[1])): a for a in range(1, n)}
         for m in own:
             a = multiples[m]
-            found[m] = OnLine(k, a - 1, 1.0) if a <= n // 2 else OnLine(k, n - a - 1, -1.0)
-    return found
+            places_on_lines[m] = OnLine(k, a - 1, 1.0) if a <= n // 2 else OnLine(k, n - a - 1, -1.0)
+    return places_on_lines
 
 
 @functools.lru_cache(maxsize=8)
 def _places(n):
-    """(N, N) where the mode (m1, m2), both modulo N, stands, as in ``Lattice.cosets``; -1 for 0."""
-    found = np.full((n, n), -1, np.int32)
+    """(N, N) the place of the mode (m1, m2), both modulo N, as in ``Lattice.cosets``; -1 for 0."""
+    table = np.full((n, n), -1, np.int32)
     for (m1, m2), (i, sign) in places(n).items():
-        found[m1, m2] = 2 * i + (sign < 0)
-    return found
+        table[m1, m2] = 2 * i + (sign < 0)
+    return table
 
 
 def _cosets(n, g):
-    """(M N,) as :class:`Lattice` says."""
-    # some u with u x g = 1 modulo n, found among the modes; gcd(g, n) = 1
+    """(M N,) a row of ``Lattice.cosets``."""
+    # some mode u with u x g = 1 modulo n; gcd(g, n) = 1
     u = next(m for m in places(n) if (m[0] * g[1] - m[1] * g[0]) % n == 1)
     c, j = np.arange(1, n // 2 + 1)[:, np.newaxis], np.arange(n)
     return _places(n)[(c * u[0] + j * g[0]) % n, (c * u[1] + j * g[1]) % n].ravel()
 
 
 def _middles(n, g):
-    """(M + 1,) as :class:`Lattice` says."""
+    """(M + 1,) a row of ``Lattice.middles``."""
     if g[1] != 1 or n < WIDTH:
         return [-1] * (n // 2 + 1)
     return [(n // 2 - g[0] * row) % n for row in range(n // 2 + 1)]
@@ -191,16 +191,16 @@ def real_fourier(a: int) -> np.ndarray:
 def by_blocks(matrix: np.ndarray, fourier: np.ndarray) -> np.ndarray:
     """The blocks of a matrix K of M rows, K[r, s] a function of r + s modulo M, one after the other.
 
-    So are those of a cosine or sine transform of prime length whose rows are in the order of the powers of a number
-    (Rader, Proceedings of the IEEE 56, 1968).  With M = a b, r = r1 + b r2, the Fourier transform over r2 leaves a
-    block of b x b for the frequency 0 and one of 2b x 2b for each pair of frequencies.
+    Such are the matrices of a cosine or sine transform of prime length whose rows are in the order of the powers of a
+    number (Rader, Proceedings of the IEEE 56, 1968).  With M = a b, r = r1 + b r2, the Fourier transform over r2 leaves
+    a block of b x b for the frequency 0 and one of 2b x 2b for each pair of frequencies.
     """
     full = _without_rest(fourier, matrix)
     return np.concatenate([full[i:j, i:j].ravel() for i, j in _block_ends(len(fourier), len(matrix))])
 
 
 def _block_ends(a: int, m: int) -> Iterable[tuple[int, int]]:
-    """Where blocks begin and end."""
+    """(begin, end) of each block."""
     b = m // a
     return itertools.pairwise([0, *range(b, m + 1, 2 * b)])
 
@@ -208,10 +208,10 @@ def _block_ends(a: int, m: int) -> Iterable[tuple[int, int]]:
 def _without_rest(fourier: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """(M, M) the transformed matrix, symmetric, with 0 beside its blocks."""
     both = np.kron(fourier, np.eye(len(matrix) // len(fourier)))
-    full, found = both @ matrix @ both.T, np.zeros_like(matrix)
+    full, blocks = both @ matrix @ both.T, np.zeros_like(matrix)
     for i, j in _block_ends(len(fourier), len(matrix)):
-        found[i:j, i:j] = 0.5 * (full[i:j, i:j] + full[i:j, i:j].T)
-    return found
+        blocks[i:j, i:j] = 0.5 * (full[i:j, i:j] + full[i:j, i:j].T)
+    return blocks
 
 
 def _integers(matrix: np.ndarray) -> np.ndarray:
@@ -220,7 +220,7 @@ def _integers(matrix: np.ndarray) -> np.ndarray:
 
 
 def rest_of_share(n: int, cosines: np.ndarray, sines: np.ndarray, fourier: np.ndarray) -> float:
-    """What is to be added to the float 1 / N, by which the transform back divides, so that Casimirs have no bias.
+    """The correction of the float 1 / N, by which the transform back divides, with which Casimirs have no bias.
 
     Rounded, the matrix F of the transform has not quite the norm |F|^2 = N^2 (Frobenius), and 1 / N is not quite 1 / N;
     all flows would lose or gain a part of 1e-17 or so times the square of their angles.  The matrices are M x M, those
