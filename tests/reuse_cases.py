@@ -96,7 +96,7 @@ LAYERS = (
     "schemes: [splitting_order2]\npanels: [errors]\nfunctions: {b: y1^2}",
     "seconds: 0.002\n---\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
     "standard_error: 0.1\nseconds: 1\n---\nestimators: [multilevel]\npanels: [errors]\nfunctions: {b: y1^2}",
-    "coarse: quasi\nconstruction: principal\nestimators: [quasi, multilevel]\n---\nschemes: [splitting]\n"
+    "estimators: [quasi, multilevel]\n---\nschemes: [splitting]\n"
     "samples: 512\nseconds: 0.002\npanels: [errors]\nfunctions: {b: y1^2}",
     "functions:\nestimators:\nextrapolate:",
     "step_count: 256\npanels: [growth, law]\n---\nfinal_time:\nfunctions:\nburn_in:\nspacing:\nreference:",

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
-from ..numerics.arrays import Cosine, of_array
 from ..numerics.rng import LANES, PARTS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments
 from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
 from .areas import channels, draw_areas
@@ -223,7 +222,7 @@ def draw_all_coins(noise, first_step, first_path, coins):
 # Noise from scrambled Sobol' points in place of a stream of independent numbers: randomised quasi-Monte Carlo.
 #
 # The increments of a path are a linear function of as many standard normals, each of which has a dimension of its own:
-# the normals of all noises that are on come first, noise by noise for each place in the order of :data:`CONSTRUCTIONS`,
+# the normals of all noises that are on come first, noise by noise for each place in the order of :func:`by_bridges`,
 # and after them a dimension for the coin of each step, where coins are tossed: its first bit.  Sub-steps are
 # nothing but shorter steps, and so have dimensions of their own.  Lévy areas, uniform numbers by which flows are
 # judged, and random initial states are the keyed numbers of independent paths.
@@ -257,11 +256,6 @@ class Points(NamedTuple):
     for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
 
 
-def by_steps(count):
-    """Each increment has its own normal number, in the order of time: the matrix (increments, normals) is 1."""
-    return np.eye(count)
-
-
 def by_bridges(count):
     """First W(T), then W in the middle of the interval, of its halves, and so on: a Brownian bridge, breadth first.
 
@@ -282,21 +276,6 @@ def by_bridges(count):
     return matrix
 
 
-def by_principal_components(count):
-    """The normals in the order of their share in the variance of the path W(1), ..., W(n).
-
-    The eigenvectors of the covariances min(i, j) have the components sin((2 k - 1) i pi / (2 n + 1)), and differences
-    of these are increments: 2 (2 n + 1)^(-1/2) cos((2 k - 1)(2 i - 1) pi / (4 n + 2)).
-    """
-    odd = 2 * np.arange(count) + 1
-    angles = np.multiply.outer(odd, odd) % (8 * count + 4) * (np.pi / (4 * count + 2))
-    return of_array(Cosine(), angles) * (2.0 / np.sqrt(2 * count + 1))
-
-
-#: The matrices (increments, normals) that make the increments of a path from its normals, by their names in a spec.
-CONSTRUCTIONS = {"bridge": by_bridges, "principal": by_principal_components, "steps": by_steps}
-
-
 def dimensions_of(scheme, reference_scheme, model, steps):
     """(dimensions of the increments of `steps` reference steps, dimensions with the coins)."""
     layout = kept_of_steps(reference_scheme, scheme, model)
@@ -304,20 +283,20 @@ def dimensions_of(scheme, reference_scheme, model, steps):
     return increments, increments + steps * isinstance(layout.coins, Coins)
 
 
-def points_of(seed, stream, scheme, model, times, construction="bridge"):
+def points_of(seed, stream, scheme, model, times):
     """The noise :class:`Points` of the paths of a grid of times, 2^38 at most; cached, so do not change it."""
     layout = kept_of_steps(times.reference_scheme, scheme, model)
     finest, steps = number(layout.substeps), times.reference_steps
     dimensions = dimensions_of(scheme, times.reference_scheme, model, steps)
-    return _points(seed, stream, *dimensions, finest * steps, times.reference_step / finest, construction)
+    return _points(seed, stream, *dimensions, finest * steps, times.reference_step / finest)
 
 
 @functools.lru_cache(maxsize=8)
-def _points(seed, stream, increments, dimensions, steps, length, construction):
+def _points(seed, stream, increments, dimensions, steps, length):
     directions = np.empty((dimensions, _BITS, SCRAMBLES), np.uint64)
     shifts = np.empty((dimensions, SCRAMBLES), np.uint64)
     scramble(np.uint64(seed), np.uint64(stream), direction_numbers(dimensions, _BITS), directions, shifts)
-    matrix = CONSTRUCTIONS[construction](steps) * np.sqrt(length)
+    matrix = by_bridges(steps) * np.sqrt(length)
     columns = [np.flatnonzero(row) for row in matrix]
     columns = [places if len(places) % 2 else np.append(places, places[0]) for places in columns]
     weights = [row[places] for row, places in zip(matrix, columns, strict=True)]

@@ -7,7 +7,7 @@ from scipy.special import ndtri
 
 from spi.compiler.dispatch import number
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.given import CONSTRUCTIONS, coins_of_step, noise_of_steps, points_of, words_length
+from spi.ensemble.given import by_bridges, coins_of_step, noise_of_steps, points_of, words_length
 from spi.ensemble.increments import first_lane, row_length
 from spi.ensemble.loop import grid
 from spi.ensemble.steppers import kept_of_steps
@@ -19,24 +19,18 @@ H, BLOCK = 2.0**-3, 11
 
 
 @pytest.mark.parametrize("steps", [1, 2, 5, 16])
-@pytest.mark.parametrize("how", CONSTRUCTIONS)
-def test_increments_are_independent_normal_numbers_in_every_construction(how, steps):
-    matrix = CONSTRUCTIONS[how](steps)
+def test_increments_by_bridges_are_independent_normal_numbers(steps):
+    matrix = by_bridges(steps)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(steps), atol=1e-14)
     ends = np.cumsum(matrix, axis=0)
-    if how == "bridge":
-        np.testing.assert_allclose(ends[-1], np.eye(steps)[0] * np.sqrt(steps), atol=1e-14)
-    if how == "principal":  # the variance of the path that the first normal number makes is the largest one can make
-        times = 1 + np.arange(steps)
-        largest = np.linalg.eigvalsh(np.minimum.outer(times, times))[-1]
-        np.testing.assert_allclose((ends[:, 0] ** 2).sum(), largest)
+    np.testing.assert_allclose(ends[-1], np.eye(steps)[0] * np.sqrt(steps), atol=1e-14)
 
 
-def drawn(scheme, model, steps, how):
+def drawn(scheme, model, steps):
     """(dW (fine steps, noises, LANES), coins (steps, LANES), noise) of a block, as the loop over time gets them."""
     record = SCHEMES[scheme].record
     kept, times = kept_of_steps(None, record, model), grid(H, steps)
-    noise = points_of(5, POINTS, record, model, times, how)
+    noise = points_of(5, POINTS, record, model, times)
     with uncompiled():
         rows = np.zeros((STEPS_PER_DRAW, row_length(kept, model)))
         words, bits = np.zeros(words_length(noise), np.uint64), np.zeros(4 * LANES, np.uint64)
@@ -60,19 +54,19 @@ def fractions(noise, d):
 
 
 @pytest.mark.parametrize(
-    ("scheme", "model", "steps", "how"),
+    ("scheme", "model", "steps"),
     [
-        ("splitting_order2", RIGID_BODY, 6, "bridge"),
-        ("splitting_order2", ONE_NOISE, 3, "principal"),
-        ("splitting_symmetric", RIGID_BODY, 3, "steps"),
+        ("splitting_order2", RIGID_BODY, 6),
+        ("splitting_order2", ONE_NOISE, 3),
+        ("splitting_symmetric", RIGID_BODY, 3),
     ],
 )
-def test_increments_and_coins_are_functions_of_the_points(scheme, model, steps, how):
+def test_increments_and_coins_are_functions_of_the_points(scheme, model, steps):
     """Dimension i m + k is normal number i of the k-th of the m noises that are on; the coins come behind them."""
-    dW, coins, noise = drawn(scheme, model, steps, how)
+    dW, coins, noise = drawn(scheme, model, steps)
     on = 3 if model is RIGID_BODY else 1
     normals = np.array([[ndtri(fractions(noise, i * on + k)) for k in range(on)] for i in range(len(dW))])
-    expected = np.einsum("ni,ikl->nkl", CONSTRUCTIONS[how](len(dW)), normals) * np.sqrt(H * steps / len(dW))
+    expected = np.einsum("ni,ikl->nkl", by_bridges(len(dW)), normals) * np.sqrt(H * steps / len(dW))
     np.testing.assert_allclose(dW[:, :on], expected, atol=1e-12)
     assert not dW[:, on:].any()
     if scheme == "splitting_order2":

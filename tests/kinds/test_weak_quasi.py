@@ -104,57 +104,15 @@ def test_more_samples_begin_with_the_same_paths():
     values = [values_of_blocks(p, p.grid, p.stream, 0, 8, 512)[0] for p in (few, more)]
     assert np.array_equal(*values)
     assert few.deciding(0) == more.deciding(0)  # so that sums are gone on with
-    assert plan_of(quasi("construction=principal"), SCHEME, "quasi").deciding(0) != few.deciding(0)
-    plain = [plan_of(quasi("estimators=[plain]", *more), SCHEME, "plain") for more in ((), ("construction=steps",))]
-    assert plain[0].deciding(0) == plain[1].deciding(0)
-
-
-def coarse(*overrides):
-    """The estimator multilevel, whose largest step follows points."""
-    return quasi("estimators=[multilevel]", "coarse=quasi", "steps=[2^-2, 2^-3]", *overrides)
-
-
-@compiled_only
-def test_the_largest_step_of_multilevel_along_points():
-    """Standard errors are those over the scrambles, joined with those of the levels, whose numbers stay."""
-    plan = plan_of(coarse("seconds=0.1"), SCHEME, "multilevel")
-    independent = plan_of(coarse("seconds=0.1", "coarse=independent"), SCHEME, "multilevel")
-    state = finished(plan)
-    found, other = plan.results(state), independent.results(finished(independent))
-    assert np.array_equal(found.error, other.error) and not np.array_equal(found.expectation, other.expectation)
-    levels = plan.level_sums(state)
-    rounds = levels.blocks[-1] // 8
-    assert rounds & (rounds - 1) == 0 and rounds >= 2
-    of_scrambles = levels.sums[-1, 0, 0] * 64 / levels.samples[-1]
-    base = of_scrambles.var(axis=-1, ddof=1) / 64
-    above = levels.moments().stderr[:-1] ** 2  # of levels h_ref to 2 h_ref, and on to the largest step
-    spread = np.sqrt([base, base + above[-1]])
-    assert np.allclose(found.sampled.expectation_stderr.T, spread, rtol=1e-9)
-    truth = exact(plan.case, plan.case.steps)
-    assert np.abs((found.expectation - truth) / found.sampled.expectation_stderr).max() < 4.0
-    assert np.all(other.sampled.expectation_stderr > 1.5 * found.sampled.expectation_stderr)
-    assert np.all(found.levels.base_gain > 3.0) and other.levels.base_gain is None
-
-
-def test_only_the_largest_step_depends_on_points_and_bits_do_not_on_batches():
-    plan, other = (plan_of(coarse(f"coarse={how}"), SCHEME, "multilevel") for how in ("quasi", "independent"))
-    assert [plan.deciding(j) == other.deciding(j) for j in range(len(plan.levels))] == [True] * plan.base + [False]
-    assert plan_of(coarse("construction=steps"), SCHEME, "multilevel").deciding(plan.base) != plan.deciding(plan.base)
-    few, more = (plan.rows(plan.base, 0, blocks, blocks * 64) for blocks in ((3, 8) if COMPILED else (1, 2)))
-    assert np.array_equal(few, more[: len(few)])
 
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["estimators=[multilevel]", "coarse=qasi"], "coarse: is 'qasi'; did you mean 'quasi'?"),
-        (
-            ["estimators=[multilevel]", "coarse=quasi", "steps=[2^-11]", "reference_step=2^-12"],
-            "coarse: has 'quasi', whose points would have 8192 dimensions for 'splitting_order2'; use a largest step",
-        ),
         (["samples=1000"], "samples: is 1000; must be a power of two for the estimator 'quasi', 512 or more"),
         (["samples=256"], "samples: is 256; must be a power of two for the estimator 'quasi', 512 or more"),
-        (["construction=brige"], "construction: is 'brige'; did you mean 'bridge'?"),
+        (["construction=steps"], "construction: is not a known key"),
+        (["coarse=quasi"], "coarse: is not a known key"),
         (["reference_step=2^-11"], "would have 8192 dimensions for 'splitting_order2'; use a reference_step"),
     ],
 )

@@ -91,10 +91,6 @@ class Levels(Described):
     ] = None
     cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
     antithetic: Annotated[bool, fact("whether sampled with antithetic paths", name="antithetic")]
-    base_gain: Annotated[
-        Array | None,
-        array("function", "variance of the mean at the largest step by independent samples over that by points"),
-    ] = None
     control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
     control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
 
@@ -127,7 +123,6 @@ class Quasi(Described):
     scrambles: Annotated[int, fact("number of independent scrambles", name="scrambles")]
     points: Annotated[int, fact("points of a scramble", name="points")]
     dimensions: Annotated[int, fact("dimensions of the points", name="dimensions")]
-    construction: Annotated[str, fact("how increments are made of points", name="construction")]
 
 
 class WeakErrors(Stored):

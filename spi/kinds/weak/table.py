@@ -104,9 +104,6 @@ def level_warnings(levels: Levels, f: int) -> Iterator[str]:
         told.append(f"cost h^{-levels.cost_rate:z.2f}")
     if told:
         yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.antithetic else ''}"
-    if levels.base_gain is not None:
-        worth = short(float(levels.base_gain[f]), ".3g")
-        yield f"the largest step alone follows points; as many independent samples have {worth} times the variance"
     yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
 
 

@@ -52,7 +52,7 @@ def plan(case: Any, part: Part) -> "KolmogorovPlan":
 class KolmogorovPlan(WeakPlan):
     """Weak errors of one splitting scheme from its backward operators."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "coarse", "prefixes"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "prefixes"))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """One solution serves all levels of extrapolation."""

@@ -1,6 +1,6 @@
 """What the multilevel estimator adds to a spec."""
 
-from typing import Any, Literal
+from typing import Any
 
 from spi.ensemble.protocol import Positive
 from spi.ensemble.random_states import RandomState
@@ -10,7 +10,6 @@ from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 
 from ..kolmogorov.keys import check_demands
-from ..quasi.keys import check_dimensions
 
 LABEL = "multilevel"
 LOOK = ("D", "#D55E00")
@@ -25,9 +24,6 @@ class Keys(BaseKeys):
     seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
         None
     )
-    coarse: key_of(
-        Literal["independent", "quasi"], "how multilevel samples the largest step: independent or quasi, by points"
-    ) = "independent"
 
 
 def check(case: Any) -> None:
@@ -37,8 +33,5 @@ def check(case: Any) -> None:
         what = "has 'multilevel', which has references of its own, and reference_scheme is set"
         raise wrong(what, "use plain or leave out reference_scheme", "estimators")
     check_areas(case, case.reference_step, "reference_step")  # each level draws its own
-    if case.coarse == "quasi":
-        steps, right = round(case.final_time / max(case.steps)), "use a largest step that makes it {}, or independent"
-        check_dimensions(case, case.schemes, None, steps, "coarse", right)
     if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
         check_demands(case, "multilevel", multiscale=True)

@@ -22,12 +22,11 @@ of which the first takes two cheap paths and the second has the variance O(h^2).
 pilot decides step by step which way takes less work.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.given import Points
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
@@ -56,7 +55,6 @@ from .sums import (
     Errors,
     LevelSums,
     Totals,
-    base_gain,
     control_of,
     expectations,
     levels_of,
@@ -92,7 +90,7 @@ _LONGEST = 1e9  # seconds of work that a target may ask for
 class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes", "construction", "coarse"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Sample, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
@@ -104,16 +102,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
-
-    def deciding(self, number: int | None) -> dict[str, Any]:
-        """Also how the largest step is sampled, where that is by points: of the other levels it decides nothing."""
-        along = {"coarse": self.case.construction} if self.scrambled and number in (None, self.base) else {}
-        return super().deciding(number) | along
-
-    @property
-    def scrambled(self) -> bool:
-        """Whether the largest step alone is sampled by scrambled points."""
-        return isinstance(self.levels[self.base].stream, Points)
 
     @property
     def seconds_per_block(self) -> np.ndarray:
@@ -155,9 +143,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
-        last = self.levels[self.base]
-        along_points = self.calls_of_a_step(last.grid, last.stream)[:1] if self.scrambled else []
-        return [*self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream), *along_points]
+        return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """The quantities of some blocks of samples, with a control the product as well."""
@@ -249,10 +235,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / floor if target else np.inf)
             samples = work / root * per_root
             samples[self.base] = work * _BASE_SHARE / cost[self.base]
-        rounds = np.ceil(samples / (ROUND * LANES)).astype(np.int64)
-        if self.scrambled:  # which is fair for powers of two
-            rounds[self.base] = 1 << max(int(rounds[self.base]).bit_length() - 1, 0)
-        return rounds * ROUND
+        return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
 
     def errors(self, levels: LevelSums) -> Errors:
         """The errors that the differences of the levels make."""
@@ -306,10 +289,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             **fields,
             expectation=expectation,
             sampled=Sampled(**sampled, **of_expectation, **work),
-            levels=replace(
-                levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
-                base_gain=base_gain(self, levels),
-            ),
+            levels=levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             history=History(
                 allocations=np.arange(1, len(SHARES) + 1),
                 error=extra.history_error[..., own],

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.given import points_of
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
 from spi.ensemble.random_states import RandomState
@@ -21,7 +20,6 @@ from spi.statistics.estimators import (
     Extrapolation,
     fit_order,
     group_counts,
-    jackknife_stderr,
     kurtosis,
     mean_over_paths,
     standard_deviation,
@@ -53,9 +51,6 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
     count = round(np.log2(max(case.steps) / case.reference_step))
     differences = [_level(case, scheme, j, limit, *_two_steps(antithetic, limit)) for j in range(count)]
     last = _level(case, scheme, count, limit, *_one_step(antithetic, limit))
-    if case.coarse == "quasi":
-        points = points_of(case.seed, int(last.stream.stream), scheme, case.model, last.grid, case.construction)
-        last = last._replace(stream=points)
     return *differences, last
 
 
@@ -365,7 +360,7 @@ def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]
     """
     h, coarse, moments = np.array(p.case.steps), p.coarse, levels.moments()
     lacking = (p.unseen_levels(levels) / student_factor(GROUPS)) ** 2
-    last, variances = _variance_of_base(p, levels) + lacking[-1], moments.stderr[:-1] ** 2 + lacking[:-1]
+    last, variances = moments.stderr[-1] ** 2 + lacking[-1], moments.stderr[:-1] ** 2 + lacking[:-1]
     fine, square = levels.means_of_powers()[VALUE][:2, -1]
     differences = p.combination.errors(moments.mean[:-1])
     largest = differences[:, :1]
@@ -381,19 +376,3 @@ def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]
         "reference": moments.mean[-1] - largest[:, 0],
         "sd": standard_deviation(fine, square),
     }
-
-
-def base_gain(p: Any, levels: LevelSums) -> np.ndarray | None:
-    """(F,) the variance of the mean at the largest step by independent samples over that by points, if these are."""
-    if not p.scrambled:
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(levels.moments().stderr[-1] ** 2 / _variance_of_base(p, levels))
-
-
-def _variance_of_base(p: Any, levels: LevelSums) -> np.ndarray:
-    """(F,) of the mean at the largest step; along points over the scrambles, which are the groups."""
-    if not p.scrambled:
-        return np.asarray(levels.moments().stderr[-1] ** 2)
-    mean, without = levels.averages()
-    return np.asarray(jackknife_stderr(mean[-1], without[:, -1], EQUAL) ** 2)

@@ -73,7 +73,7 @@ def plan(case: Any, part: Part) -> "PlainPlan":
 class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "coarse", "accuracy", "construction"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
 
     @classmethod
     def of(cls, case: Any, part: Part) -> Self:

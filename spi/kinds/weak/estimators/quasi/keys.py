@@ -1,24 +1,19 @@
 """What randomised quasi-Monte Carlo adds to a spec."""
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
-from spi.ensemble.given import CONSTRUCTIONS, dimensions_of
+from spi.ensemble.given import dimensions_of
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys
-from spi.specs.keys import key_of, wrong
+from spi.specs.keys import wrong
 
 LABEL = "quasi-Monte Carlo"
 LOOK = ("s", "#009E73")
 
-_NAMES = tuple(CONSTRUCTIONS)
-
 
 class Keys(BaseKeys):
-    """How increments are made of points."""
-
-    construction: key_of(Literal[_NAMES], f"how quasi makes increments of its points: {', '.join(_NAMES)}") = "bridge"
+    """It has no keys of its own."""
 
 
 def check(case: Any) -> None:
@@ -28,13 +23,8 @@ def check(case: Any) -> None:
         right = f"must be a power of two for the estimator 'quasi', {LEAST_PATHS} or more"
         raise wrong(f"is {case.samples}", right, "samples")
     steps, right = round(case.final_time / case.reference_step), "use a reference_step that makes it"
-    check_dimensions(case, case.schemes, case.reference_record(None), steps, "estimators", f"{right} {{}}, or plain")
-
-
-def check_dimensions(case: Any, schemes: Sequence[str], reference: Any, steps: int, key: str, right: str) -> None:
-    """Points must not have too many dimensions for paths of so many steps; `right` has room for how many they may."""
-    for scheme in schemes:
-        dimensions = dimensions_of(case.row(scheme).record, reference, case.model, steps)[1]
+    for scheme in case.schemes:
+        dimensions = dimensions_of(case.row(scheme).record, case.reference_record(None), case.model, steps)[1]
         if dimensions > MOST_DIMENSIONS:
             what = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
-            raise wrong(what, right.format(f"{MOST_DIMENSIONS} or fewer"), key)
+            raise wrong(what, f"{right} {MOST_DIMENSIONS} or fewer, or plain", "estimators")

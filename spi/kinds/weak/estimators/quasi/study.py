@@ -29,7 +29,7 @@ def plan(case: Any, part: Part) -> "QuasiPlan":
 class QuasiPlan(PlainPlan):
     """Weak errors of one scheme by scrambled points."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "coarse", "accuracy", "prefixes"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy", "prefixes"))
 
     @property
     def prefixes(self) -> tuple[int, ...]:
@@ -39,8 +39,7 @@ class QuasiPlan(PlainPlan):
     @cached_property
     def stream(self) -> Points:
         """The points in the place of independent increments."""
-        how = self.case.construction
-        return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid, how)
+        return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid)
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
@@ -55,6 +54,5 @@ class QuasiPlan(PlainPlan):
             scrambles=SCRAMBLES,
             points=self.samples // SCRAMBLES,
             dimensions=dimensions_of(self.scheme, reference, self.model, steps)[1],
-            construction=self.case.construction,
         )
         return replace(found, quasi=quasi)
