@@ -65,8 +65,13 @@ def grid(
     area_terms=0,
     first_step=0,
 ):
-    """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme."""
+    """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme.
+
+    ValueError if `doublings` do not go from large to small until 0.
+    """
     doublings = np.array(doublings, np.int64)
+    if doublings[-1] or (np.diff(doublings) > 0).any():
+        raise ValueError(f"doublings are {doublings.tolist()}; they must go from large to small until 0")
     count = len(doublings)
     reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([0] * (count - 1) + [1] if by_reference is None else by_reference, np.int64)

@@ -28,7 +28,7 @@ KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel
         ("expressions/trees.py", False, True),
         ("statistics/estimators.py", False, True),
         ("kinds/plans.py", False, True),
-        ("kinds/strong/study/__init__.py", False, True),
+        ("kinds/strong/study.py", False, True),
         ("statistics/claims.py", False, False),
         ("systems/definition.py", False, False),
         ("specs/cases.py", False, False),

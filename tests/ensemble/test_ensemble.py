@@ -22,7 +22,7 @@ from helpers import (
 from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
 from spi.ensemble.increments import brownian
-from spi.ensemble.loop import add_reports, integrated, nested_grid
+from spi.ensemble.loop import add_reports, grid, integrated, nested_grid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, needs_areas, report_columns
 
@@ -104,6 +104,12 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
     everything, _ = simulate(scheme, blocks=2, samples=2 * LANES, **SMALL)
     states, _ = simulate(scheme, blocks=-(-samples // LANES), samples=samples, **SMALL)
     assert np.array_equal(states[..., :samples], everything[..., :samples])
+
+
+@pytest.mark.parametrize("doublings", [(0, 1), (2, 1), (1, 2, 0)])
+def test_step_sizes_go_from_large_to_small_until_the_reference(doublings):
+    with pytest.raises(ValueError, match="from large to small until 0"):
+        grid(0.25, 8, doublings)
 
 
 def test_distances_of_idle_lanes_do_not_count():
