@@ -2,7 +2,7 @@
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dX_k(t)
 
-with independent processes X_k of one law (``laws.py``) that starts at 0.  Brownian increments are drawn in the loop
+with independent processes X_k of one law that starts at 0.  Brownian increments are drawn in the loop
 over time; those of another process are made here, for some steps of some paths at a time, and given to it as arrays.
 They are functions of seed, path and step: whatever is computed together, and whatever was computed before, the bits are
 the same.  Increments over larger steps are sums of two, in this order, as everywhere.
@@ -197,7 +197,7 @@ class _Nothing:
 class Driver:
     """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
-    `law` is one of ``laws.py``, `last_time` is that until which the process is asked for, and each step is resolved
+    `law` is one of the laws of this file, `last_time` is that until which the process is asked for, and each step is resolved
     into at least `parts` sub-steps, so that schemes that need fewer have the same paths as those that need them all.
     """
 

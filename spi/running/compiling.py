@@ -97,7 +97,7 @@ class Job(NamedTuple):
     module: str
     name: str
     arguments: tuple  #: of a call that has it compiled
-    seconds: float  #: what it takes, see ``compile_seconds.py``
+    seconds: float  #: what it takes, as predicted from its size
 
     @property
     def title(self):

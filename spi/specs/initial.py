@@ -8,7 +8,7 @@
     initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
 
 Whatever stands there becomes the numbers of the state at once, and these are what decides results.  A law by which each
-path has a state of its own, ``initial: {law: gaussian, ...}``, is read in ``initial_laws.py``.
+path has a state of its own, ``initial: {law: gaussian, ...}``: see the laws below.
 """
 
 import csv

@@ -1,6 +1,6 @@
 """Claims: what a spec says must come out, and whether it did.  Nothing here computes, reads files or knows a kind.
 
-A spec states claims under its key ``expect``; the module ``claims`` of a kind of experiment says which quantities came
+A spec states claims under its key ``expect``; the module ``results`` of a kind of experiment says which quantities came
 out; :func:`judge` compares the two.  A quantity is judged with its 95 % interval.  With [a, b] the numbers that the
 claim allows, it is
 
