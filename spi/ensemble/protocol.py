@@ -527,7 +527,7 @@ def flow_places(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a model of long flows may be asked besides; see ``protocol.py`` for all else.
+# Optional methods of a model of long flows.
 #
 # A flow is compiled once for each range of angles, which of long ones takes minutes.  Divided into the angles of the
 # sines that it takes and what is done with these sines, all but the sines is compiled once.
