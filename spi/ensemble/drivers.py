@@ -198,7 +198,7 @@ class Driver:
     """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
     `law` is one of the laws of this file, `last_time` is that until which the process is asked for, and each step is
-    resolved into at least `parts` sub-steps, so that schemes that need fewer have the same paths as those that need more.
+    resolved into at least `parts` sub-steps: schemes that need fewer have the same paths as those that need more.
     """
 
     def __init__(self, law: Any, stream: Any, last_time: float, parts: int = 1) -> None:
