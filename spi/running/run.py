@@ -1,5 +1,6 @@
 """From an experiment to its results file: the one path that the command line, Python users and the tests share."""
 
+import contextlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -116,8 +117,12 @@ def run(
     if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
         whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
-        for path in (target, sums_path(experiment, out)):  # of a run that was killed when its results were there
+        sums = sums_path(experiment, out)
+        for path in (target, sums):  # of a run that was killed when its results were there
             storage.remove_leftovers(path)
+        if sums.exists():
+            with contextlib.suppress(OSError):
+                storage.previous(sums).unlink()
         return target
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
     checkpoint = session.checkpoint

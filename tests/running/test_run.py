@@ -242,7 +242,10 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     before, there = path.read_bytes(), files(tmp_path)
     half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
+    sums = runner.sums_path(wanted, tmp_path)
+    storage.previous(sums).write_bytes(sums.read_bytes())  # killed before the sums of before were removed
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
+    assert not storage.previous(sums).exists()
     assert path.read_bytes() == before
     assert files(tmp_path) == there or os.name != "posix"
     assert not reports and len(news) == 1 and "use --fresh to recompute" in news[0]

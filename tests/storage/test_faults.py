@@ -136,7 +136,7 @@ def test_a_file_that_another_reader_holds_open_can_be_read(tmp_path, holder):
 
 def test_a_name_that_is_too_long_is_told_before_the_run(tmp_path):
     with pytest.raises(storage.StorageError, match="too long"):
-        storage.check_writable(tmp_path / f"{'a' * 240}.h5")
+        storage.check_writable(tmp_path / f"{'a' * 250}.h5")
     assert not list(tmp_path.iterdir())
 
 
