@@ -95,11 +95,6 @@ def shown_in_notebooks(figure: "Figure") -> "Figure":
     return figure
 
 
-if TYPE_CHECKING:
-    from ..drawing import Figure
-    from ..drawing.axes import Axes
-
-
 def dataset_of(group: records.Group) -> xr.Dataset:
     """The arrays of a group with their coordinates; components of states are called as in expressions."""
     coordinates: dict[str, Any] = {

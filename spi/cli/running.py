@@ -252,9 +252,6 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
 # The command that answers: an expectation to a wanted accuracy.
 # ---------------------------------------------------------------------------------------------------------------------
 
-if TYPE_CHECKING:
-    from ..specs import Experiment
-
 Asked = Annotated[
     Path,
     typer.Argument(

@@ -149,8 +149,7 @@ def figure(
     see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
     style, width or font.
     """
-    from ..drawing import fitting, page
-    from ..drawing import layout as drawn_claims
+    from ..drawing import fitting, layout, page
 
     kind = results.attributes.get("kind")
     if kind not in KINDS:
@@ -165,8 +164,8 @@ def figure(
         told = f"{title} (unfinished)" if unfinished else title
         over = wholes(kind, read)
         drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
-        drawn_claims.write_note(drawn, unfinished or "")
-        drawn_claims.write_under(drawn, _judged(results, read))
+        layout.write_note(drawn, unfinished or "")
+        layout.write_under(drawn, _judged(results, read))
         if page.current().width is not None:
             fitting.settle(drawn)
         return drawn

@@ -23,7 +23,7 @@ from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import SOLVING as TITLE
 from spi.exact.kolmogorov import can_solve, refiner
 from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
-from spi.exact.work import part, work
+from spi.exact.work import part
 from spi.exact.work import work as working
 from spi.expressions import canonical, functions_of, range_of
 from spi.kinds.blocks import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
@@ -79,7 +79,7 @@ from .results import Answer, Chosen, Compared, Levels
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-_SURE = 2.0  # standard errors by which the check may be off
+_CHECK_WIDTH = 2.0  # standard errors by which the check may be off
 _DOUBT = 1.5  # of the consistency, whose bound 1 one of many levels passes now and then
 
 
@@ -120,7 +120,7 @@ def outcome_of(p: "AnswerPlan", state: State) -> Found:
     unresolved = np.any([one.spread.unknown for one in terms], axis=0)
     half = np.where(unresolved, np.inf, bias + sampling)
     check, check_stderr = changed(measured, w, finest + 1)
-    passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _SURE * check_stderr).all())
+    passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _CHECK_WIDTH * check_stderr).all())
     return Found(value, half, bias, stderr, q, check, check_stderr, passed, share, unresolved)
 
 
@@ -149,7 +149,7 @@ def compared(p: "AnswerPlan", state: State) -> Compared:
     left = off + fallen / (2.0**r - 1.0)
     spread = np.sqrt(of_difference.variance), np.sqrt(of_change.variance) / (2.0**r - 1.0)
     stderr = (spread[0] + spread[1]) / math.sqrt(totals.paths)
-    allowed = 0.5 * np.abs(fallen) / (2.0**r - 1.0) + outcome_of(p, state).bias + _SURE * stderr
+    allowed = 0.5 * np.abs(fallen) / (2.0**r - 1.0) + outcome_of(p, state).bias + _CHECK_WIDTH * stderr
     name, h = p.case.reference_scheme or "", p.case.final_time / 2.0**extra.compared
     return Compared(
         reference=name, step=h, difference=off, left=left, stderr=stderr, agrees=bool((np.abs(left) <= allowed).all())
@@ -875,7 +875,7 @@ class AnswerPlan(SamplesPlan):
         for scheme in self.schemes_of(number):
             for call in scheme.calls_of_a_step(self.sets[number].grid, self.noise(number)):
                 if not is_loaded(call.kernel, call.arguments):
-                    with work(f"compiling {scheme.part.scheme}", 0.0):
+                    with working(f"compiling {scheme.part.scheme}", 0.0):
                         call.kernel(*call.arguments)
         yield from super().advance(chunks, known)
 

@@ -30,7 +30,9 @@ from .results import APART, LONG_ENOUGH, Averages, Equilibrium, Law, with_averag
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
 #: The probability by chance of the difference between both halves of the time from which on there is a warning.
 _SELDOM = 0.01
@@ -165,11 +167,6 @@ def step_for(reading: Equilibrium, averages: Averages, f: int, wanted: float) ->
         return float(reading.h[near].max()), "no bias is seen there"
     return float(reading.h[-1]), "the smallest here, its bias is not known"
 
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
 
 #: Of several variables the table shows the distances of these.
 SHOWN = ("y3", "H")

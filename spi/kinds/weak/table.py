@@ -48,7 +48,9 @@ from .results import (
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
 
@@ -305,11 +307,6 @@ def _each(h: np.ndarray, values: np.ndarray, form: str) -> str:
         f"{power_of_two(step)}: {short(float(value), form)}" for step, value in pairs if math.isfinite(value)
     )
 
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
 
 _AXES = ("function", "h")
 #: What the rows of fewer paths have in common with those of all.
