@@ -3,13 +3,13 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
 from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import grid, integrated, paths_of
+from ..ensemble.loop import Grid, grid, paths_of
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..kinds.answer import study
@@ -23,13 +23,11 @@ from ..running import workers
 from ..running.compiling import compile_missing
 from ..running.run import kernel_calls
 from ..specs import SpecError
-from ..statistics.estimators import GROUPS, group_counts, mean_over_paths, standard_deviation, with_powers
-from ..statistics.tallies import sum_of_fields
+from ..statistics.accumulators import Array, Sums, counted, moments
+from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from .paths import plan_of
 from .progress import Line
 from .specs import of_mapping, whole
-
-_BATCH_BYTES = 16e6  # of final states
 
 Phi = Callable[[np.ndarray], Any]  #: values (paths,) of states (d, paths)
 
@@ -81,7 +79,7 @@ def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[st
     case, h = finest.case, finest.case.step
     terms = fourier_terms(case.model, [finest.scheme], h, areas=case.areas)
     times = grid(h, round(case.final_time / h), doublings, case.truncate_noise, area_terms=terms)
-    return MeansPlan(case=case, part=finest.part, grid=times, samples=samples, functions=functions)
+    return MeansPlan(case=case, part=finest.part, times=times, count=samples, functions=functions)
 
 
 def _plans(model: Any, scheme: str, keys: dict[str, Any], steps: list[Any]) -> list[TrajectoryPlan]:
@@ -115,26 +113,33 @@ def _doublings(h: float, finest: float) -> int:
     return doublings
 
 
-class Sums(NamedTuple):
-    """What is known of some paths, for F functions at L step sizes."""
+class EndSums(Sums):
+    """Sums over some paths, for F functions at L step sizes."""
 
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    values: np.ndarray  #: (1, L, F, GROUPS) sums of phi
-    apart: np.ndarray  #: (2, L, F, GROUPS) of phi(y) - phi(y_0), which loses fewer digits, and of its square
-    nonfinite: np.ndarray  #: (L,)
-
-    def plus(self, later: "Sums") -> "Sums":
-        """These paths and some later ones."""
-        return sum_of_fields(self, later)
+    values: Annotated[Array, moments("level function", 1)]  #: of phi
+    apart: Annotated[Array, moments("level function")]  #: of phi(y) - phi(y_0), which loses fewer digits
+    nonfinite: Annotated[Array, counted("level")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeansPlan(BlocksPlan):
     """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
+    sums = EndSums
+
     functions: dict[str, Phi]
+    count: int  #: of paths
+    times: Grid
+
+    @property
+    def samples(self) -> int:
+        """The number of paths."""
+        return self.count
+
+    @property
+    def grid(self) -> Grid:
+        """The times of the paths and their step sizes."""
+        return self.times
 
     @property
     def at_start(self) -> np.ndarray:
@@ -147,37 +152,22 @@ class MeansPlan(BlocksPlan):
         """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
         return _values_of(name, self.functions[name], y)
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
-        shape = len(self.steps), len(self.functions), GROUPS
-        return Sums(0, 0.0, 0.0, np.zeros((1, *shape)), np.zeros((2, *shape)), np.zeros(len(self.steps), int))
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"level": len(self.steps), "function": len(self.functions)}
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        return max(1, int(_BATCH_BYTES / (8 * LANES * len(self.steps) * (len(self.initial) + 3 * len(self.functions)))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
-        what = self.scheme, self.model, self.initial, self.grid, self.stream
-        states, _ = integrated(*what, first, blocks, end)
+        states, _ = self.integrated(first, blocks, end)
         y = paths_of(states, len(self.initial))[..., : end - first * LANES]
-        values = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
+        values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
         for level, of_level in enumerate(y):
             for f, name in enumerate(self.functions):
                 values[level, f, : y.shape[-1]] = self._values(name, of_level)
-        return np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
-
-    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
-        """The sums with the values `at`, of which the first is that of block `first`."""
-        values = rows[at]
-        real = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+        values = np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
         with np.errstate(all="ignore"):
             apart = values - self.at_start[:, np.newaxis]
-        return sums._replace(
-            values=with_powers(sums.values, values, first, end),
-            apart=with_powers(sums.apart, apart, first, end),
-            nonfinite=sums.nonfinite + (~np.isfinite(values).all(axis=2) & real).sum(axis=(0, 2)),
-        )
+        return {"values": values, "apart": apart, "nonfinite": np.logical_not(np.isfinite(values).all(axis=2))}
 
 
 def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
@@ -198,7 +188,7 @@ def _of_blocks(name: str, phi: Phi) -> Phi:
     return lambda y: _values_of(name, phi, y.reshape(len(y), -1)).reshape(y.shape[1:])
 
 
-def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
+def _dataset(sums: EndSums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
     mean, _ = mean_over_paths(sums.values[0], counts)

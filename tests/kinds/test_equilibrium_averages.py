@@ -16,8 +16,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.averages import _order
-from spi.kinds.equilibrium.recording import Series
+from spi.kinds.equilibrium.means import Series, _order
 from spi.kinds.equilibrium.references import Known, known_laws
 from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.equilibrium.table import step_for

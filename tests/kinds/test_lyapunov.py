@@ -160,8 +160,8 @@ def test_damped_states_have_euclidean_lengths(case_of):
 
 def test_intervals_are_those_of_student(case_of):
     plan = plan_of(case_of("final_time=1", "step=2^-3"))
-    rows, found = plan.rows(0, 0, 1, 64), results_of(plan.case)
-    values = rows.values[0, -1]
+    rows, found = plan.observe(0, 0, 1, 64), results_of(plan.case)
+    values = rows["values"][0, -1]
     for value, half, paths in (
         (found.exponent[0, -1], found.exponent_half[0, -1], values[0]),
         (found.energy[-1], stats.t.ppf(0.975, 63) * found.energy_stderr[-1], values[3]),
@@ -261,7 +261,7 @@ LASER = "model={name: maxwell_bloch, sigma: [1, 1]}", "initial=[1, 2, 3]"
 def test_exponents_of_each_path_are_those_of_exact_derivatives(case_of, step, overrides):
     """Derivatives of each step by imaginary increments of 1e-30, which lose no digits: no near path, no projection."""
     plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4", *overrides))
-    found = plan.rows(0, 0, 1, 64).values[0, -1]
+    found = plan.observe(0, 0, 1, 64)["values"][0, -1]
     y = np.repeat(np.array(plan.initial)[:, np.newaxis], 64, axis=1)
     q = np.repeat(plan.basis[:, :, np.newaxis], 64, axis=2)
     grown, noises = np.zeros((2, 64)), len(plan.model.sigma)

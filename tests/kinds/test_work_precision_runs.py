@@ -38,7 +38,7 @@ def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, 
 
     with pytest.raises(runner.Stopped):
         runner.run(one_step, tmp_path, watch=runner.Watch(stop_after_the_first_repeat))
-    monkeypatch.setattr(strong.StrongPlan, "rows", lambda *_: pytest.fail("the errors are known"))
+    monkeypatch.setattr(strong.StrongPlan, "observe", lambda *_: pytest.fail("the errors are known"))
     (found,) = storage.read(runner.run(one_step, tmp_path)).groups
     assert len(clock.calls) == 5
     quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
