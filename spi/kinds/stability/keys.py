@@ -12,14 +12,14 @@ from spi.specs.keys import Samples, condition, key_of, wrong
 from spi.specs.sweep import POINT, Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
-#: What the figure can show.
+#: The panels of the figure.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 
 
 class Case(FunctionsCase):
-    """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
+    """Properties of the equation that schemes preserve, for each step size and each value of a parameter."""
 
     sweep: key_of(
         Swept,
