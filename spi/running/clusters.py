@@ -20,52 +20,56 @@ class Dask:
     """The workers of a Dask cluster, one thread each."""
 
     def __init__(self, client: Any) -> None:
-        from distributed.scheduler import KilledWorker
-
-        self.lost: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)  # with a worker, or the scheduler
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
 
     @property
     def size(self) -> int:
-        """How many threads its workers have, at the moment."""
-        with self._asked():
+        """The number of threads of its workers, at the moment."""
+        with self._reached():
             return max(1, sum(self.client.nthreads().values()))
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        with self._asked():
+        with self._reached():
             return self.executor.submit(compute, source, number, chunk, 1)
 
+    def result(self, future: Future) -> Any:
+        """The result of a future that is done; Dask cancels those of a scheduler that is gone."""
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker:
+            raise WorkersLost.over_a_chunk() from None
+        except CancelledError:
+            raise WorkersLost(_GONE) from None
+
     def machines(self) -> set[str]:
-        """Those of its workers, at the moment."""
-        with self._asked():
+        """The machines of its workers, at the moment."""
+        with self._reached():
             return set(self.client.run(storage.machine, on_error="ignore").values())
 
-    def stuck(self) -> bool:
-        """Whether the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
-        return self.client.status in ("closing", "closed")
-
-    def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
-        """Nothing else, unless the scheduler is gone."""
-        if self.stuck():
+    def check(self) -> None:
+        """Notice that the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
+        if self.client.status in ("closing", "closed"):
             raise WorkersLost(_GONE)
-        return []
 
     @contextlib.contextmanager
-    def _asked(self) -> Iterator[None]:
-        """Within it what is raised because the scheduler is gone becomes one error with a line."""
+    def _reached(self) -> Iterator[None]:
+        """Within it all that is raised because the scheduler is gone becomes one error with a line."""
         try:
             yield
         except Exception as error:
-            if isinstance(error, OSError) or self.stuck():
+            if isinstance(error, OSError):
                 raise WorkersLost(_GONE) from None
+            self.check()
             raise
 
 
 @contextlib.contextmanager
 def _without_its_log() -> Iterator[None]:
-    """Within it Dask logs nothing: what it says with a traceback, as of a scheduler that is gone, is told in a line."""
+    """Within it Dask logs nothing: a line says the same as its tracebacks, as of a scheduler that is gone."""
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [log.level for log in logs]
     for log in logs:
@@ -87,7 +91,7 @@ def connected(address: str) -> Iterator[Dask]:
     from distributed import Client, LocalCluster
 
     # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
-    settings: dict[str, Any] = {f"distributed.{one}.http.routes": [] for one in ("scheduler", "worker")}  # no pages
+    settings: dict[str, Any] = {f"distributed.{role}.http.routes": [] for role in ("scheduler", "worker")}  # no pages
     settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
     with _without_its_log(), dask.config.set(settings), contextlib.ExitStack() as stack:
         if address.startswith("local:"):

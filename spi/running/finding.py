@@ -14,11 +14,12 @@ from ..specs.keys import suggestion
 from ..specs.naming import results_name
 from ..storage import StorageError
 from ..storage.results import read_root
+from ..storage.sums import SUFFIX
 from . import shipped
 from .load import STORED, SUMS, load
 
 #: What in the name of a file of sums follows that of the experiment.
-_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]npz$")
+_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]sums$")
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
 
@@ -198,7 +199,7 @@ class Unfinished(NamedTuple):
 def _unfinished(folder: Path, name: str | None = None) -> list[Unfinished]:
     """The runs of a folder that are not finished, from the earliest to the latest; those that a name could be of."""
     runs = []
-    for path in sorted((folder / "sums").glob("*.npz"), key=lambda path: (_written(path), path)):
+    for path in sorted((folder / "sums").glob(f"*{SUFFIX}"), key=lambda path: (_written(path), path)):
         experiment = _OF_SUMS.sub("", path.name)
         if name is not None and name != experiment and not name.startswith(f"{experiment}."):
             continue  # sums can be large

@@ -20,10 +20,11 @@ from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
+from ..storage.sums import FORMER_SUFFIX, SUFFIX
 from . import remarks, shipped
 
 #: The endings of files of results, and of sums over paths.
-STORED, SUMS = (".h5",), (".npz", ".previous")
+STORED, SUMS = (".h5",), (SUFFIX, ".previous", FORMER_SUFFIX)
 
 
 @functools.cache

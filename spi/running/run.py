@@ -129,7 +129,7 @@ def run(
     if not fresh:
         checkpoint.resume()
     watch.report_beginning(experiment.title, cost_of(experiment, [state.plan for state in checkpoint.states]))
-    with checkpoint.kept():
+    with checkpoint.saved_at_the_end():
         if checkpoint.missing():
             session.compile()
         if workers is None:

@@ -39,7 +39,7 @@ def run_shard(
     if not fresh:
         known |= checkpoint.merge(checkpoint.path, with_extra=False)
         checkpoint.take_of_others(checkpoint.by_name.keys() - known)
-    with checkpoint.kept():
+    with checkpoint.saved_at_the_end():
         if mine.intersection(checkpoint.missing()):
             session.compile()
         advance_some_here(checkpoint.states, mine, session.tick)
@@ -62,7 +62,7 @@ def merge(
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
     checkpoint = session.checkpoint
     checkpoint.resume()
-    with checkpoint.kept():
+    with checkpoint.saved_at_the_end():
         _need_all(checkpoint)
         for number, state in enumerate(checkpoint.states):
             while not state.missing() and allocate(number, state, session.tick):

@@ -15,6 +15,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError
 from ..storage.records import Group, Results
+from ..storage.sums import SUFFIX
 from .checkpoint import as_run
 from .load import load_stored, name_of, plans
 from .run import identity
@@ -156,7 +157,7 @@ def _not_of_the_spec(experiment: specs.Experiment, results: Results) -> Iterator
 def _kept(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path | None, list[State]]:
     """The file of sums over the paths of results, beside them, and the states that it knows; None if there is none."""
     of_results = {name: results.attributes.get(name) for name in ("spec_hash", "source_digest")}
-    for file in sorted((path.parent / "sums").glob("*.npz")):
+    for file in sorted((path.parent / "sums").glob(f"*{SUFFIX}")):
         about = storage.about_sums(file)
         if about is None or {name: about.get(name) for name in of_results} != of_results or not about["finished"]:
             continue

@@ -106,7 +106,7 @@ def test_the_numbers_are_those_of_a_run_with_as_many_samples(make, tmp_path):
 def test_shards_are_shown_together_before_they_are_merged(tmp_path):
     for number in (1, 2):
         shards.run_shard(strong(), Shard(number, 3), tmp_path)
-    (first, second) = sorted((tmp_path / "sums").glob("*.npz"))
+    (first, second) = sorted((tmp_path / "sums").glob("*.sums"))
     found = so_far.read(first)
     assert [group.variant for group in found.groups] == ["euler_maruyama", "splitting"]
     assert found.attributes["unfinished"] == so_far.read(second).attributes["unfinished"]
