@@ -17,7 +17,6 @@ from ..drawing import as_bytes, style
 from ..kinds import KINDS
 from ..report import views
 from ..running import finding
-from ..specs import SpecError
 from ..statistics import claims
 from ..storage import records
 from ..storage.records import INTERVAL
@@ -312,8 +311,6 @@ def load(
     StorageError if there is no such file, or if it cannot be read; SpecError if `path` can be neither.
     """
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
-    if "out" in overrides:
-        raise SpecError(f"out: is now called results; write results={str(overrides['out'])!r}")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
         file = finding.found(Path(path), Path(results), wanted)

@@ -3,19 +3,16 @@
 import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import scratch_folder
 from ..ensemble.loop import thread_count, use_threads
-from ..running import clusters, workers
 from ..running import run as runs
+from ..running.clusters import workers_of
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
 from .specs import experiment_of, in_python, whole
-
-if TYPE_CHECKING:
-    from ..running.workers import Workers
 
 
 def run(
@@ -57,19 +54,21 @@ def run(
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
     experiment = experiment_of(what, name, profile, overrides, trust_code)
+    if workers is not None and not isinstance(workers, str):
+        whole("workers", workers, 1)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
         stack.enter_context(_threads(threads))
-        pool = stack.enter_context(_pool(workers))
+        pool = stack.enter_context(workers_of(workers))
         line = stack.enter_context(Line(experiment.name, progress))
         stack.enter_context(in_python())
         try:
             path = runs.run(experiment, folder, fresh, line.watch, workers=pool)
         except runs.Stopped as stopped:
-            kept = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is saved"
-            raise KeyboardInterrupt(kept) from None
-        found = load(path)
-    return found if out is not None else Results(found.stored)
+            message = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is saved"
+            raise KeyboardInterrupt(message) from None
+        results = load(path)
+    return results if out is not None else Results(results.stored)
 
 
 @contextlib.contextmanager
@@ -86,10 +85,3 @@ def _threads(count: int | None) -> Iterator[None]:
         yield
     finally:
         use_threads(before)
-
-
-def _pool(asked: int | str | None) -> "contextlib.AbstractContextManager[Workers | None]":
-    """The processes that compute, None for this one alone."""
-    if asked is None:
-        return contextlib.nullcontext()
-    return clusters.connected(asked) if isinstance(asked, str) else workers.processes(whole("workers", asked, 1))

@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
+from .options import DONE, FAILED, INVALID, STOPPED, RunOptions, Specs, load, run_options
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 app = typer.Typer(
@@ -50,16 +50,10 @@ app.command()(showing.show)
 
 
 @app.command()
-def check(
-    specs: Specs,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
-    trust_code: TrustCode = False,
-) -> None:
+@run_options()
+def check(specs: Specs, options: RunOptions) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, trust_code)
+    experiments = load(specs, options)
     from ..printing import cost_line, print_safely
     from ..running.remarks import remarks
     from ..running.run import cost, reports, to_compile
@@ -72,11 +66,12 @@ def check(
 
 
 @app.command()
-def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, trust_code: TrustCode = False) -> None:
+@run_options("samples", "seed")
+def model(specs: Specs, options: RunOptions) -> None:
     """Print the Python source of the models of experiments."""
-    from ..running.run import sources
+    from ..running.load import sources
 
-    for experiment in load(specs, profile, overrides, None, None, trust_code):
+    for experiment in load(specs, options):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 

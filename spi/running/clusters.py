@@ -11,7 +11,7 @@ from .. import storage
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
-from .workers import MOST_LOSSES, MOST_WORKERS, WorkersLost, compute
+from .workers import MOST_LOSSES, MOST_WORKERS, Workers, WorkersLost, compute, processes
 
 _GONE = "the scheduler of the Dask cluster does not answer any more"
 
@@ -105,3 +105,10 @@ def connected(address: str) -> Iterator[Dask]:
         else:
             client = stack.enter_context(Client(address))
         yield Dask(client)
+
+
+def workers_of(place: int | str | None) -> contextlib.AbstractContextManager[Workers | None]:
+    """So many processes on this machine, the cluster at an address as in :func:`connected`, or None for neither."""
+    if place is None:
+        return contextlib.nullcontext()
+    return connected(place) if isinstance(place, str) else processes(place)

@@ -162,12 +162,6 @@ def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
     assert code == 0
     stems = [RESULTS.stem.replace(SPEC.stem, name) for name in ("a", "b")]
     assert err.splitlines() == [f"wrote there/{stem}.{kind}" for stem in stems for kind in ("pdf", "png")]
-    for arguments in ((), ("a",), ("a.yaml",)):
-        moved = one_line(spi("plot", *arguments, "--out", "there"))
-        assert moved == (
-            "spi: --out is the folder of figures now; "
-            "add --results there for the results there, or else --results results\n"
-        )
 
 
 def test_figures_go_where_out_says(spi):
