@@ -313,7 +313,7 @@ def load(
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
-        file = finding.found(Path(path), Path(results), wanted)
+        file = finding.results_file(Path(path), Path(results), wanted)
         return Results(storage.read(file), file)
 
 

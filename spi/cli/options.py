@@ -151,10 +151,12 @@ def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions, un
     Those of names lie in `folder`, and the options of their runs choose among them; where there are none yet, the sums
     of an `unfinished` run will do.  Raises StorageError if there are none, or if those of a spec file are of another.
     """
-    from ..running.finding import Wanted, every, found
+    from ..running.finding import Wanted, every, results_file
 
     wanted = Wanted(options.profile or "laptop", tuple(options.assignments))
-    return [found(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
+    return (
+        [results_file(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
+    )
 
 
 def end(code: int, message: str) -> NoReturn:

@@ -311,7 +311,7 @@ def _predict(experiment: "Experiment") -> None:
 
     with ProgressLine(experiment.name) as line:
         predicted = list(predictions(experiment, line.watch))
-    for case in predicted:
-        takes = f": about {human_time(case.seconds)} of processor time"
-        takes += f"; the next digit {human_time(case.next_digit)}" * math.isfinite(case.next_digit)
-        typer.echo(f"{case.case}: {case.how}{'' if math.isnan(case.seconds) else takes}")
+    for case, (how, seconds, next_digit) in predicted:
+        takes = f": about {human_time(seconds)} of processor time"
+        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
+        typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")

@@ -103,12 +103,7 @@ class Checkpoint:
 
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
-        return tuple(
-            f"{name} {number} {chunk.index} {chunk.paths} {state.digests[number][chunk.index, chunk.paths]}"
-            for name, state in self.by_name.items()
-            for number, path_set in enumerate(state.path_sets)
-            for chunk in path_set.chunks(number)
-        )
+        return tuple(f"{label} {digest}" for state in self.states for label, digest in digests_of(state).items())
 
     def shards(self) -> dict[Shard, Path]:
         """The files of those shards of the experiment that have been begun."""
@@ -248,6 +243,20 @@ class Checkpoint:
 
 def _same_sources(about: dict) -> bool:
     return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST
+
+
+def label_of(plan: Plan, chunk: Chunk) -> str:
+    """The name of a chunk among those of all parts: that of its part, and its path set, number and paths."""
+    return f"{name_of(plan)} {chunk.path_set} {chunk.index} {chunk.paths}"
+
+
+def digests_of(state: State) -> dict[str, str]:
+    """The digests of the chunks of a state that is complete, by their names."""
+    return {
+        label_of(state.plan, chunk): state.digests[number][chunk.index, chunk.paths]
+        for number, path_set in enumerate(state.path_sets)
+        for chunk in path_set.chunks(number)
+    }
 
 
 def progress_of(states: Sequence[State]) -> str:

@@ -15,13 +15,14 @@ from ..kinds import KINDS
 from ..kinds.answer.question import question
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
+from ..models.zeitlin import resolution
 from ..schemes import typical_ns
 from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
 from ..storage.sums import FORMER_SUFFIX, SUFFIX
-from . import remarks, shipped
+from . import shipped
 
 #: The endings of files of results, and of sums over paths.
 STORED, SUMS = (".h5",), (SUFFIX, ".previous", FORMER_SUFFIX)
@@ -264,7 +265,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
-        if lines := remarks.resolution(case):
+        if lines := resolution.report(undamped(case.model), case.initial):
             found.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}

@@ -1,4 +1,4 @@
-"""What an unfinished run has computed so far, as results: from its sums over paths."""
+"""Results of an unfinished run so far, from its sums over paths."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from .run import root_attributes
 def read(path: Path, trust_code: bool = False) -> Results:
     """The results in a file, or those of the unfinished run whose sums over paths it holds.
 
-    The latter have the attribute "unfinished", which says what there is and how much that is of how much; they are
-    those of a run with as many samples as are there, or with as many of the values and step sizes.
+    The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
+    samples as are there, or with as many of the values and step sizes.
 
     StorageError if the file cannot be read, or has nothing yet that could be shown.
     """
@@ -27,10 +27,10 @@ def read(path: Path, trust_code: bool = False) -> Results:
     checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), Limits(), tell=lambda news: None)
     checkpoint.resume()
     checkpoint.merge(path, with_extra=False)
-    found = [state.plan.so_far(state) for state in checkpoint.states]
-    groups = tuple(group for state in found if state is not None for group in state.groups())
-    told = progress_of(checkpoint.states)
+    states = [state.plan.so_far(state) for state in checkpoint.states]
+    groups = tuple(group for state in states if state is not None for group in state.groups())
+    progress = progress_of(checkpoint.states)
     if not groups:
-        raise StorageError(f"{path}: nothing can be shown of this unfinished run yet: {told}")
-    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {told}"}
+        raise StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
+    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
     return Results(root_attributes(experiment) | more, groups, ())

@@ -111,7 +111,7 @@ def test_a_limit_of_time_ends_what_is_solved_but_not_before_anything_is_known(sp
 
 def test_a_prediction_tells_how_far_its_refinements_are(spec):
     reports = []
-    (found,) = predictions(spec("answer"), Watch(report=reports.append))
+    ((_, found),) = predictions(spec("answer"), Watch(report=reports.append))
     assert found.how.startswith("without sampling") and any(one.work for one in reports)
 
 
