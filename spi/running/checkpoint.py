@@ -282,7 +282,7 @@ def as_run(experiment: specs.Experiment) -> dict[str, Any]:
         "profile": experiment.profile,
         "overrides": experiment.overrides,
         "spec": experiment.text,
-        "model_sources": json.dumps(dict(experiment.files)),
+        "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
     }
 
 

@@ -153,7 +153,7 @@ def stored_spec(path: str | Path) -> StoredSpec:
     else:
         stored = read_root(path)
     try:
-        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
+        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources") or "{}").items()]
         name = str(stored.get("experiment", ""))
         if Path(name).name != name or not name.isprintable() or name.startswith(".") or not name:
             name = Path(path).stem  # since it becomes the name of a file

@@ -87,6 +87,13 @@ def remove_sums(path: Path) -> None:
         file.unlink(missing_ok=True)
 
 
+def remove_previous(path: Path) -> None:
+    """Remove the previous file, if there is a later one; left where it cannot be removed."""
+    if path.exists():
+        with contextlib.suppress(OSError):
+            previous(path).unlink()
+
+
 def previous(path: Path) -> Path:
     """The path of the file before this one."""
     return path.with_name(path.name + ".previous")
