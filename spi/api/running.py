@@ -1,12 +1,12 @@
 """Experiments run from Python, by the same path as from the command line."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from .. import scratch_folder
-from ..ensemble.loop import thread_count, use_threads
+from ..ensemble.loop import limited_threads, thread_count
 from ..running import run as runs
 from ..running.clusters import workers_of
 from ..specs import SpecError
@@ -58,7 +58,8 @@ def run(
         whole("workers", workers, 1)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
-        stack.enter_context(_threads(threads))
+        if threads is not None:
+            stack.enter_context(limited_threads(whole("threads", threads, 1, thread_count())))
         pool = stack.enter_context(workers_of(workers))
         line = stack.enter_context(Line(experiment.name, progress))
         stack.enter_context(in_python())
@@ -69,19 +70,3 @@ def run(
             raise KeyboardInterrupt(message) from None
         results = load(path)
     return results if out is not None else Results(results.stored)
-
-
-@contextlib.contextmanager
-def _threads(count: int | None) -> Iterator[None]:
-    """Set the number of threads within a block; SpecError if there are not that many."""
-    before = thread_count()
-    if count is not None:
-        whole("threads", count, 1)
-        try:
-            use_threads(count)
-        except ValueError as error:
-            raise SpecError(f"threads: is {count}; {str(error).lower()}") from None
-    try:
-        yield
-    finally:
-        use_threads(before)
