@@ -55,8 +55,7 @@ def check(specs: Specs, options: RunOptions) -> None:
     """Validate experiments and estimate their cost."""
     experiments = load(specs, options)
     from ..printing import cost_line, print_safely
-    from ..running.load import reports
-    from ..running.remarks import remarks
+    from ..running.remarks import remarks, reports
     from ..running.run import cost, to_compile
 
     for experiment in experiments:

@@ -306,7 +306,7 @@ def _functions(texts: list[str] | None) -> str | None:
 def _predict(experiment: "Experiment") -> None:
     """Run the pilots, and say what the answers would take."""
     from ..printing.text import human_time
-    from ..running.predicting import predictions
+    from ..running.run import predictions
     from .progress import ProgressLine
 
     with ProgressLine(experiment.name) as line:

@@ -62,13 +62,14 @@ def show(
     """
     from ..printing import as_csv, as_json
     from ..report import views
-    from ..running import finding, so_far
+    from ..running import finding
+    from ..running.run import so_far
 
     if source is None:
         _list(results)
         return
     (file,) = stored([source], results, options, unfinished=True)
-    stored_results = so_far.read(file, options.trust_code)
+    stored_results = so_far(file, options.trust_code)
     if file.parent == results and (path := finding.unfinished_run(results, file.stem)):
         sums = shlex.quote(path.as_posix())
         tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
@@ -118,7 +119,8 @@ def plot(
     from ..drawing import page
     from ..drawing.style import caption
     from ..report import views
-    from ..running import finding, so_far
+    from ..running import finding
+    from ..running.run import so_far
 
     try:
         page.named(style, width, font)
@@ -126,7 +128,7 @@ def plot(
         end(INVALID, f"--{error}")
 
     def draw(path: Path) -> None:
-        stored_results = so_far.read(path, options.trust_code)
+        stored_results = so_far(path, options.trust_code)
         with _about(path):
             figure = views.figure(stored_results, style, width, font)
         folder, stem = finding.place_of_figures(path)

@@ -53,7 +53,7 @@ def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished:
     """The results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
 
     A file in the current folder that is called as the experiment goes first.  Where there are no results, `unfinished`
-    ones will do: then the path is that of the sums of a run, which ``spi.running.so_far`` reads.
+    ones will do: then the path is that of the sums of a run, which ``spi.running.run.so_far`` reads.
 
     StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
     """

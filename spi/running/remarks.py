@@ -4,12 +4,13 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from .. import specs
+from .. import specs, systems
 from ..ensemble.protocol import dimension, large, strengths
 from ..exact.reach import reach
 from ..kinds import KINDS
 from ..models.delegation import undamped
-from ..systems import variables
+from ..models.zeitlin import resolution
+from ..schemes import typical_ns
 
 _MOST_COMPONENTS = 24  #: of states whose reachable set is computed
 
@@ -43,7 +44,7 @@ def _of(experiment: specs.Experiment, case: specs.BaseCase, line: str) -> str:
 
 def _of_temperature(case: specs.BaseCase, model: Any) -> str:
     """A warning where exp(-H/T) is not the only stationary law, as further functions are conserved; "" elsewhere."""
-    names = variables(model) or [f"y{i + 1}" for i in range(dimension(model))]
+    names = systems.variables(model) or [f"y{i + 1}" for i in range(dimension(model))]
     try:
         rank, surface, invariants = reach(model, case.initial, names)
     except (ValueError, ArithmeticError):  # of formulas that are not for several states at once
@@ -63,3 +64,21 @@ def _noise(case: specs.BaseCase) -> Iterator[str]:
         yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
     if case.driver:
         yield f"the noises are driven by another process than Brownian motion: {case.driver}"
+
+
+def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
+    """Reports on the models of an experiment, lines by the name of the system and its cases.
+
+    Of generated models how they are split, of fluids what they resolve.
+    """
+    reports: dict[tuple[str, ...], list[str]] = {}
+    for case in experiment.cases:
+        model = undamped(case.model)
+        lines = systems.report(model)
+        if lines:
+            steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
+            lines = [*lines, *steps]
+        if lines := lines or resolution.report(model, case.initial):
+            reports.setdefault((case.model_name, *lines), []).append(case.name)
+    several = len(experiment.cases) > 1
+    return {f"{name} ({', '.join(cases)})" if several else name: lines for (name, *lines), cases in reports.items()}

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,15 +13,16 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
+from ..kinds.answer.study import Prediction, prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Group, Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
 from .finding import results_of
-from .load import Source, headings, layers, load, load_any, plans, reports, sources
-from .workers import Workers, advance_here, advance_with, finalise
+from .load import SUMS, Source, about_last, headings, layers, load, load_any, load_stored, plans, sources
+from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
 
 __all__ = [
     "Cost",
@@ -35,7 +36,6 @@ __all__ = [
     "load",
     "load_any",
     "plans",
-    "reports",
     "results_of",
     "results_path",
     "run",
@@ -275,3 +275,45 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
+
+
+def so_far(path: Path, trust_code: bool = False) -> Results:
+    """The results in a file, or those of the unfinished run whose sums over paths it holds.
+
+    The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
+    samples as are there, or with as many of the values and step sizes.
+
+    StorageError if the file cannot be read, or has nothing yet that could be shown.
+    """
+    if path.suffix not in SUMS:
+        return storage.read(path)
+    experiment = load_stored(path, trust_code)
+    about = about_last(path) or {}
+    if about.get("source_digest") != NUMBERS_DIGEST:
+        raise storage.StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
+    checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), USUAL, NOBODY.tell)
+    checkpoint.resume()
+    checkpoint.merge(path, with_extra=False)
+    states = [state.plan.so_far(state) for state in checkpoint.states]
+    groups = tuple(group for state in states if state is not None for group in state.groups())
+    progress = progress_of(checkpoint.states)
+    if not groups:
+        raise storage.StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
+    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
+    return Results(root_attributes(experiment) | more, groups, ())
+
+
+def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:
+    """The name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
+    for plan in plans(experiment):
+        answer: Any = plan
+        compiling.compile_missing(kernel_calls([plan]), watch.report_compiling)
+        state = State(plan)
+
+        def tick(number: int, state: State = state) -> None:
+            watch.report(progress_of_part(state, number, 1))
+
+        while (predicted := prediction(answer, state.extra)) is None:
+            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
+            allocate(0, state, tick)
+        yield plan.case.name, predicted

@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from spi.cli import app
 from spi.models.zeitlin import Zeitlin, fields, resolution
-from spi.running.load import load, reports
+from spi.running.load import load
+from spi.running.remarks import reports
 
 
 def test_matrices_and_casimirs():

@@ -17,8 +17,7 @@ from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak.estimators.kolmogorov import study
 from spi.running import run as runner
-from spi.running.predicting import predictions
-from spi.running.run import Limits, Stopped, Watch
+from spi.running.run import Limits, Stopped, Watch, predictions
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 COMMON = """\
