@@ -49,7 +49,7 @@ class Line:
         self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{stderr}")
 
     def _report_compiling(self, news: Compiling) -> None:
-        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.told}")
+        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.described}")
 
     def _tell(self, news: str) -> None:
         self._write(news, end="\n")

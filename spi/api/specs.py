@@ -26,7 +26,7 @@ _AS_ARGUMENT = {
 
 
 def experiment_of(
-    what: str | Path | Mapping[str, Any],
+    source: str | Path | Mapping[str, Any],
     name: str | None,
     profile: str | None,
     overrides: Mapping[str, Any],
@@ -37,15 +37,15 @@ def experiment_of(
     SpecError if anything is wrong; of a mapping it names no lines.
     """
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
-    check_type("spec", what, (str, Path, Mapping), right)
+    check_type("spec", source, (str, Path, Mapping), right)
     if "kind" in overrides:
         raise SpecError("kind: cannot be overridden; give a spec of the kind that you want")
     arrays: dict[str, str] = {}
     texts = as_overrides(overrides, arrays)
     with in_python():
-        if isinstance(what, Mapping):
-            return of_mapping(what, name or "experiment", profile or "laptop", texts, arrays=arrays)
-        experiment = load_any(what, profile, texts, tuple(arrays.items()), trust_code)
+        if isinstance(source, Mapping):
+            return of_mapping(source, name or "experiment", profile or "laptop", texts, arrays=arrays)
+        experiment = load_any(source, profile, texts, tuple(arrays.items()), trust_code)
     return experiment if name is None else experiment._replace(name=name)
 
 

@@ -106,7 +106,7 @@ class RunOptions(NamedTuple):
 
 
 def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the :class:`RunOptions`, but for some, in place of its parameter `options`."""
+    """Give a command the :class:`RunOptions`, but for some, behind its argument, for its parameter `options`."""
     given = [option for name, option in inspect.signature(RunOptions).parameters.items() if name not in without]
 
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
@@ -115,8 +115,8 @@ def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., 
             command(options=RunOptions(**{option.name: values.pop(option.name) for option in given}), **values)
 
         signature = inspect.signature(command)
-        own = [parameter for name, parameter in signature.parameters.items() if name != "options"]
-        called.__dict__["__signature__"] = signature.replace(parameters=[*own, *given])
+        argument, *own = [parameter for name, parameter in signature.parameters.items() if name != "options"]
+        called.__dict__["__signature__"] = signature.replace(parameters=[argument, *given, *own])
         return called
 
     return decorated

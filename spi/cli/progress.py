@@ -73,7 +73,7 @@ class ProgressLine:
         if self.jobs is not news.jobs:
             self.jobs = news.jobs
             saved = "" if CACHE_PROBLEM else "; saved for later runs"
-            self.tell(f"{self.name}: compiling {printable(news.told)}{saved}")
+            self.tell(f"{self.name}: compiling {printable(news.described)}{saved}")
         elif not self.bar:
             tell(f"spi: {self.name}: compiling {printable(news.title)}, {total - before} of {total} kernels left")
         if self.bar:

@@ -40,8 +40,8 @@ class Dask:
 
         try:
             return future.result()
-        except KilledWorker:
-            raise WorkersLost.over_a_chunk() from None
+        except KilledWorker as error:
+            raise WorkersLost.over_a_chunk(error.allowed_failures + 1) from None
         except CancelledError:
             raise WorkersLost(_GONE) from None
 

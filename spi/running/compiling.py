@@ -117,7 +117,7 @@ class Compiling(NamedTuple):
         return self.jobs[self.number - 1].title
 
     @property
-    def told(self):
+    def described(self):
         """All kernels with their number and time."""
         return described(self.jobs, self.processes)
 

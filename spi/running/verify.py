@@ -34,7 +34,7 @@ CAUSES = {
     "machine_python": "version of Python",
 }
 
-Report = Callable[[int, int, str], None]  #: which of how many chunks comes next, and what it is called
+Report = Callable[[int, int, str], None]  #: the number of the next chunk, that of all, and its name
 
 
 class Verification(NamedTuple):

@@ -36,9 +36,9 @@ class WorkersLost(RuntimeError):
     """No workers are left, or a chunk ends each of them."""
 
     @classmethod
-    def over_a_chunk(cls) -> "WorkersLost":
+    def over_a_chunk(cls, losses: int) -> "WorkersLost":
         """The error where a chunk was handed out as often as it may be."""
-        return cls(f"{MOST_LOSSES + 1} workers were lost over the same paths; give fewer, with more memory")
+        return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
 class Workers(Protocol):
@@ -101,7 +101,7 @@ class Processes:
             if error is not None:
                 raise error
             return result
-        raise WorkersLost.over_a_chunk()
+        raise WorkersLost.over_a_chunk(MOST_LOSSES + 1)
 
     def close(self) -> None:
         """End all, whatever they do."""

@@ -122,7 +122,7 @@ class Losing:
         if self.good >= 0:
             future.set_result(workers.compute(source, number, chunk, 1))
         else:
-            future.set_exception(workers.WorkersLost.over_a_chunk())
+            future.set_exception(workers.WorkersLost.over_a_chunk(6))
         return future
 
     def machines(self):
@@ -163,8 +163,8 @@ def test_a_scheduler_of_dask_that_is_gone_is_one_error(error):
 
 def test_a_chunk_that_ends_every_worker_of_dask_is_one_error():
     future, scheduler = Future(), pytest.importorskip("distributed.scheduler")
-    future.set_exception(scheduler.KilledWorker("a chunk", None, 5))
-    with pytest.raises(workers.WorkersLost, match="6 workers were lost over the same paths"):
+    future.set_exception(scheduler.KilledWorker("a chunk", None, 3))
+    with pytest.raises(workers.WorkersLost, match="4 workers were lost over the same paths"):
         clusters.Dask(Mock()).result(future)
 
 
