@@ -30,7 +30,6 @@ from .options import (
 from .terminal import STOP, for_whoever_reads, takes_all_characters, tell
 
 if TYPE_CHECKING:
-    from ..running.checkpoint import Shard
     from ..running.run import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
@@ -67,12 +66,17 @@ def run(
     experiments = load(specs, options)
     from ..running import run as runner
     from ..running import shards
+    from ..running.checkpoint import MOST_SHARDS, Shard
     from ..running.remarks import warnings
     from .progress import ProgressLine
 
     if sum(option is not None for option in (shard, workers, dask)) > 1:
         end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
-    mine, limits = _shard(shard), _limits(max_time, checkpoint)
+    try:
+        mine = Shard.of(shard) if shard is not None else None
+    except ValueError:
+        end(INVALID, f"--shard: is '{shard}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
+    limits = _limits(max_time, checkpoint)
     prepare(threads)
     for experiment in experiments:
         for warning in warnings(experiment):
@@ -170,16 +174,6 @@ def _seconds(option: str, text: str) -> float:
     if not match:
         end(INVALID, f"{option}: is '{text}'; must be a number and a unit, e.g. 90s, 45m, 3h or 2d")
     return float(match[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
-
-
-def _shard(text: str | None) -> "Shard | None":
-    """Which shard of how many."""
-    from ..running.checkpoint import MOST_SHARDS, Shard
-
-    try:
-        return None if text is None else Shard.of(text)
-    except ValueError:
-        end(INVALID, f"--shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
 
 
 @contextmanager

@@ -54,11 +54,6 @@ class Shard:
             raise ValueError(text)
         return shard
 
-    @property
-    def suffix(self) -> str:
-        """The end of the name of its file, behind that of the whole."""
-        return f".shard-{self.number}-of-{self.count}"
-
 
 _OF_SHARD = re.compile("[.]shard-([0-9]+)-of-([0-9]+)$")  # the end of the name of a shard's file, without its ending
 
@@ -72,9 +67,9 @@ def sums_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None
 
     Other sources might go on with other numbers, so that their sums stand in a file of their own, which stays.
     """
-    suffix = (shard.suffix if shard else "") + SUFFIX
-    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}{suffix}"
-    return Path(out) / "sums" / name
+    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}"
+    suffix = f".shard-{shard.number}-of-{shard.count}" if shard else ""
+    return Path(out) / "sums" / f"{name}{suffix}{SUFFIX}"
 
 
 class Checkpoint:
@@ -95,7 +90,10 @@ class Checkpoint:
     @property
     def sizes(self) -> dict[str, dict[str, int]]:
         """Name of a part -> the wanted size of its sums, by their keys."""
-        return {name: sizes(state.plan, self.keys[name]) for name, state in self.by_name.items()}
+        return {
+            name: dict(zip(self.keys[name].path_sets, state.plan.sizes(), strict=True))
+            for name, state in self.by_name.items()
+        }
 
     def missing(self) -> list[tuple[int, Chunk]]:
         """The chunks that are wanted for now and not done, with the number of their part."""
@@ -311,11 +309,6 @@ def _digest(deciding: dict[str, Any]) -> str:
     """A digest of mappings in their order, since sums stand in the order of the functions that they are of."""
     text = json.dumps(deciding, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-def sizes(plan: Plan, keys: Keys) -> dict[str, int]:
-    """The wanted size of the sums of a plan, by their keys."""
-    return dict(zip(keys.path_sets, plan.sizes(), strict=True))
 
 
 def stored_of(about: dict[str, Any], parts: dict[str, Any], keys: Keys) -> dict[str, Any]:
