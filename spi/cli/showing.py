@@ -67,13 +67,12 @@ def show(
     """
     from ..printing import as_csv, as_json
     from ..report import views
-    from ..running import so_far
 
     if source is None:
         _list(results)
         return
     (file,) = stored([source], results, profile, overrides, samples, seed, unfinished=True)
-    found = so_far.read(file, trust_code)
+    found = _read(file, trust_code)
     _tell_of_more(file, results)
     with _about(file):
         if format is Format.table:
@@ -81,6 +80,15 @@ def show(
         else:
             rows = views.rows(found)
             typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+
+
+def _read(file: Path, trust_code: bool) -> "Results":
+    """The results in a file, or those of an unfinished run, with a line for what is solved on the way."""
+    from ..running import so_far
+    from .progress import ProgressLine
+
+    with ProgressLine(file.stem) as line:
+        return so_far.read(file, trust_code, line.report)
 
 
 def _tell_of_more(file: Path, folder: Path) -> None:
@@ -132,7 +140,7 @@ def plot(
     from ..drawing import page
     from ..drawing.style import caption
     from ..report import views
-    from ..running import finding, so_far
+    from ..running import finding
 
     try:
         page.named(style, width, font)
@@ -142,7 +150,7 @@ def plot(
         _refuse_results_in(out, sources)
 
     def draw(path: Path) -> None:
-        found = so_far.read(path, trust_code)
+        found = _read(path, trust_code)
         with _about(path):
             figure = views.figure(found, style, width, font)
         folder, stem = finding.place_of_figures(path)

@@ -5,13 +5,15 @@ import logging
 import re
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, Future
+from functools import partial
 from typing import Any
 
 from .. import storage
+from ..exact.work import Work
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
-from .workers import MOST_LOSSES, MOST_WORKERS, WorkersLost, compute
+from .workers import MOST_LOSSES, MOST_WORKERS, News, WorkersLost, compute
 
 _GONE = "the scheduler of the Dask cluster does not answer any more"
 
@@ -25,6 +27,9 @@ class Dask:
         self.lost: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)  # with a worker, or the scheduler
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
+        self.reports: list[News] = []
+        self.topic = f"spi {client.id}"
+        client.subscribe_topic(self.topic, self._hear)
 
     @property
     def size(self) -> int:
@@ -35,12 +40,18 @@ class Dask:
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         with self._asked():
-            return self.executor.submit(compute, source, number, chunk, 1)
+            return self.executor.submit(compute, source, number, chunk, 1, partial(_log, self.topic))
 
     def machines(self) -> set[str]:
         """Those of its workers, at the moment."""
         with self._asked():
             return set(self.client.run(storage.machine, on_error="ignore").values())
+
+    def news(self) -> list[News]:
+        """The reports since the last call."""
+        count = len(self.reports)  # another thread adds to them
+        found, self.reports[:count] = self.reports[:count], []
+        return found
 
     def stuck(self) -> bool:
         """Whether the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
@@ -52,6 +63,10 @@ class Dask:
             raise WorkersLost(_GONE)
         return []
 
+    def _hear(self, event: tuple[float, Any]) -> None:
+        _, (number, *work) = event
+        self.reports.append((number, Work(*work)))
+
     @contextlib.contextmanager
     def _asked(self) -> Iterator[None]:
         """Within it what is raised because the scheduler is gone becomes one error with a line."""
@@ -61,6 +76,14 @@ class Dask:
             if isinstance(error, OSError) or self.stuck():
                 raise WorkersLost(_GONE) from None
             raise
+
+
+def _log(topic: str, news: News) -> None:
+    """Tell a client, from a worker, of work without paths."""
+    from distributed import get_worker
+
+    number, (title, *seconds) = news
+    get_worker().log_event(topic, (number, title, *map(float, seconds)))
 
 
 @contextlib.contextmanager

@@ -1,20 +1,24 @@
 """What an unfinished run has computed so far, as results: from its sums over paths."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from .. import NUMBERS_DIGEST, storage
+from ..kinds.plans import State
 from ..storage import StorageError
-from ..storage.records import Results
+from ..storage.records import Group, Results
 from .checkpoint import Checkpoint, Limits, progress_of, sums_path
 from .load import SUMS, about_last, load_stored
-from .run import root_attributes
+from .run import Progress, progress_of_part, root_attributes
 
 
-def read(path: Path, trust_code: bool = False) -> Results:
+def read(path: Path, trust_code: bool = False, report: Callable[[Progress], None] = lambda progress: None) -> Results:
     """The results in a file, or those of the unfinished run whose sums over paths it holds.
 
     The latter have the attribute "unfinished", which says what there is and how much that is of how much; they are
-    those of a run with as many samples as are there, or with as many of the values and step sizes.
+    those of a run with as many samples as are there, or with as many of the values and step sizes.  `report` is told
+    how far work without paths is, such as solving for exact means.
 
     StorageError if the file cannot be read, or has nothing yet that could be shown.
     """
@@ -28,9 +32,17 @@ def read(path: Path, trust_code: bool = False) -> Results:
     checkpoint.resume()
     checkpoint.merge(path, with_extra=False)
     found = [state.plan.so_far(state) for state in checkpoint.states]
-    groups = tuple(group for state in found if state is not None for group in state.groups())
+    groups: list[Group] = []
+
+    def tick(number: int, state: State) -> None:
+        report(progress_of_part(state, number, len(found)))
+
+    for number, state in enumerate(found):
+        if state is not None:
+            with state.working(partial(tick, number, state)):
+                groups += state.groups()
     told = progress_of(checkpoint.states)
     if not groups:
         raise StorageError(f"{path}: nothing can be shown of this unfinished run yet: {told}")
     more = {"expect": None, "complete": False, "unfinished": f"unfinished: {told}"}
-    return Results(root_attributes(experiment) | more, groups, ())
+    return Results(root_attributes(experiment) | more, tuple(groups), ())

@@ -10,9 +10,11 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from functools import partial
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from ..ensemble.loop import limited_threads
+from ..exact.work import Work, told
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
@@ -25,9 +27,23 @@ MOST_LOSSES, MOST_WORKERS = 5, 1024
 _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two threads of a process at once
 
 
-def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
-    """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
-    with _ONE_AT_A_TIME, limited_threads(threads):
+#: The number of a plan, and work without paths in progress in it.
+News = tuple[int, Work]
+
+
+def compute(
+    source: Source, number: int, chunk: Chunk, threads: int, tell: Callable[[News], None] = lambda news: None
+) -> Any:
+    """The sums over a chunk of plan number `number` of an experiment, with at most so many threads.
+
+    `tell` is called with the state of work without paths.
+    """
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            tell((number, work))
+
+    with _ONE_AT_A_TIME, limited_threads(threads), told(report):
         return sums_of_chunk(plans_of(source)[number], chunk)
 
 
@@ -52,6 +68,9 @@ class Workers(Protocol):
     def machines(self) -> set[str]:
         """What ``storage.machine`` says of others than this one, on which they are."""
 
+    def news(self) -> list[News]:
+        """The reports of work without paths since the last call."""
+
     def stuck(self) -> bool:
         """Whether, after a while without an answer, none is to be expected any more."""
 
@@ -73,11 +92,18 @@ class Processes:
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         try:
-            return self.executor.submit(compute, source, number, chunk, self.threads)
+            return self.executor.submit(compute, source, number, chunk, self.threads, _send)
         except BrokenExecutor as error:  # one was lost since anybody looked
             future: Future = Future()
             future.set_exception(error)
             return future
+
+    def news(self) -> list[News]:
+        """The reports since the last call."""
+        found = []
+        while self.reports.poll():
+            found.append(self.reports.recv())
+        return found
 
     def stuck(self) -> bool:
         """Whether one has ended and the executor, which is told at once, has not said so.
@@ -100,7 +126,23 @@ class Processes:
         end_all(self.executor)
 
     def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=follow_the_parent)
+        context = get_context("spawn")
+        self.reports, theirs = context.Pipe(duplex=False)
+        return ProcessPoolExecutor(self.size, mp_context=context, initializer=_begin, initargs=(theirs,))
+
+
+_REPORTS: list[Connection] = []  #: of a worker process, to the one that started it
+
+
+def _begin(reports: Connection) -> None:
+    """The begin of a worker process."""
+    follow_the_parent()
+    _REPORTS.append(reports)
+
+
+def _send(news: News) -> None:
+    """Tell the process that started this one; so short a message is written at once, so that no lock is needed."""
+    _REPORTS[0].send(news)
 
 
 @contextlib.contextmanager
@@ -119,8 +161,8 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without an answer after which it is asked whether the workers are stuck.
-_PATIENCE = 10.0
+#: Seconds without an answer after which reports are read, and it is asked whether the workers are stuck.
+_PATIENCE = 0.5
 
 
 def advance_here(states: Sequence[State], tick: Tick) -> None:
@@ -153,6 +195,7 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
             return
         lost = []
         done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+        _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
         for future in done:
             number, chunk = task = waiting.pop(future)
             try:
@@ -169,6 +212,18 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
             if losses[task] > MOST_LOSSES:
                 raise WorkersLost(f"{losses[task]} workers were lost over the same paths; give fewer, with more memory")
             waiting[workers.submit(source, *task)] = task
+
+
+def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
+    """Report the last news of the first of the parts `at_work` that have any."""
+    last = {number: work for number, work in news if number in at_work}
+    if last:
+        number = min(last)
+        states[number].work = last[number]
+        try:
+            tick(number)
+        finally:
+            states[number].work = None
 
 
 class _Queue:

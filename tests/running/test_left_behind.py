@@ -70,7 +70,7 @@ from spi.running import compiling
 
 if __name__ == "__main__":
     Path("busy_job.py").write_text("import busy; busy.busy('lock')")
-    job = compiling.Job("x", "busy_job", "x", ())
+    job = compiling.Job("x", "busy_job", "x", (), 1.0)
     assert compiling._written(".", [job])
     with compiling._worker(".") as worker:
         worker.wait()
@@ -126,6 +126,9 @@ class Losing:
 
     def machines(self):
         return {"another"}
+
+    def news(self):
+        return []
 
     def stuck(self):
         return False
