@@ -63,13 +63,12 @@ def show(
     from ..printing import as_csv, as_json
     from ..report import views
     from ..running import finding
-    from ..running.run import so_far
 
     if source is None:
         _list(results)
         return
     (file,) = stored([source], results, options, unfinished=True)
-    stored_results = so_far(file, options.trust_code)
+    stored_results = _read(file, options.trust_code)
     if file.parent == results and (path := finding.unfinished_run(results, file.stem)):
         sums = shlex.quote(path.as_posix())
         tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
@@ -79,6 +78,15 @@ def show(
         else:
             rows = views.rows(stored_results)
             typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+
+
+def _read(file: Path, trust_code: bool) -> "Results":
+    """The results in a file, or those of an unfinished run, with a line on the solving that they need."""
+    from ..running.run import so_far
+    from .progress import ProgressLine
+
+    with ProgressLine(file.stem) as line:
+        return so_far(file, trust_code, line.report)
 
 
 def _list(folder: Path) -> None:
@@ -120,7 +128,6 @@ def plot(
     from ..drawing.style import caption
     from ..report import views
     from ..running import finding
-    from ..running.run import so_far
 
     try:
         page.named(style, width, font)
@@ -128,7 +135,7 @@ def plot(
         end(INVALID, f"--{error}")
 
     def draw(path: Path) -> None:
-        stored_results = so_far(path, options.trust_code)
+        stored_results = _read(path, options.trust_code)
         with _about(path):
             figure = views.figure(stored_results, style, width, font)
         folder, stem = finding.place_of_figures(path)

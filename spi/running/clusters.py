@@ -8,10 +8,11 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from .. import storage
+from ..exact.work import Work, told
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
-from .workers import MOST_LOSSES, MOST_WORKERS, Workers, WorkersLost, compute, processes
+from .workers import MOST_LOSSES, MOST_WORKERS, News, Workers, WorkersLost, compute, processes
 
 _GONE = "the scheduler of the Dask cluster does not answer any more"
 
@@ -22,6 +23,9 @@ class Dask:
     def __init__(self, client: Any) -> None:
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
+        self.reports: list[News] = []
+        self.topic = f"spi {client.id}"
+        client.subscribe_topic(self.topic, self._heard)
 
     @property
     def size(self) -> int:
@@ -32,7 +36,7 @@ class Dask:
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         with self._reached():
-            return self.executor.submit(compute, source, number, chunk, 1)
+            return self.executor.submit(_compute, self.topic, source, number, chunk)
 
     def result(self, future: Future) -> Any:
         """The result of a future that is done; Dask cancels those of a scheduler that is gone."""
@@ -45,6 +49,11 @@ class Dask:
         except CancelledError:
             raise WorkersLost(_GONE) from None
 
+    def news(self) -> list[News]:
+        """The reports since the last call."""
+        reports, self.reports = self.reports, []
+        return reports
+
     def machines(self) -> set[str]:
         """The machines of its workers, at the moment."""
         with self._reached():
@@ -54,6 +63,10 @@ class Dask:
         """Notice that the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
         if self.client.status in ("closing", "closed"):
             raise WorkersLost(_GONE)
+
+    def _heard(self, event: tuple[float, Any]) -> None:
+        _, (number, *work) = event
+        self.reports.append((number, Work(*work)))
 
     @contextlib.contextmanager
     def _reached(self) -> Iterator[None]:
@@ -65,6 +78,19 @@ class Dask:
                 raise WorkersLost(_GONE) from None
             self.check()
             raise
+
+
+def _compute(topic: str, source: Source, number: int, chunk: Chunk) -> Any:
+    """The sums over a chunk, in a worker, which logs its work without paths for the client."""
+    from distributed import get_worker
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            title, *seconds = work
+            get_worker().log_event(topic, (number, title, *map(float, seconds)))
+
+    with told(report):
+        return compute(source, number, chunk, 1)
 
 
 @contextlib.contextmanager

@@ -277,11 +277,11 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     }
 
 
-def so_far(path: Path, trust_code: bool = False) -> Results:
+def so_far(path: Path, trust_code: bool = False, report: Callable[[Progress], None] = NOBODY.report) -> Results:
     """The results in a file, or those of the unfinished run whose sums over paths it holds.
 
     The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
-    samples as are there, or with as many of the values and step sizes.
+    samples as are there, or with as many of the values and step sizes.  `report` is called for work without paths.
 
     StorageError if the file cannot be read, or has nothing yet that could be shown.
     """
@@ -295,12 +295,20 @@ def so_far(path: Path, trust_code: bool = False) -> Results:
     checkpoint.resume()
     checkpoint.merge(path, with_extra=False)
     states = [state.plan.so_far(state) for state in checkpoint.states]
-    groups = tuple(group for state in states if state is not None for group in state.groups())
+
+    def tick(number: int, state: State) -> None:
+        report(progress_of_part(state, number, len(states)))
+
+    groups: list[Group] = []
+    for number, state in enumerate(states):
+        if state is not None:
+            with state.working(partial(tick, number, state)):
+                groups += state.groups()
     progress = progress_of(checkpoint.states)
     if not groups:
         raise storage.StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
     more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
-    return Results(root_attributes(experiment) | more, groups, ())
+    return Results(root_attributes(experiment) | more, tuple(groups), ())
 
 
 def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:

@@ -14,6 +14,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, Protocol
 
 from ..ensemble.loop import limited_threads
+from ..exact.work import Work, told
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
@@ -41,6 +42,10 @@ class WorkersLost(RuntimeError):
         return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
+#: The number of a plan, and work without paths in progress in it.
+News = tuple[int, Work]
+
+
 class Workers(Protocol):
     """Several processes, here or elsewhere; each method raises WorkersLost if they are gone for good."""
 
@@ -53,6 +58,9 @@ class Workers(Protocol):
 
     def result(self, future: Future) -> Any:
         """The result of a future that is done."""
+
+    def news(self) -> list[News]:
+        """The reports of work without paths since the last call."""
 
     def check(self) -> None:
         """Called when nothing was done for a while."""
@@ -76,28 +84,36 @@ class Processes:
         self.executor = ThreadPoolExecutor(size)
         self.processes: list[SpawnProcess] = []  #: all that were started
         self.idle: list[Connection] = []
+        self.reports: list[News] = []
         self.closed = False
         self.lock = threading.Lock()
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
+        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads, plan=number)
+
+    def news(self) -> list[News]:
+        """The reports since the last call."""
+        reports, self.reports = self.reports, []
+        return reports
 
     def check(self) -> None:
         """A process that is lost ends its pipe at once."""
 
-    def answer(self, *call: Any) -> Any:
+    def answer(self, *call: Any, plan: int = 0) -> Any:
         """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
                 connection = self.idle.pop() if self.idle else self._start()
                 connection.send(call)
-                result, error = connection.recv()
+                while isinstance(answer := connection.recv(), Work):
+                    self.reports.append((plan, answer))
             except (EOFError, OSError):
                 if self.closed:
                     break
                 continue
             self.idle.append(connection)
+            result, error = answer
             if error is not None:
                 raise error
             return result
@@ -126,14 +142,20 @@ class Processes:
 
 
 def _serve(connection: Connection) -> None:
-    """Make all calls that come, and send (result, None) or (None, error)."""
+    """Make all calls that come, send reports of work without paths, and (result, None) or (None, error)."""
     follow_the_parent()
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            connection.send(work)
+
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
         while True:
             function, *arguments = connection.recv()
             answer: tuple[Any, Exception | None]
             try:
-                answer = function(*arguments), None
+                with told(report):
+                    answer = function(*arguments), None
             except Exception as error:
                 answer = None, error
             connection.send(answer)
@@ -156,8 +178,8 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without a result after which the workers are checked.
-_PATIENCE = 10.0
+#: Seconds without a result after which reports are shown, and the workers checked.
+_PATIENCE = 0.5
 
 
 def advance_here(states: Sequence[State], tick: Tick) -> None:
@@ -189,12 +211,25 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
         if not waiting:
             return
         done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+        _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
         for future in done:
             number, chunk = waiting.pop(future)
             states[number].put(chunk, workers.result(future))
             tick(number)
         if not done:
             workers.check()
+
+
+def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
+    """Report the last news of the first of the parts `at_work` that have any."""
+    last = {number: work for number, work in news if number in at_work}
+    if last:
+        state = states[min(last)]
+        state.work = last[min(last)]
+        try:
+            tick(min(last))
+        finally:
+            state.work = None
 
 
 def _next(
