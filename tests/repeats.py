@@ -97,7 +97,7 @@ def in_shards(experiment, out):
 
 def by_processes(experiment, out):
     with workers.processes(2) as pool:
-        killer = Killer(lambda: list(pool.executor._processes))
+        killer = Killer(lambda: [process.pid for process in pool.processes])
         return runner.run(experiment, out, watch=Watch(report=killer), workers=pool)
 
 

@@ -157,17 +157,11 @@ def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
         Path(f"{name}.yaml").write_bytes(SPEC.read_bytes())
     assert spi("run", "a.yaml", "b.yaml", *TINY, "--samples", "2", "--out", "there")[0] == 0
     Path("there/sums").mkdir(exist_ok=True)
-    Path("there/sums/a-0123.npz").write_bytes(b"whatever")
+    Path("there/sums/a-0123.sums").write_bytes(b"whatever")
     code, _, err = spi("plot", "--results", "there")
     assert code == 0
     stems = [RESULTS.stem.replace(SPEC.stem, name) for name in ("a", "b")]
     assert err.splitlines() == [f"wrote there/{stem}.{kind}" for stem in stems for kind in ("pdf", "png")]
-    for arguments in ((), ("a",), ("a.yaml",)):
-        moved = one_line(spi("plot", *arguments, "--out", "there"))
-        assert moved == (
-            "spi: --out is the folder of figures now; "
-            "add --results there for the results there, or else --results results\n"
-        )
 
 
 def test_figures_go_where_out_says(spi):
@@ -451,7 +445,7 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
         assert program.wait() == 3
         assert program.lines()[-1].startswith("spi: stopped; progress is saved in ")
         told = "".join(program.lines()).replace(" ", "")  # a terminal may have broken the line
-        (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".npz")
+        (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".sums")
         assert str(checkpoint) in told
         assert "Traceback" not in program.seen
         assert (tmp_path / "stdout").read_text() == ""
@@ -506,7 +500,7 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     process = subprocess.Popen(
         [SPI, *arguments, "--checkpoint", "0s"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    while not (kept := list(tmp_path.glob("results/sums/*.npz"))) and process.poll() is None:
+    while not (kept := list(tmp_path.glob("results/sums/*.sums"))) and process.poll() is None:
         time.sleep(0.05)
     process.send_signal(stop)
     out, err = process.communicate(timeout=60)

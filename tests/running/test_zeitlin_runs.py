@@ -19,6 +19,7 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import run as runner
 from spi.running import workers
+from spi.running.remarks import reports
 from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
@@ -127,7 +128,7 @@ def test_good_specs(spec):
     (case,) = spec(TEXT, MODEL, model(both)).cases
     assert [process.form for process in case.model.processes] == ["quadratic", "cosine", "sine"]
     experiment = spec(TEXT, MODEL, "{name: zeitlin, n: 5}", "schemes: [splitting]", "schemes: [splitting_symmetric]")
-    ((cell, kept),) = runner.reports(experiment).values()
+    ((cell, kept),) = reports(experiment).values()
     assert cell.startswith("N = 5 resolves cells of") and kept.startswith("Casimirs at the start")
     assert runner.cost(experiment).seconds < 60
 
