@@ -106,7 +106,7 @@ class OfGauss(Keys):
     covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
         if len(given) != 1:
@@ -319,7 +319,7 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
@@ -349,7 +349,7 @@ class Stored(Keys):
     case: key_of(str, "name of the case in it; default: the only one") = ABSENT
     scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = self.model_fields_set
         if {"file", "results"} <= given:

@@ -33,7 +33,7 @@ class Case(SampledCase):
         """Strong errors are those of paths."""
         return not self.functions
 
-    @condition("functions", "estimators", "extrapolate")
+    @condition
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):
