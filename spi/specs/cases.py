@@ -130,6 +130,10 @@ class BaseCase(Keys):
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    #: key -> a value with which it is left out of what decides results, as where there is no such key.
+    unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
+    distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
+    at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
@@ -210,13 +214,9 @@ class BaseCase(Keys):
         return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
-    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
-        said["temperature"] = lambda temperature: temperature < math.inf
-        said |= dict.fromkeys(("damping", "noise", "times", "panels", "reference_step"), bool)
-        said |= dict.fromkeys(("autocorrelation", "density", "pullback"), bool)
-        return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
+    def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        left_out = {key for key, value in self.unsaid.items() if getattr(self, key) == value}
+        return {key: value for key, value in write(self).items() if key not in left_out}
 
     @condition
     def _check_names(self) -> Self:
@@ -243,7 +243,7 @@ class BaseCase(Keys):
 
     @condition
     def _check_lists(self) -> None:
-        for key in ("panels", "statistics", "quantiles", "targets"):
+        for key in self.distinct:
             check_distinct(getattr(self, key, None) or (), key)
 
     _check_areas = condition(check_word_of_areas)

@@ -342,7 +342,10 @@ def _cases(
                 document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
             layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
         merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
-        check_overrides(layers, merged, files)
+        try:
+            check_overrides(layers, merged, files)
+        except PydanticCustomError as error:
+            _report({tuple((error.context or {})["keys"]): error.message()}, layers)
         data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
         read = partial(case_class.model_validate, context=files)
         built += _swept(case_class, read, files, data, layers) if _is_swept(data) else [_valid(read, data, layers)]

@@ -6,10 +6,10 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 import difflib
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial, reduce, wraps
 from operator import or_
-from types import UnionType
+from types import MappingProxyType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import pydantic
@@ -92,7 +92,9 @@ class Keys(pydantic.BaseModel):
         return data
 
 
-def check_keys(data: dict[str, Any], known: Collection[str], needed: dict[str, Any]) -> None:
+def check_keys(
+    data: Mapping[str, Any], known: Collection[str], needed: Mapping[str, Any] = MappingProxyType({})
+) -> None:
     """Raise the error about the first key of a mapping that is not `known`, or else about the first that is missing."""
     if unknown := next((key for key in data if key not in known), None):
         raise wrong("is not a known key", suggestion(unknown, known), unknown)

@@ -52,6 +52,7 @@ class Case(FunctionKeys, BaseCase):
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
+    unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
     scoping: ClassVar = ("functions",)
 

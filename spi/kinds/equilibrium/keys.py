@@ -74,6 +74,7 @@ class Case(BaseCase):
         "order": Sort(EQUAL),
     }
     scoping: ClassVar = ("functions",)
+    at_once: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
     @property

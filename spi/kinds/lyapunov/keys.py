@@ -61,6 +61,7 @@ class Case(BaseCase):
         "nonfinite": Sort(AT_MOST),
     }
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
+    unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "pullback": None, "panels": ()}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another
 
     @property

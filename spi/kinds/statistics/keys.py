@@ -130,6 +130,13 @@ class Case(BaseCase):
     }
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()
+    distinct: ClassVar = ("panels", "statistics", "quantiles")
+    unsaid: ClassVar[dict[str, Any]] = {
+        **BaseCase.unsaid,
+        **dict.fromkeys(("times", "panels"), ()),
+        **dict.fromkeys(("reference_step", "density"), None),
+        **{"every": 1, "autocorrelation": {}},
+    }
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
     @property

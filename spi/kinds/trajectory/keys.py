@@ -47,6 +47,7 @@ class Case(BaseCase):
     )
 
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
+    unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "times": ()}
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
         "lowest": Sort(AT_LEAST),

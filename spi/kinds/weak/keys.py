@@ -33,6 +33,8 @@ class SampledCase(KeysOfEstimators, FunctionsCase):
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
+    unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
+
     @condition
     def _check_extrapolate(self) -> Self:
         check_extrapolate(self)

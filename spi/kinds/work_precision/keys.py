@@ -25,6 +25,7 @@ class Case(SampledCase):
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
+    distinct: ClassVar = ("targets",)
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
 
