@@ -159,7 +159,7 @@ def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
     return values
 
 
-def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
+def _dataset(sums: EndSums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
     mean, _ = mean_over_paths(sums.values[0], counts)
