@@ -14,14 +14,14 @@ import xarray as xr
 
 from .. import storage
 from ..drawing import as_bytes, style
-from ..kinds import KINDS
 from ..report import views
 from ..running import finding
 from ..specs import SpecError
 from ..statistics import claims
+from ..statistics.claims import quantities
 from ..storage import records
 from ..storage.records import INTERVAL
-from ..storage.stored import by_case
+from ..storage.stored import Description, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def _labels(group: records.Group, name: str, values: np.ndarray) -> np.ndarray:
     """The values of a coordinate; of components their names."""
     if name != "component":
         return values
-    return np.array(component_names(records.Description.of(group).variables, len(values)))
+    return np.array(component_names(Description.of(group).variables, len(values)))
 
 
 def component_names(named: tuple[str, ...], count: int) -> list[str]:
@@ -183,7 +183,7 @@ class Results:
     def _narrowed(self, groups: tuple[records.Group, ...]) -> dict[str, Any]:
         """The attributes with the claims about some groups only."""
         stated = claims.of_text(self.attributes.get("expect"))
-        whose = {(records.Description.of(group).owner, group.attributes["scheme"]) for group in groups}
+        whose = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
         return self.attributes | {"expect": claims.as_text(one for one in stated if (one.case, one.scheme) in whose)}
 
     def __iter__(self) -> Iterator[str]:
@@ -237,7 +237,7 @@ class Results:
         rows = []
         for case in by_case(views.readings(self.stored)):
             expected = {_key(one.about): getattr(one, "expected_order", None) for one in case}
-            for found in KINDS[self.kind].results.quantities(case):
+            for found in quantities(case):
                 if found.name in _ORDERS:
                     which = {"estimator": found.about.estimator, "function": found.function}
                     told = {"case": found.about.case, "scheme": found.about.variant, **which, "quantity": found.name}
@@ -320,6 +320,6 @@ def load(
         return Results(storage.read(file), file)
 
 
-def _key(about: records.Description) -> tuple[str, str]:
+def _key(about: Description) -> tuple[str, str]:
     """What tells a part from others of its case."""
     return about.variant, about.estimator

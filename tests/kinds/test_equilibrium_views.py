@@ -8,11 +8,11 @@ from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
 from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
+from spi.kinds.equilibrium.table import chance
 from view_helpers import GREEN, SCHEMES, edge, inches_of_panels, legends, lines_of, texts
 
 from spi.drawing import layout
 from spi.kinds.equilibrium import figure
-from spi.kinds.equilibrium.table import chance
 from spi.report import views
 
 
