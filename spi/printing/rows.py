@@ -1,18 +1,17 @@
 """The rows of JSON and CSV, whose columns are what the record of a result says, and results of unknown kinds."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from spi.storage.records import Group
-from spi.storage.stored import Array, Derived, Stored, layout
+from spi.storage.stored import Entry, Stored
 
 from .tables import Cell, Grid
 from .text import interval_text
 
-Columns = Mapping[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 
 def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str, Any]]:
@@ -22,27 +21,25 @@ def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str
     each place; what has others is left out, as are nested records that are apart.  What is not over an axis of
     ``row_last`` stands in the row of its last place only.  `further` are columns that follow from several records.
     """
-    axes, spread = record.row_axes, record.row_columns
-    apart: dict[str, Any] = {field.name: None for field in record.described if field.meaning.apart}
-    group = replace(record, **apart).group()
-    named = {(entry.name, entry.is_fact): entry.meaning.column for entry in layout(type(record))}
-    head = {"case": group.case, "scheme": group.attributes["scheme"]}
-    head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate")}
-    head["estimator"] = group.attributes.get("estimator") or None
-    if (swept := record.about.swept) is not None:
-        head |= swept.places
-    tail = {name: value for name, value in group.attributes.items() if named.get((name, True))}
-    components = group.attributes.get("variables")
-    labels = group.coordinates | ({"component": np.array(components)} if components else {})
-    columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
-    arrays = dict(_reduced(group.variables, record.row_largest)) | dict(_derived(record)) | dict(further or {})
-    for name, (over, values) in arrays.items():
-        if set(over) <= {*axes, *spread}:
-            columns.update(_spread(name, over, values, axes, labels, named.get((name, False))))
-    for place in np.ndindex(*(len(group.coordinates[axis]) for axis in axes)):
-        at = dict(zip(axes, place, strict=True))
-        needed = {axis for axis in record.row_last if at[axis] < len(group.coordinates[axis]) - 1}
-        row = head | {axis: group.coordinates[axis][i].item() for axis, i in at.items()}
+    about, places = record.about, {axis: record.get(axis) for axis in record.row_axes}
+    head = {"case": about.case, "scheme": about.scheme, "eps": about.eps, "extrapolate": about.extrapolate or None}
+    head["estimator"] = about.estimator or record.get("estimator") or None
+    head |= about.swept.places if about.swept else {}
+    tail: dict[str, Any] = {}
+    columns: Columns = {}
+    for entry in record.entries:
+        value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
+        if value is None:
+            continue
+        if not entry.is_fact and (entry.field or entry.meaning.column):
+            columns |= _columns(record, entry, np.asarray(value))
+        elif entry.is_fact and entry.meaning.column:
+            tail[entry.name] = value
+    columns |= further or {}
+    for place in np.ndindex(*map(len, places.values())):
+        at = dict(zip(places, place, strict=True))
+        needed = {axis for axis in record.row_last if at[axis] < len(places[axis]) - 1}
+        row = head | {axis: np.asarray(places[axis])[i].item() for axis, i in at.items()}
         row |= {
             name: values[tuple(at[axis] for axis in over)].item()
             for name, (over, values) in columns.items()
@@ -51,40 +48,24 @@ def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str
         yield {name: value for name, value in (row | tail).items() if value is not None}
 
 
-def _derived(record: Stored) -> Iterator[tuple[str, tuple[tuple[str, ...], np.ndarray]]]:
-    """The properties of a record that have a column."""
-    for name, member in vars(type(record)).items():
-        if isinstance(member, Derived) and member.meaning.column:
-            yield member.meaning.column, (member.meaning.axes, np.asarray(getattr(record, name)))
-
-
-def _reduced(variables: Columns, largest: Sequence[str]) -> Iterator[tuple[str, tuple[tuple[str, ...], Array]]]:
-    """The variables without the axes of which the largest value counts; nothing of what has none."""
-    for name, (over, values) in variables.items():
-        gone = tuple(i for i, axis in enumerate(over) if axis in largest)
-        if values.size or not gone:
-            yield name, (tuple(axis for axis in over if axis not in largest), values.max(axis=gone) if gone else values)
-
-
-def _spread(
-    name: str,
-    over: tuple[str, ...],
-    values: np.ndarray,
-    axes: Sequence[str],
-    coordinates: Mapping[str, np.ndarray],
-    template: str | None,
-) -> Iterator[tuple[str, tuple[tuple[str, ...], np.ndarray]]]:
-    """A variable as columns over the `axes` alone: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ..."""
-    further = [axis for axis in over if axis not in axes]
+def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
+    """The columns of an array: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ... along an axis that is spread."""
+    over, name, template = entry.axes, entry.name, entry.meaning.column
+    for axis in [axis for axis in over if axis in record.row_largest and values.size]:
+        values, over = values.max(over.index(axis)), tuple(other for other in over if other != axis)
+    further = [axis for axis in over if axis not in record.row_axes]
     if not further:
-        yield name, (over, values)
-        return
-    (axis,) = further
-    rest = tuple(one for one in over if one != axis)
-    template = template or (f"{name}_{{}}" if values.shape[over.index(axis)] > 1 else name)
-    for i, part in enumerate(np.moveaxis(values, over.index(axis), 0)):
-        label = coordinates[axis][i]
-        yield f"{name}[{label}]" if isinstance(label, str) else template.format(i + 1), (rest, part)
+        return {name: (over, values)}
+    (axis, *others) = further
+    if others or axis not in record.row_columns:
+        return {}
+    rest = tuple(other for other in over if other != axis)
+    parts = np.moveaxis(values, over.index(axis), 0)
+    labels = record.about.variables if axis == "component" else record.get(axis)
+    if labels is not None and len(labels) and isinstance(labels[0], str):
+        return {f"{name}[{label}]": (rest, part) for label, part in zip(labels, parts, strict=True)}
+    template = template or (f"{name}_{{}}" if len(parts) > 1 else name)
+    return {template.format(number): (rest, part) for number, part in enumerate(parts, 1)}
 
 
 def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..storage.stored import Estimate, Stored, axes_of, estimate
+from ..storage.stored import Estimate, Stored, last
 from .text import angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ class Grid(NamedTuple):
 class Column(NamedTuple):
     """A column of a table, or one for each place along a further axis."""
 
-    #: A field or property of the record, or as in ``law.distance`` of one within it; or a function of the record that
-    #: gives texts or numbers over the first axes of the table, None for none.
+    #: A field or derived property of the record, by its name in files; or a function of the record that gives texts or
+    #: numbers over the first axes of the table, None for none.
     field: str | Callable[[Any], Any]
     heading: str  #: with {} for the place along the further axis
     over: str = ""  #: the further axis
@@ -76,11 +76,11 @@ class Column(NamedTuple):
                 return {}
             array = np.asarray(values, object)
             return {self.heading: self._texts(Estimate(tuple(axes[: array.ndim]), array, array, array), None)}
-        numbers = estimate(record, self.field)
+        numbers = record.estimate(self.field)
         if numbers is None:
             return {}
         for axis in [axis for axis in numbers.axes if axis not in (*axes, self.over)]:
-            numbers = numbers.without(axis, _last if axis in ("t", "n") else _largest)
+            numbers = numbers.without(axis, last if axis in ("t", "n") else _largest)
         cells = self._texts(numbers, getattr(record, self.resolved) if self.resolved else None)
         if not self.over:
             return {self.heading: cells}
@@ -115,10 +115,6 @@ class Cells(NamedTuple):
     texts: dict[tuple[int, ...], Cell]
 
 
-def _last(values: np.ndarray, axis: int) -> np.ndarray:
-    return np.take(values, -1, axis)
-
-
 def _largest(values: np.ndarray, axis: int) -> np.ndarray:
     return values.max(axis) if values.shape[axis] else np.full(np.delete(values.shape, axis), np.nan)
 
@@ -148,6 +144,11 @@ class Table(NamedTuple):
             for record, own in zip(readings, cells, strict=True):
                 own |= (more := column.cells(record, axes))
                 headings |= dict.fromkeys(more)
+        texts = {
+            heading: {cell.text for own in cells if heading in own for cell in own[heading].texts.values()}
+            for heading in headings
+        }
+        headings = {heading: None for heading in headings if texts[heading] - {"", "-"}}
         if not headings:
             return None
         shown = [axis for axis in axes if _is_shown(axis, readings, cells)]
@@ -204,12 +205,12 @@ _HEADINGS = {"level": "larger\nstep", "casimir": "Cas-\nimir"}
 
 def places(record: Stored, axis: str, numbers: Estimate | None) -> list[str]:
     """The names of the places along an axis; of one without values their numbers from 1 on, where `numbers` has it."""
-    known = axes_of(record).get(axis)
-    if known is None:
+    if (values := record.get(axis)) is None:
         count = numbers.value.shape[numbers.axes.index(axis)] if numbers else 0
         return [str(i + 1) if count > 1 else "" for i in range(count)]
-    form = known.label.format if known.label else _PLACES.get(axis, "{:g}".format)
-    return [value if isinstance(value, str) else form(value) for value in known.values]
+    label = record.by_name[axis].meaning.label
+    form = label.format if label else _PLACES.get(axis, "{:g}".format)
+    return [value if isinstance(value, str) else form(value) for value in values]
 
 
 _NOTHING = Cells((), {})
@@ -225,7 +226,7 @@ def _is_shown(axis: str, readings: Sequence[Stored], cells: Sequence[Mapping[str
     """Whether an axis has a column: not that of a single Casimir, or of a single function without a name."""
     if axis == "function":
         return any(places(record, axis, None) != ["phi"] for record in readings)
-    return axis in axes_of(readings[0]) or max(_size(axis, own) for own in cells) > 1
+    return axis in readings[0].by_name or max(_size(axis, own) for own in cells) > 1
 
 
 def _heading(axis: str, record: Stored) -> str:

@@ -23,19 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..storage.records import Order
-from ..storage.stored import (
-    AT_LEAST,
-    AT_MOST,
-    EQUAL,
-    WIDEST,
-    Claimed,
-    Description,
-    Stored,
-    axes_of,
-    beside,
-    claimed,
-    estimate,
-)
+from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Stored, last
 
 PASSED, INCONCLUSIVE, FAILED = "passed", "inconclusive", "failed"  #: the verdicts, from good to bad
 VERDICTS = (PASSED, INCONCLUSIVE, FAILED)
@@ -56,9 +44,9 @@ COUNTS = {"nonfinite": 0.0, "finite": 1.0}
 
 def claimable(record: type[Stored]) -> dict[str, Sort]:
     """The quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
-    sorts = {name: (claim, Sort(claim.sense, "h" in axes)) for name, _, axes, claim in claimed(record)}
-    ranked = sorted(sorts.items(), key=lambda item: (math.isinf(item[1][0].widest), item[1][0].sense != EQUAL))
-    return {name: sort for name, (_, sort) in ranked}
+    found = [(entry, claim) for entry in record.entries for claim in entry.meaning.claims]
+    found.sort(key=lambda pair: (math.isinf(pair[1].widest), pair[1].sense != EQUAL))
+    return {claim.name or entry.name: Sort(claim.sense, "h" in entry.axes) for entry, claim in found}
 
 
 class Claim(NamedTuple):
@@ -193,43 +181,46 @@ def lost_is_infinite(values: np.ndarray) -> np.ndarray:
 def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
     """The quantities of the records of a case that specs may expect, and those that several records have together."""
     for record in readings:
-        for name, path, _, claim in claimed(type(record)):
-            yield from _of_field(record, name, path, claim)
+        for entry in record.entries:
+            for claim in entry.meaning.claims:
+                yield from _claimed(record, entry.name, claim)
     if readings:
         yield from readings[0].quantities_of_case(readings)
 
 
 #: The axes along which a field has quantities of their own, beside those whose values have labels.
-_APART = ("function", "h", "value", "t")
+_APART = ("h", "value")
 
 
-def _of_field(record: Stored, name: str, path: str, claim: Claimed) -> Iterator[Quantity]:
+def _claimed(record: Stored, name: str, claim: Claimed) -> Iterator[Quantity]:
     """The quantities of a field: of several times the last, and of further axes each number, or the worst exact one."""
-    numbers, known = estimate(record, path), axes_of(record)
+    numbers = record.estimate(name)
     if numbers is None or not numbers.value.size:
         return
     if claim.infinite:
-        numbers = numbers.map(lost_is_infinite, numbers.axes)
+        numbers = numbers.map(lost_is_infinite)
     if claim.absolute:
         numbers = numbers.absolute
-    further = [axis for axis in numbers.axes if axis not in _APART and not (axis in known and known[axis].label)]
+    if "t" in numbers.axes:
+        numbers = numbers.without("t", last)
+    labels = {axis: record.by_name[axis].meaning.label for axis in numbers.axes if axis in record.by_name}
+    further = [axis for axis in numbers.axes if axis not in _APART and not labels.get(axis)]
     for axis in further if numbers.exact and claim.sense != EQUAL else ():
         numbers = numbers.without(axis, np.max if claim.sense == AT_MOST else np.min)
     sides = ((claim.where, True), (claim.expected, math.nan), (claim.lost, ""))
-    where, expected, lost = (beside(record, path, side, numbers, default) for side, default in sides)
+    where, expected, lost = (record.along(side, numbers, default) for side, default in sides)
     for place in np.ndindex(numbers.value.shape):
-        at = {axis: (known[axis].values[i], i) for axis, i in zip(numbers.axes, place, strict=True) if axis in known}
-        if where[place] and ("t" not in at or at["t"][1] == len(known["t"].values) - 1):
-            labels = (known[axis].label.format(value) for axis, (value, _) in at.items() if known[axis].label)
+        at = {axis: record.get(axis)[i] for axis, i in zip(numbers.axes, place, strict=True) if axis in labels}
+        if where[place]:
             yield Quantity(
-                name,
-                record.about,
-                float(numbers.value[place]),
-                float(numbers.low[place]),
-                float(numbers.high[place]),
-                function=", ".join(labels),
-                h=float(at["h"][0]) if "h" in at else None,
-                swept=(getattr(record, "word", ""), float(at["value"][0])) if "value" in at else None,
+                name=claim.name or name,
+                about=record.about,
+                value=float(numbers.value[place]),
+                low=float(numbers.low[place]),
+                high=float(numbers.high[place]),
+                function=", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis]),
+                h=float(at["h"]) if "h" in at else None,
+                swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
                 widest=claim.widest,
                 expected=float(expected[place]),
                 lost=str(lost[place]),

@@ -94,8 +94,7 @@ class Meaning(NamedTuple):
     column: str = ""  #: its name in JSON and CSV; of each place along further axes where it has a {}; "" if it is none
     is_axis: bool = False
     prefix: str = ""  #: of the names of the fields of a nested record, or of the entries of a dictionary
-    half: str = ""  #: the property with half the width of its interval, if that is not ``<field>_half``
-    claim: Claimed | None = None  #: None: specs cannot expect it
+    claims: tuple[Claimed, ...] = ()  #: what specs may expect of it
     apart: bool = False  #: whether a nested record has no columns in JSON and CSV
 
     @property
@@ -104,6 +103,21 @@ class Meaning(NamedTuple):
         texts = {"long_name": self.text, "formula": self.formula, "units": self.unit}
         return {name: text for name, text in texts.items() if text}
 
+    @property
+    def label(self) -> str:
+        """The template that names a quantity at a place along an axis; empty if it has no such name."""
+        return self.column or "{}" * (self.name == "function")
+
+
+_Claims = Claimed | str | tuple[Claimed, ...]
+
+
+def _claims(claim: _Claims) -> tuple[Claimed, ...]:
+    """The claims in short form: the sense of the only one, or nothing for none."""
+    if isinstance(claim, str):
+        return (Claimed(claim),) if claim else ()
+    return (claim,) if isinstance(claim, Claimed) else claim
+
 
 def axis(text: str, unit: str = "", name: str = "", column: str = "") -> Meaning:
     """The values along an axis, numbers or texts; `column` names the quantities at each of them."""
@@ -111,17 +125,10 @@ def axis(text: str, unit: str = "", name: str = "", column: str = "") -> Meaning
 
 
 def array(
-    axes: str,
-    text: str,
-    unit: str = "",
-    formula: str = "",
-    name: str = "",
-    column: str = "",
-    half: str = "",
-    claim: Claimed | str | None = None,
+    axes: str, text: str, unit: str = "", formula: str = "", name: str = "", column: str = "", claim: _Claims = ""
 ) -> Meaning:
     """An array over `axes` (names separated by spaces); for an order or a nested record, the axes of all its arrays."""
-    return Meaning(text, unit, formula, tuple(axes.split()), name, column, half=half, claim=_claimed(claim))
+    return Meaning(text, unit, formula, tuple(axes.split()), name, column, claims=_claims(claim))
 
 
 def fact(
@@ -131,22 +138,18 @@ def fact(
     column: bool = False,
     axes: str = "",
     prefix: str = "",
-    claim: Claimed | str | None = None,
+    claim: _Claims = "",
 ) -> Meaning:
     """A number, a text or a tuple of them that describes the whole; `column` says whether rows of numbers have it.
 
     A tuple of numbers may be over an axis; a dictionary is stored entry by entry under its `prefix`.
     """
-    return Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claim=_claimed(claim))
+    return Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claims=_claims(claim))
 
 
 def nested(axes: str = "", prefix: str = "", apart: bool = False) -> Meaning:
     """A record within a record: the first axes of all its arrays, and the prefix of its names in a file."""
     return Meaning(axes=tuple(axes.split()), prefix=prefix, apart=apart)
-
-
-def _claimed(claim: Claimed | str | None) -> Claimed | None:
-    return Claimed(claim) if isinstance(claim, str) else claim
 
 
 V = TypeVar("V")
@@ -164,10 +167,10 @@ class Derived(Generic[V]):
 
 
 def derived(
-    axes: str, text: str, half: str = "", column: str = "", claim: Claimed | str | None = None
+    axes: str, text: str, name: str = "", column: str = "", claim: _Claims = ""
 ) -> Callable[[Callable[[Any], V]], Derived[V]]:
     """Make a method a :class:`Derived` property, which follows from the fields of a record and is not stored."""
-    meaning = array(axes, text, column=column, half=half, claim=claim)
+    meaning = array(axes, text, name=name, column=column, claim=claim)
     return lambda function: Derived(function, meaning)
 
 
@@ -214,9 +217,7 @@ def _field(hint: Any, field: Any) -> Field:
 class Described:
     """A class whose fields say what they hold; each subclass is a frozen dataclass."""
 
-    sparse: ClassVar[bool] = False  #: whether fields that have their default values are not stored
     described: ClassVar[tuple[Field, ...]]  #: its fields but for those that the name of the group tells, and `about`
-    meanings: ClassVar[dict[str, Meaning]]  #: those of its fields, and of its :class:`Derived` properties after them
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
@@ -225,18 +226,81 @@ class Described:
         cls.described = tuple(
             _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
         )
-        members = {name: member for base in reversed(cls.__mro__) for name, member in vars(base).items()}
-        properties = {name: member.meaning for name, member in members.items() if isinstance(member, Derived)}
-        cls.meanings = {field.name: field.meaning for field in cls.described} | properties
 
 
 _OF_GROUP = ("about", "case", "variant")
 
 
+WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
+
+#: The description of an order whose field has none, and what may be claimed of that under the name ``order``.
+ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
+ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
+_CLAIMED = (Claimed(EQUAL, widest=WIDEST, expected="expected_order"),)
+
+
+class Entry(NamedTuple):
+    """An array, axis or attribute of a file, or a derived property, by its name."""
+
+    name: str
+    axes: tuple[str, ...]
+    meaning: Meaning
+    always: bool
+    is_fact: bool
+    path: tuple[str, ...]  #: from the record to its value
+    field: Field | None = None  #: None of a derived property
+    apart: bool = False  #: whether it belongs to a nested record that is
+
+    def of(self, record: Any) -> Any:
+        """Its value in a record; None if there is none."""
+        for name in self.path:
+            if isinstance(record, tuple) and not isinstance(record, Order):  # orders along an axis
+                return np.array([getattr(order, name) for order in record])
+            record = getattr(record, name, None)
+        return record
+
+
+def layout(
+    cls: type[Described],
+    outer: Meaning = Meaning(),  # noqa: B008
+    always: bool = True,
+    path: tuple[str, ...] = (),
+) -> Iterator[Entry]:
+    """The entries of a file that store a record, name by name."""
+    for field in cls.described:
+        needed, here = always and not field.optional and field.default is MISSING, (*path, field.name)
+        if field.is_record:
+            yield from layout(field.type, field.meaning, needed, here)
+            continue
+        name, *ends = stored_names(field, outer.prefix)
+        axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
+        meaning, is_fact = field.meaning, not (field.is_array or field.is_order)
+        if field.is_order:
+            meaning = (meaning if meaning.text else ORDER)._replace(claims=_CLAIMED * (name == "order"))
+            here = (*here, "order")
+        yield Entry(name, axes, meaning, needed, is_fact, here, field, outer.apart)
+        for end, part, attribute in zip(ends, ENDS, Order._fields[1:], strict=False):
+            yield Entry(end, axes, part, needed, False, (*here[:-1], attribute), field, outer.apart)
+
+
+def properties(
+    cls: type[Described],
+    outer: Meaning = Meaning(),  # noqa: B008
+    path: tuple[str, ...] = (),
+) -> Iterator[Entry]:
+    """The derived properties of a record and of those within it."""
+    for name, member in vars(cls).items():
+        if isinstance(member, Derived):
+            meaning = member.meaning
+            axes, stored = (*outer.axes, *meaning.axes), meaning.name or outer.prefix + name
+            yield Entry(stored, axes, meaning, False, False, (*path, name), apart=outer.apart)
+    for field in cls.described:
+        if field.is_record:
+            yield from properties(field.type, field.meaning, (*path, field.name))
+
+
 class Swept(Described):
     """The value of a swept parameter that a case has."""
-
-    sparse = True
 
     word: Annotated[str, fact("the swept parameter")]
     value: Annotated[float, fact("its value")]
@@ -257,8 +321,6 @@ class Description(Described):
 
     Of a whole sweep, a field that differs from value to value is None, or missing among the parameters.
     """
-
-    sparse = True
 
     case: str
     variant: str  #: the scheme, at one eps if it has one, extrapolated so often: unique within a case
@@ -330,10 +392,15 @@ class Description(Described):
         )
 
     def attributes(self) -> dict[str, Any]:
-        """The attributes of a group that store it, without the names of the case and the variant."""
-        group = Group(self.case, self.variant, {}, {}, {})
-        _put(self, group, Meaning())
-        return group.attributes
+        """The attributes of a group that store it, but for what is as by default, and for the names in its path."""
+        stored: dict[str, Any] = {}
+        for entry in layout(type(self)):
+            value, field = entry.of(self), entry.field
+            if field and field.is_mapping:
+                stored |= {entry.meaning.prefix + name: it for name, it in value.items()}
+            elif field and value is not None and value is not field.default and value != field.default:
+                stored[entry.name] = value
+        return stored
 
     @classmethod
     def of(cls, group: Group) -> Self:
@@ -359,9 +426,17 @@ class Stored(Described):
 
     tables: ClassVar[Sequence[Any]] = ()  #: those of a case, see ``spi.printing.tables``
 
+    entries: ClassVar[tuple[Entry, ...]]  #: all that a file holds of it, and its derived properties
+    by_name: ClassVar[dict[str, Entry]]  #: the same; arrays go before facts of the same name
+
     about: Description
     wall_seconds: Annotated[float, fact("wall-clock time of the part", "s")] = 0.0
     threads: Annotated[int, fact("number of threads")] = 1
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.entries = (*layout(cls), *properties(cls))
+        cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: not entry.is_fact)}
 
     @property
     def interval(self) -> float:
@@ -372,7 +447,17 @@ class Stored(Described):
         """The group of a results file that stores it."""
         about = self.about
         group = Group(about.case, about.variant, {}, {}, about.attributes(), about.estimator, {})
-        _put(self, group, Meaning())
+        for entry in layout(type(self)):
+            if (value := entry.of(self)) is None:
+                continue
+            if entry.is_fact:
+                group.attributes[entry.name] = value
+                continue
+            if entry.meaning.is_axis:
+                group.coordinates[entry.name] = np.asarray(value)
+            else:
+                group.variables[entry.name] = entry.axes, np.asarray(value)
+            group.notes[entry.name] = entry.meaning.notes
         used = {
             name: size
             for axes, values in group.variables.values()
@@ -387,6 +472,37 @@ class Stored(Described):
     def of(cls, group: Group) -> Self:
         """The record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
+
+    def get(self, name: str) -> Any:
+        """A field, or a derived property, by its name in files; None if there is none."""
+        return self.by_name[name].of(self) if name in self.by_name else None
+
+    def estimate(self, name: str) -> "Estimate | None":
+        """The numbers of a field or derived property with their intervals; None if there are none."""
+        if (value := self.get(name)) is None:
+            return None
+        axes, numbers = self.by_name[name].axes, np.asarray(value)
+        low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
+        if half is None and stderr is not None:
+            half = np.where(np.asarray(stderr) == 0, 0.0, self.interval * np.asarray(stderr))
+        with np.errstate(invalid="ignore", over="ignore"):
+            if low is None or high is None:
+                if half is None:
+                    return Estimate(axes, numbers, numbers, numbers)
+                low, high = numbers - half, numbers + half
+            certain = np.isinf(numbers)  # as that paths diverged
+            return Estimate(axes, numbers, np.where(certain, numbers, low), np.where(certain, numbers, high))
+
+    def along(self, name: str, numbers: "Estimate", default: Any) -> Array:
+        """A field or derived property over the axes of `numbers`, the last along others; `default` if there is none."""
+        shape = numbers.value.shape
+        if (value := self.get(name)) is None:
+            return np.full(shape, default)
+        own, values = self.by_name[name].axes, np.asarray(value)
+        for axis in [axis for axis in own if axis not in numbers.axes]:
+            values, own = last(values, own.index(axis)), tuple(other for other in own if other != axis)
+        sizes = [values.shape[own.index(axis)] if axis in own else 1 for axis in numbers.axes]
+        return np.broadcast_to(values.reshape(sizes), shape)
 
     @classmethod
     def quantities_of_case(cls, readings: Any) -> Iterator[Any]:
@@ -420,35 +536,6 @@ def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:
     if not field.is_order:
         return (name,)
     return name, f"{name}_low", f"{name}_high", "points_in_fit" if name == "order" else f"{name}_points"
-
-
-def _put(record: Described, group: Group, outer: Meaning) -> None:
-    """Add the fields of a record to a group."""
-    for field in record.described:
-        value, meaning = getattr(record, field.name), field.meaning
-        if value is None or (record.sparse and (value is field.default or value == field.default)):
-            continue
-        names = stored_names(field, outer.prefix)
-        axes = (*outer.axes, *meaning.axes)
-        if field.is_record:
-            _put(value, group, meaning)
-        elif field.is_order:
-            columns = np.array(value, float).reshape(-1, len(Order._fields)).T
-            shape = (-1,) if axes else ()
-            for name, values, kind in zip(names, columns, (float, float, float, np.int64), strict=True):
-                group.variables[name] = axes, values.astype(kind).reshape(shape)
-            meanings = meaning if meaning.text else ORDER, *ENDS
-            group.notes.update((name, part.notes) for name, part in zip(names, meanings, strict=True))
-        elif field.is_array:
-            if meaning.is_axis:
-                group.coordinates[names[0]] = np.asarray(value)
-            else:
-                group.variables[names[0]] = axes, np.asarray(value)
-            group.notes[names[0]] = meaning.notes
-        elif field.is_mapping:
-            group.attributes.update((meaning.prefix + key, entry) for key, entry in value.items())
-        else:
-            group.attributes[names[0]] = value
 
 
 def _taken(cls: type[Described], group: Group, outer: Meaning) -> dict[str, Any]:
@@ -498,37 +585,8 @@ def _is_there(field: Field, group: Group) -> bool:
     return stored_names(needed, field.meaning.prefix)[0] in {**group.coordinates, **group.variables, **group.attributes}
 
 
-#: The description of an order whose field has none.
-ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
-ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
-
-
-class Entry(NamedTuple):
-    """An array, axis or attribute of a file, by its name."""
-
-    name: str
-    axes: tuple[str, ...]
-    meaning: Meaning
-    always: bool
-    is_fact: bool
-
-
-def layout(cls: type[Described], outer: Meaning = Meaning(), always: bool = True) -> Iterator[Entry]:  # noqa: B008
-    """The entries of a file that store a record, name by name."""
-    for field in cls.described:
-        needed = always and not field.optional and field.default is MISSING
-        if field.is_record:
-            yield from layout(field.type, field.meaning, needed)
-            continue
-        name, *ends = stored_names(field, outer.prefix)
-        axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
-        meaning = ORDER if field.is_order and not field.meaning.text else field.meaning
-        yield Entry(name, axes, meaning, needed, not (field.is_array or field.is_order))
-        yield from (Entry(end, axes, part, needed, False) for end, part in zip(ends, ENDS, strict=False))
-
-
 # ---------------------------------------------------------------------------------------------------------------------
-# Numbers of a record with their intervals, by the names of their fields
+# Numbers with their intervals
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -548,117 +606,27 @@ class Estimate(NamedTuple):
     @property
     def absolute(self) -> "Estimate":
         """The numbers without their signs."""
-        value, negative = np.abs(self.value), self.value < 0
-        if self.exact:
-            return Estimate(self.axes, value, value, value)
+        negative = self.value < 0
         low, high = np.where(negative, -self.high, self.low), np.where(negative, -self.low, self.high)
-        return Estimate(self.axes, value, low, high)
+        value = np.abs(self.value)
+        return Estimate(self.axes, value, *((value, value) if self.exact else (low, high)))
 
-    def map(self, function: Callable[[Array], Array], axes: tuple[str, ...]) -> "Estimate":
-        """The numbers and ends after a function that leaves these axes."""
+    def map(self, function: Callable[[Array], Array]) -> "Estimate":
+        """The numbers and the ends after a function."""
         value = function(self.value)
-        return Estimate(axes, value, *((value, value) if self.exact else (function(self.low), function(self.high))))
+        return self._replace(
+            value=value,
+            low=value if self.exact else function(self.low),
+            high=value if self.exact else function(self.high),
+        )
 
     def without(self, axis: str, function: Callable[..., Array]) -> "Estimate":
         """With one number in place of those along an axis, such as the largest: ``function(values, axis=...)``."""
         at = self.axes.index(axis)
-        return self.map(lambda values: function(values, axis=at), tuple(name for name in self.axes if name != axis))
+        rest = self._replace(axes=(*self.axes[:at], *self.axes[at + 1 :]))
+        return rest.map(lambda values: function(values, axis=at))
 
 
-def estimate(record: Stored, path: str) -> Estimate | None:
-    """A field or property of a record, or as in ``law.distance`` of one within it; None if there is none."""
-    owner, axes, name = _owner(record, path)
-    value = getattr(owner, name, None)
-    if value is None:
-        return None
-    meaning = type(owner).meanings.get(name, Meaning())
-    axes = (*axes, *((meaning.name or name,) if meaning.is_axis else meaning.axes))
-    if isinstance(value, Order) or (isinstance(value, tuple) and value and isinstance(value[0], Order)):
-        columns = np.moveaxis(np.array(value, float), -1, 0)
-        return Estimate(axes, *columns[:3])
-    values = np.asarray(value)
-    half, stderr = getattr(owner, meaning.half or f"{name}_half", None), getattr(owner, f"{name}_stderr", None)
-    low, high = getattr(owner, f"{name}_low", None), getattr(owner, f"{name}_high", None)
-    with np.errstate(invalid="ignore", over="ignore"):
-        if low is None or high is None:
-            if half is None and stderr is None:
-                return Estimate(axes, values, values, values)
-            half = _half(record, stderr) if half is None else half
-            low, high = values - half, values + half
-        certain = np.isinf(values)  # as that paths diverged
-        return Estimate(axes, values, np.where(certain, values, low), np.where(certain, values, high))
-
-
-def _half(record: Stored, stderr: Any) -> Array:
-    """Half the widths of intervals by standard errors: 0 of errors that are 0, whatever the factor."""
-    errors = np.asarray(stderr)
-    return np.where(errors == 0, 0.0, record.interval * errors)
-
-
-def _owner(record: Stored, path: str) -> tuple[Any, tuple[str, ...], str]:
-    """The record that has the last field of a path, the axes of all that is in it, and the name of the field."""
-    owner: Any = record
-    axes: tuple[str, ...] = ()
-    *outer, name = path.split(".")
-    for step in outer:
-        axes += type(owner).meanings[step].axes if owner is not None else ()
-        owner = getattr(owner, step, None)
-    return owner, axes, name
-
-
-def beside(record: Stored, path: str, name: str, numbers: Estimate, default: Any) -> Array:
-    """A field or property beside that at `path`, or else of the whole record, over the axes of `numbers`.
-
-    `default` where there is none.
-    """
-    axes, shape = numbers.axes, numbers.value.shape
-    owner: Any = _owner(record, path)[0] if name else None
-    owner = owner if hasattr(owner, name) else record
-    value = getattr(owner, name, None) if name else None
-    if value is None:
-        return np.broadcast_to(np.asarray(default), shape)
-    own = type(owner).meanings.get(name, Meaning()).axes
-    values = np.asarray(value)
-    return np.broadcast_to(
-        values.reshape([values.shape[own.index(axis)] if axis in own else 1 for axis in axes]), shape
-    )
-
-
-class Axis(NamedTuple):
-    """The values along an axis."""
-
-    values: Any  #: an array of numbers or a tuple of texts
-    label: str  #: a template that names a quantity at one of them; empty if quantities have no such names
-
-
-def axes_of(record: Described) -> dict[str, Axis]:
-    """The axes that a record describes, by name."""
-    axes: dict[str, Axis] = {}
-    for field in record.described:
-        value = getattr(record, field.name)
-        if field.is_record and value is not None:
-            axes |= axes_of(value)
-        elif field.meaning.is_axis and value is not None:
-            name = field.meaning.name or field.name
-            axes[name] = Axis(value, field.meaning.column or "{}" * (name == "function"))
-    return axes
-
-
-WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
-_ORDER = Claimed(EQUAL, widest=WIDEST, expected="expected_order")
-
-
-def claimed(
-    cls: type[Described],
-    outer: Meaning = Meaning(),  # noqa: B008
-    path: str = "",
-) -> Iterator[tuple[str, str, tuple[str, ...], Claimed]]:
-    """(name, path of the field, axes, sense and so on) of all quantities of a record that specs may claim."""
-    fields = {field.name: field for field in cls.described}
-    for name, meaning in cls.meanings.items():
-        field, stored = fields.get(name), meaning.name or outer.prefix + name
-        if field and field.is_record:
-            yield from claimed(field.type, meaning, f"{path}{name}.")
-        claim = _ORDER if field and field.is_order and stored == "order" else meaning.claim
-        if claim:
-            yield claim.name or stored, path + name, (*outer.axes, *meaning.axes), claim
+def last(values: Array, axis: int) -> Array:
+    """The last numbers along an axis."""
+    return np.take(values, -1, axis)

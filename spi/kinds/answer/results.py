@@ -57,7 +57,7 @@ class Answer(Stored):
     row_axes = ("function",)
 
     functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))", half="half", claim="equal")]
+    value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))", claim="equal")]
     half: Annotated[
         Array,
         array(
@@ -125,6 +125,11 @@ class Answer(Stored):
         if np.isfinite(self.half).all() and np.isfinite(self.next_digit_seconds):
             took += f"; the next digit would take about {human_time(self.next_digit_seconds)}"
         return took
+
+    @derived("function", "half the interval of the value")
+    def value_half(self) -> np.ndarray:
+        """(F,) of the field `half`."""
+        return self.half
 
     @derived("function", "why no claim about the interval passes")
     def lost(self) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, interval_text, power_of_two, short
+from spi.printing.text import decimal, power_of_two, short
 from spi.storage.records import INTERVAL, Order, in_standard_errors
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact
 
@@ -71,9 +71,6 @@ class Law(Described):
         return np.abs(self.z).max(axis=1)
 
 
-_RESPONSE = Claimed("equal", expected="response_exact")
-
-
 class Averages(Described):
     """Means of functions over the later part of the time and over all paths, and quantities by which to judge them."""
 
@@ -130,7 +127,7 @@ class Averages(Described):
         """(S, F) the standard error from which intervals are computed."""
         return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
 
-    @property
+    @derived("h function", "mean less the reference", name="average_bias")
     def bias(self) -> np.ndarray:
         """(S, F) means less the reference."""
         return self.average - self.reference
@@ -155,43 +152,28 @@ class Averages(Described):
         """(F,) by which the variance is the response; NaN without a temperature."""
         return np.array([self.response(f)[1] for f in range(len(self.functions))], float)
 
-    @property
-    def deviations(self) -> np.ndarray | None:
-        """(F, S) the biases in standard errors; None without a reference."""
-        return self.deviation.T if np.isfinite(self.reference).any() else None
-
-    @property
-    def bias_texts(self) -> np.ndarray | None:
-        """(F, S) the biases with their intervals, Student's as those of the means; None without a reference."""
-        if not np.isfinite(self.reference).any():
-            return None
+    @derived("h function", "half the interval of the bias of the mean", name="average_bias_half")
+    def bias_half(self) -> np.ndarray:
+        """(S, F) by the factor of the interval of the mean."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            halves = np.where(self.stderr == 0, INTERVAL, self.average_half / self.stderr) * self.bias_stderr
-        texts = np.empty(self.bias.shape, object)
-        for place, value in np.ndenumerate(self.bias):
-            half = halves[place]
-            texts[place] = (
-                interval_text(value, (value - half, value + half)) if half or math.isnan(value) else "reference"
-            )
-        return texts.T
+            factor = np.where(self.stderr == 0, INTERVAL, self.average_half / self.stderr)
+            return np.where(self.bias_stderr == 0, 0.0, factor * self.bias_stderr)
 
     @derived(
-        "h function", "heat capacity Var H / T^2", half="response_half", claim=_RESPONSE._replace(where="of_energy")
+        "h function",
+        "heat capacity Var H / T^2, or susceptibility Var f / T",
+        claim=(
+            Claimed("equal", "heat_capacity", expected="response_exact", where="of_energy"),
+            Claimed("equal", "susceptibility", expected="response_exact", where="of_others"),
+        ),
     )
-    def heat_capacity(self) -> np.ndarray | None:
-        """(S, F) the response of the Hamiltonian."""
-        return self.factors * self.variance if np.isfinite(self.factors).any() else None
+    def responses(self) -> np.ndarray:
+        """(S, F) NaN without a temperature."""
+        return self.factors * self.variance
 
-    @derived(
-        "h function", "susceptibility Var f / T", half="response_half", claim=_RESPONSE._replace(where="of_others")
-    )
-    def susceptibility(self) -> np.ndarray | None:
-        """(S, F) the response of other functions."""
-        return self.factors * self.variance if np.isfinite(self.factors).any() else None
-
-    @property
-    def response_half(self) -> np.ndarray:
-        """(S, F) half the 95 % interval of both."""
+    @derived("h function", "half the interval of the response")
+    def responses_half(self) -> np.ndarray:
+        """(S, F)."""
         return INTERVAL * np.abs(self.factors) * self.variance_stderr
 
     @derived("function", "exact response")
@@ -256,8 +238,8 @@ class Equilibrium(Stored):
         Table(
             "h",
             [
-                Column("law.distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
-                Column("law.mean_z", "largest |z|\nof the means", form=".1f"),
+                Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
+                Column("mean_z", "largest |z|\nof the means", form=".1f"),
                 Column(lambda one: one.law and one.law.farthest, "of"),
             ],
             title="stationary law",
@@ -265,11 +247,11 @@ class Equilibrium(Stored):
         Table(
             "function h",
             [
-                Column("averages.average", "mean (95 %)"),
-                Column(lambda one: one.averages and one.averages.bias_texts, "bias (95 %)"),
-                Column(lambda one: one.averages and one.averages.deviations, "in std.\nerrors", form=decimal),
-                Column("averages.tau", "autocor-\nrelation time"),
-                Column("averages.heat_capacity", "heat capacity or\nsusceptibility (95 %)"),
+                Column("average", "mean (95 %)"),
+                Column("average_bias", "bias (95 %)"),
+                Column("deviation", "in std.\nerrors", form=decimal),
+                Column("tau", "autocor-\nrelation time"),
+                Column("responses", "heat capacity or\nsusceptibility (95 %)"),
             ],
             title="means over time",
         ),

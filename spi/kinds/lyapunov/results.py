@@ -126,7 +126,7 @@ class Exponents(Stored):
         """(times,) the first exponent."""
         return self.exponent[0]
 
-    @property
+    @derived("t", "half its interval")
     def largest_exponent_half(self) -> np.ndarray:
         """(times,) half its 95 % intervals."""
         return self.exponent_half[0]
@@ -136,27 +136,32 @@ class Exponents(Stored):
         """The Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
         return float(kaplan_yorke(self.exponent[:, -1]))
 
-    @property
+    @derived("", "whether the exponents suffice for the dimension")
     def is_dimension_known(self) -> bool:
         """Whether the exponents suffice for the dimension."""
         return self.dimension_stderr is not None
 
-    @property
+    @derived("", "why no claim about the dimension passes")
     def dimension_lost(self) -> str:
         """The exponents that the dimension lacks."""
         return lost_among(self.exponent[:, -1], "exponents")
 
     @property
+    def interval(self) -> float:
+        """Half the width of a 95 % interval in standard errors, Student's over the paths."""
+        return float(student(self.samples - 1))
+
+    @property
     def exponent_half(self) -> np.ndarray:
-        """(m, times) half the 95 % intervals of the exponents, Student's over the paths."""
-        return student(self.samples - 1) * self.exponent_stderr
+        """(m, times) half the 95 % intervals of the exponents."""
+        return self.interval * self.exponent_stderr
 
     @property
     def total_half(self) -> np.ndarray:
         """(times,) half the 95 % interval of the sum."""
-        return student(self.samples - 1) * self.total_stderr
+        return self.interval * self.total_stderr
 
-    @property
+    @derived("", "half the interval of the Lyapunov dimension")
     def dimension_half(self) -> float | None:
         """Half the 95 % interval of the dimension, Student's over the jackknife groups."""
         if self.dimension_stderr is None:
@@ -182,7 +187,7 @@ class Exponents(Stored):
         if self.change > _LARGE:
             yield f"    vectors changed by factors of {self.change:.0e} between two stops: take a smaller `every`"
         if not self.is_stationary and self.energy is not None and self.energy_stderr is not None:
-            halves = student(self.samples - 1) * self.energy_stderr
+            halves = self.interval * self.energy_stderr
             began, ended = (
                 f"{with_interval(float(self.energy[i]), float(halves[i]))} at t = {self.t[i]:g}" for i in (0, -1)
             )

@@ -117,7 +117,7 @@ class Stability(Stored):
                     "Casimir\nkept, h",
                 ),
                 Column(lambda one: _steps(one, one.is_accurate), "accurate,\nh"),
-                Column("casimirs.worst", "worst\nCasimir"),
+                Column("casimir_worst", "worst\nCasimir"),
                 Column(lambda one: _percent(one.failing_fraction, np.max), "solver\nfailures"),
                 Column(lambda one: _ranges(one.solver.iterations_per_solve) if one.solver else None, "iter-\nations"),
                 Column(lambda one: _percent(one.positive, np.min), "positive\npaths"),

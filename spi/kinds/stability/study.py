@@ -304,7 +304,7 @@ class StabilityPlan(Plan):
         first, *others = (point.description() for point in self.points)
         differing = {
             name: None
-            for name in first.meanings
+            for name in (field.name for field in first.described)
             if any(getattr(other, name) != getattr(first, name) for other in others)
         }
         alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]

@@ -11,7 +11,7 @@ from spi.printing.text import decimal, interval_text, short
 from spi.statistics.claims import lost_among
 from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, estimate, fact, nested
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
 SPHERE_SIDES = "y3 / |y|", "longitude"
@@ -105,12 +105,13 @@ class Statistics(Stored):
         Table(
             "function t",
             [
-                Column(lambda one: one.mean_texts, "mean (95 %)"),
+                Column("mean", "mean (95 %)", form=".4g"),
+                Column("some", "finite\nshare", form=".7g"),
                 Column("difference", "difference\n(95 %)"),
-                Column(lambda one: one.deviation, "in std.\nerrors", form=decimal),
+                Column("deviations", "in std.\nerrors", form=decimal),
                 Column("variance", "variance (95 %)"),
                 Column("autocorrelation", "autocorrelation (95 %)"),
-                Column("quantiles.quantile", "{}", over="level", form=".4g", interval=""),
+                Column("quantile", "{}", over="level", form=".4g", interval=""),
             ],
             lines=lambda one: one.shown_places,
         ),
@@ -185,7 +186,12 @@ class Statistics(Stored):
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
 
-    @property
+    @derived("function t", "share of the paths whose value is finite, if not all are")
+    def some(self) -> np.ndarray | None:
+        """(F, T) None if all values are finite."""
+        return self.finite_share if (self.finite_share < 1.0).any() else None
+
+    @derived("function t", "deviation from the reference in standard errors", name="deviations")
     def deviation(self) -> np.ndarray | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
@@ -201,20 +207,6 @@ class Statistics(Stored):
                 times = times[there]
             few = np.unique(np.linspace(len(times) - 1, 0, min(len(times), _MOST_TIMES)).round().astype(int))
             yield from ((f, i) for i in times[few].tolist())
-
-    @property
-    def mean_texts(self) -> np.ndarray:
-        """(F, T) the means with their intervals; where not all values are finite, how many are."""
-        means = estimate(self, "mean")
-        assert means is not None
-        texts = np.empty(self.mean.shape, object)
-        for place in np.ndindex(texts.shape):
-            share = self.finite_share[place]
-            texts[place] = interval_text(means.value[place], (means.low[place], means.high[place]), ".4g")
-            if share < 1.0:
-                digits = f"{100 * share:.3g}"
-                texts[place] = f"finite in {f'{100 * share:.7f}' if digits == '100' else digits} %"
-        return texts
 
     @derived("function t", "whether the mean is compared with a reference")
     def is_compared(self) -> np.ndarray:
@@ -264,7 +256,7 @@ class Statistics(Stored):
         """Values that are not finite, errors that are not known, passages, references, maps and quantiles."""
         if (self.finite_share < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
-            yield f"    finite in so many: the share of the paths whose value is finite; there is no mean of all{paths}"
+            yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
         if np.isnan(self.interval):
             yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
         elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():

@@ -35,8 +35,8 @@ class Trajectory(Stored):
                 Column("casimir_drift", "drift\nof C{}", over="casimir"),
                 Column(lambda one: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
                 Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
-                Column("solver.failures", "solver\nfailures"),
-                Column("solver.iterations_mean", "iterations\na step", form=".1f"),
+                Column("solver_failures", "solver\nfailures"),
+                Column("solver_iterations_mean", "iterations\na step", form=".1f"),
             ],
         ),
     )
@@ -109,7 +109,7 @@ class Trajectory(Stored):
         """(d,) the smallest value of each component where it is finite; infinite where it never is."""
         return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
 
-    @property
+    @derived("", "why no claim about the smallest component passes")
     def lost(self) -> str:
         """The times at which the state is not finite."""
         return lost_among(np.abs(self.y).max(axis=1), "times")

@@ -103,7 +103,7 @@ class Levels(Described):
     control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
     control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
 
-    @property
+    @derived("function level", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
         """Half the 95 % intervals of the means."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -135,7 +135,7 @@ class Differences(Described):
     ]
     symmetrised: Annotated[Array | None, array("h", "whether both halves of the difference were sampled apart")] = None
 
-    @property
+    @derived("function h", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
         """Half the 95 % intervals of the means."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -170,14 +170,14 @@ class Quasi(Described):
 def _sampled(name: str) -> list[Column]:
     """The columns of the differences of a multilevel estimate."""
     return [
-        Column(f"{name}.mean", "mean of the\ndifference (95 %)"),
-        Column(f"{name}.variance", "variance", form=".2e"),
-        Column(f"{name}.kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS),
-        Column(f"{name}.consistency", "consis-\ntency", form=".2f", red=CONSISTENCY),
-        Column(f"{name}.samples", "samples"),
-        Column(f"{name}.seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
-        Column(f"{name}.lost", "di-\nverged", red=0),
-        Column(f"{name}.halved", "in\nhalves"),
+        Column(f"{name}_mean", "mean of the\ndifference (95 %)"),
+        Column(f"{name}_variance", "variance", form=".2e"),
+        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS),
+        Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY),
+        Column(f"{name}_samples", "samples"),
+        Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
+        Column(f"{name}_lost", "di-\nverged", red=0),
+        Column(f"{name}_halved", "in\nhalves"),
     ]
 
 
@@ -206,9 +206,9 @@ class WeakErrors(Stored):
             ],
         ),
         Table(
-            "function level", _sampled("levels"), "levels", lines=lambda one: one.from_large_steps, of=distinct_levels
+            "function level", _sampled("level"), "levels", lines=lambda one: one.from_large_steps, of=distinct_levels
         ),
-        Table("function h", _sampled("differences"), "differences to a scheme of weak order 2"),
+        Table("function h", _sampled("difference"), "differences to a scheme of weak order 2"),
     )
 
     functions: Annotated[tuple[str, ...], axis("test function", name="function")]
@@ -220,7 +220,6 @@ class WeakErrors(Stored):
             "weak error",
             "value",
             "E phi(y_h(T)) - E phi(y(T))",
-            half="half",
             claim=Claimed("at most", absolute=True),
         ),
     ]
@@ -262,11 +261,6 @@ class WeakErrors(Stored):
         if len(self.formulas) < len(self.functions):
             raise ValueError(f"{len(self.formulas)} formulas for {len(self.functions)} functions")
 
-    @derived("function", "expectation for the equation itself, which a solver without sampling knows")
-    def limit(self) -> np.ndarray | None:
-        """(F,) None of estimates from samples."""
-        return self.unsampled.limit if self.unsampled else None
-
     @classmethod
     def quantities_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[Quantity]:
         """Distances of sampled from deterministic errors, and the order of the largest error over eps.
@@ -296,12 +290,12 @@ class WeakErrors(Stored):
         for f in range(len(self.functions)):
             yield from ((f, i) for i in self.levels.h.argsort()[::-1].tolist())
 
-    @property
+    @derived("function h", "half the interval of the error, or its bound", name="error_half")
     def half(self) -> np.ndarray:
         """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""
         return self._half("error")
 
-    @property
+    @derived("function h", "half the interval of the expectation, or its bound")
     def expectation_half(self) -> np.ndarray:
         """(F, S) the same of the expectation."""
         return self._half("expectation")

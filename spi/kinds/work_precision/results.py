@@ -40,7 +40,7 @@ class WorkPrecision(Stored):
     )
 
     h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[Array, array("h", "error without its sign", "state or value", half="half", claim="at most")]
+    error: Annotated[Array, array("h", "error without its sign", "state or value", claim="at most")]
     error_stderr: Annotated[Array | None, array("h", "standard error of the error", "state or value")] = None
     error_bound: Annotated[Array | None, array("h", "bound of the numerical error, without sampling", "value")] = None
     resolved: Annotated[Array, array("h", "whether the error stands clear of its standard error or bound")]
@@ -81,7 +81,7 @@ class WorkPrecision(Stored):
         """Whether nothing was sampled."""
         return self.error_bound is not None
 
-    @property
+    @derived("h", "half the interval of the error, or its bound", name="error_half")
     def half(self) -> np.ndarray:
         """(S,) half the 95 % interval of the error, or the bound of its numerical error."""
         return INTERVAL * self.error_stderr if self.error_stderr is not None else np.asarray(self.error_bound)
