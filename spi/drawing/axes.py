@@ -19,7 +19,7 @@ from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures
 from spi.storage.stored import Stored
 
 from ..statistics.cells import heights, mollweide
-from ..storage.records import Description
+from ..storage.stored import Description
 from . import page, style
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure, FigureBase, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
 
-from spi.storage.records import Description
+from spi.storage.stored import Description
 
 from ..statistics.claims import FAILED, INCONCLUSIVE, PASSED, VERDICTS, Verdict
 from . import page, style
@@ -42,7 +43,7 @@ def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
     """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
     counts: dict[str, dict[str, list[bool]]] = {}
     for verdict in verdicts:
-        label = verdict.found.about._replace(eps=None).label if verdict.found else verdict.claim.scheme
+        label = replace(verdict.found.about, eps=None).label if verdict.found else verdict.claim.scheme
         counts.setdefault(verdict.claim.text, {}).setdefault(label, []).append(verdict.verdict == wanted)
     texts = []
     for claim, schemes in counts.items():

@@ -14,8 +14,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ..schemes import SCHEMES
-from ..storage.records import Description
-from ..storage.stored import Stored
+from ..storage.stored import Description, Stored
 from . import page
 
 Look = tuple[str, str]  #: marker and colour

@@ -2,17 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
+from numbers import Integral, Real
 from typing import IO, TYPE_CHECKING, Any
-
-from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
-from spi.storage.records import Description
 
 if TYPE_CHECKING:  # rich takes a while
     from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
 
 #: Angles, in rad, above which a table says what they cost in accuracy.
 LARGE_ANGLE = 1e6
@@ -50,48 +47,6 @@ def new_table(title: str, headings: Iterable[str], left: int = 0, labels: int | 
     return table
 
 
-def error_table(
-    title: str, headings: Iterable[str], left: int, parts: Iterable[tuple[Iterable[str], Iterable[Sequence[Any]]]]
-) -> "Table":
-    """A table of errors with remarks in the last column, the first `left` columns left-justified.
-
-    Each part has labels, for its first lines, and the further cells of each line.
-    """
-    from rich.text import Text
-
-    table = new_table(title, headings, left, labels=0)
-    table.columns[-1].justify = "left"
-    for labels, lines in parts:
-        names = iter(labels)
-        for cells in lines:
-            table.add_row(Text(next(names, "")), *cells)
-        table.add_section()
-    return table
-
-
-def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text"]:
-    """The cells of an error with half its interval, in brackets if it is not resolved, and of what is to be said."""
-    from rich.text import Text
-
-    resolved, error = record.get("resolved", True), with_interval(record["error"], half)
-    remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
-    return Text(error if resolved else f"({error})", style="" if resolved else "dim"), Text(remark, style="dim")
-
-
-def lost_paths(count: int | None) -> "Text":
-    """The cell of how many paths diverged (NaN or infinity); empty where that is not known."""
-    from rich.text import Text
-
-    return Text("" if count is None else str(count), style="bold red" if count else "")
-
-
-def lines_of(about: Description) -> str:
-    """The label of a scheme as it stands in a table, its eps and extrapolation in a line each if there is no room."""
-    if len(about.label) <= LABEL:
-        return about.label
-    return about.label.replace(", eps = ", ",\neps = ").replace(", extrapolated", ",\nextrapolated")
-
-
 def print_whole(console: "Console", table: "Table") -> None:
     """Print a table at the width its numbers need: one cut short would be another number."""
     from rich.console import ConsoleDimensions
@@ -107,28 +62,6 @@ def print_lines(console: "Console", lines: Iterable[str], style: str | None = No
     """Print lines as they are, however long."""
     for line in lines:
         console.print(line, style=style, markup=False, soft_wrap=True)
-
-
-def print_with_remarks(console: "Console", tables: Iterable["Table"], remarks: Iterable[str]) -> None:
-    """Print tables, and what is to be said of them in a line each."""
-    for table in tables:
-        print_whole(console, table)
-        console.print()
-    print_lines(console, remarks)
-    console.print()
-
-
-def add_rows(table: "Table", rows: Iterable[Iterable["str | Text"]], labels: int = 1) -> None:
-    """Add the rows of a scheme, and a rule; of the first so many cells those stay empty that repeat the row above."""
-    from rich.text import Text
-
-    before: list[Text] = []
-    for row in rows:
-        cells = [cell if isinstance(cell, Text) else Text(cell) for cell in row]
-        known = next((i for i in range(labels) if before[i : i + 1] != cells[i : i + 1]), labels)
-        table.add_row(*[""] * known, *cells[known:])
-        before = cells
-    table.add_section()
 
 
 def room(console: "Console") -> float:
@@ -239,12 +172,39 @@ def short(x: float | None, form: str = ".1e") -> str:
     return f"{digits}e{int(exponent)}" if e and exponent else text
 
 
-def order_found(order: float, low: float, high: float, expected: float | None = None) -> str:
-    """A fitted order with its interval, and what theory says."""
-    found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
+def interval_text(
+    value: Any,
+    ends: tuple[Any, Any] | None = None,
+    form: str | Callable[[Any], str] = ".1e",
+    by_ends: bool = False,
+) -> str:
+    """A number with the ends of its 95 % interval, ``5.0e-2 ± 0.3e-2``; as ``0.504 [0.489, 0.520]`` if not symmetric.
+
+    `form` is that of numbers without interval, and of ends; "-" is no number, and ± ? an interval that is not known.
+    """
+    if not isinstance(value, Real) or isinstance(value, Integral):
+        return str(value)
+    if math.isnan(value):
+        return "-"
+    if ends is None:
+        return form(value) if callable(form) else short(float(value), form)
+    low, high = (float(end) for end in ends)
+    down, up = float(value) - low, high - float(value)
+    if not math.isfinite(down + up):
+        return short(float(value), ".3e") + " ± ?" * math.isfinite(value)
+    if by_ends or abs(up - down) > 1e-6 * (up + down):
+        return (
+            f"{interval_text(value, None, form)} [{interval_text(low, None, form)}, {interval_text(high, None, form)}]"
+        )
+    return with_interval(float(value), (up + down) / 2)
+
+
+def order_text(order: float, low: float, high: float, expected: float | None = None) -> str:
+    """A fitted order with its interval, and the one by theory."""
+    fitted = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
     if expected is None or math.isnan(expected):
-        return f"{found} (measured; theory states none)"
-    return f"{found} (expected {fraction(expected)})"
+        return f"{fitted} (measured; theory states none)"
+    return f"{fitted} (expected {fraction(expected)})"
 
 
 def angle_note(largest: float) -> str:

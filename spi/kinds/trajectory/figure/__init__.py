@@ -18,7 +18,7 @@ from spi.drawing import layout, page, style
 from spi.drawing.axes import LEAST, legend_line, under_label
 from spi.drawing.layout import Entry
 from spi.models.zeitlin.fields import enstrophy
-from spi.storage.records import Description
+from spi.storage.stored import Description
 
 from ..results import Trajectory
 from .fields import (
