@@ -29,8 +29,7 @@ from .specs import as_overrides, check_type, in_python
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
-    from ..drawing import Figure
-    from ..drawing.axes import Axes
+    from ..drawing import Axes, Figure
 
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
