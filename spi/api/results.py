@@ -20,7 +20,7 @@ from ..statistics import claims
 from ..statistics.claims import quantities
 from ..storage import records
 from ..storage.records import INTERVAL
-from ..storage.stored import by_case
+from ..storage.stored import Description, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -28,8 +28,7 @@ from .specs import as_overrides, check_type, in_python
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
-    from ..drawing import Figure
-    from ..drawing.axes import Axes
+    from ..drawing import Axes, Figure
 
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":

@@ -147,15 +147,15 @@ def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.
 def figure(
     results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
 ) -> "Figure":
-    """The matplotlib figure of results, with the verdicts on their claims under it.
+    """The matplotlib figure of results.
 
     In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
     says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
-    "sans" or an installed TrueType family.  Its title, parameters and claims are then left to the caption,
+    "sans" or an installed TrueType family.  Its title and parameters are then left to the caption,
     see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
     style, width or font.
     """
-    from ..drawing import fitting, layout, page
+    from ..drawing import fitting, page
 
     kind = results.attributes.get("kind")
     if kind not in KINDS:
@@ -167,11 +167,9 @@ def figure(
     if unfinished and style == "paper":
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        told = f"{title} (unfinished)" if unfinished else title
+        told = f"{title} ({unfinished})" if unfinished else title
         over = wholes(kind, read)
         drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
-        layout.write_note(drawn, unfinished or "")
-        layout.write_under(drawn, _judged(results, read))
         if page.current().width is not None:
             fitting.settle(drawn)
         return drawn
