@@ -91,10 +91,14 @@ def narrowed(console: "Console", table: "Table") -> int:
     return needed
 
 
-def with_interval(value: float, half: float) -> str:
-    """``3.42e-3 ± 0.07e-3``: the half width with one digit, or two after a leading 1, the value to the same place.
+_FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 
-    Of a value with more than seven good digits seven, ``6.612345e-2 ± 2e-13``.
+
+def with_interval(value: float, half: float) -> str:
+    """``0.4003 ± 0.0008``: the half width with one digit, or two after a leading 1, the value to the same place.
+
+    Numbers below 1e-3 or from 1e5 on have a power of ten, ``(3.42 ± 0.07)e-7``.  Of a value with more than seven good
+    digits seven, ``0.06612345 ± 2e-13``.
     """
     if not math.isfinite(value):
         return str(value)
@@ -103,11 +107,13 @@ def with_interval(value: float, half: float) -> str:
     scale = math.floor(math.log10(max(abs(value), half)))
     place = math.floor(math.log10(half))
     place -= half < 1.95 * 10.0**place
-    digits = max(scale - place, 0)
-    if digits > 6:
+    if scale - place > 6:
         return f"{short(value, '.6e')} ± {short(half, '.0e')}"
-    exponent = f"e{scale}" if scale else ""
-    return f"{value / 10.0**scale:z.{digits}f}{exponent} ± {half / 10.0**scale:.{digits}f}{exponent}"
+    if not _FIXED[0] <= 10.0**scale < _FIXED[1]:
+        digits = max(scale - place, 0)
+        return f"({value / 10.0**scale:z.{digits}f} ± {half / 10.0**scale:.{digits}f})e{scale}"
+    digits = max(-place, 0)
+    return f"{round(value, -place):z.{digits}f} ± {round(half, -place):.{digits}f}"
 
 
 def power_of_two(h: float) -> str:
@@ -164,12 +170,18 @@ def decimal(x: float) -> str:
 
 
 def short(x: float | None, form: str = ".1e") -> str:
-    """A number without the leading zeros of its exponent; nothing for None."""
+    """A number with as many digits as `form` has, from 1e-3 to 1e5 without a power of ten; nothing for None."""
     if x is None:
         return ""
     text = f"{x:{form}}"
     digits, e, exponent = text.partition("e")
-    return f"{digits}e{int(exponent)}" if e and exponent else text
+    if not (e and exponent):
+        return text
+    if x == 0.0:
+        return "0"
+    if _FIXED[0] <= abs(float(text)) < _FIXED[1]:
+        return f"{float(text):.{max(len(digits.lstrip('-').replace('.', '')) - 1 - int(exponent), 0)}f}"
+    return f"{digits}e{int(exponent)}"
 
 
 def interval_text(
@@ -178,7 +190,7 @@ def interval_text(
     form: str | Callable[[Any], str] = ".1e",
     by_ends: bool = False,
 ) -> str:
-    """A number with the ends of its 95 % interval, ``5.0e-2 ± 0.3e-2``; as ``0.504 [0.489, 0.520]`` if not symmetric.
+    """A number with the ends of its 95 % interval, ``0.050 ± 0.003``; as ``0.504 [0.489, 0.520]`` if not symmetric.
 
     `form` is that of numbers without interval, and of ends; "-" is no number, and ± ? an interval that is not known.
     """
