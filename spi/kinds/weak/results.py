@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,25 +25,25 @@ _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one ex
 class Sampled(Described):
     """What only estimates from samples have."""
 
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error", "value")]
-    error_without: Annotated[
-        Array | None, array("left_out function h", "weak error without each group of paths in turn", "value")
-    ] = None  # for what is fitted across schemes and eps
-    expectation_stderr: Annotated[Array, array("function h", "standard error of the expectation", "value")]
-    reference: Annotated[Array, array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")]
-    sd: Annotated[Array | None, array("function", "standard deviation of phi at the largest step", "value")] = None
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("processor time of a step and path", "ns", column=True)]
+    error_stderr: Array = array("function h", "standard error of the weak error", "value")
+    error_without: Array | None = array(
+        "left_out function h", "weak error without each group of paths in turn", "value", default=None
+    )  # for what is fitted across schemes and eps
+    expectation_stderr: Array = array("function h", "standard error of the expectation", "value")
+    reference: Array = array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")
+    sd: Array | None = array("function", "standard deviation of phi at the largest step", "value", default=None)
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("processor time of a step and path", "ns", column=True)
 
 
 class Unsampled(Described):
     """What only the solvers without sampling have."""
 
-    error_bound: Annotated[Array, array("function h", "bound of the numerical error of the weak error", "value")]
-    expectation_bound: Annotated[Array, array("function h", "bound of the numerical error of the expectation", "value")]
-    limit: Annotated[Array, array("function", "expectation for the equation itself", "value", "E phi(y(T))")]
-    limit_bound: Annotated[Array, array("function", "bound of the numerical error of that expectation", "value")]
-    notes: Annotated[str, fact("how it was computed, JSON: resolution, ...")] = "{}"
+    error_bound: Array = array("function h", "bound of the numerical error of the weak error", "value")
+    expectation_bound: Array = array("function h", "bound of the numerical error of the expectation", "value")
+    limit: Array = array("function", "expectation for the equation itself", "value", "E phi(y(T))")
+    limit_bound: Array = array("function", "bound of the numerical error of that expectation", "value")
+    notes: str = fact("how it was computed, JSON: resolution, ...", default="{}")
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -57,9 +57,9 @@ class Unsampled(Described):
 class Stages(Described):
     """Estimates of the same errors from less work."""
 
-    error: Annotated[Array, array("function h", "weak error from less work", "value")]
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error from less work", "value")]
-    cpu_seconds: Annotated[Array, array("", "processor time by then", "s")]
+    error: Array = array("function h", "weak error from less work", "value")
+    error_stderr: Array = array("function h", "standard error of the weak error from less work", "value")
+    cpu_seconds: Array = array("", "processor time by then", "s")
 
     @property
     def resolved(self) -> np.ndarray:
@@ -72,36 +72,36 @@ class Stages(Described):
 class Prefixes(Stages):
     """Estimates from the first so many paths."""
 
-    samples: Annotated[Array, axis("number of first paths", name="samples")]
+    samples: Array = axis("number of first paths", name="samples")
 
 
 class History(Stages):
     """Estimates of the allocations of a multilevel estimator."""
 
-    allocations: Annotated[Array, axis("number of the allocation", name="allocation")]
+    allocations: Array = axis("number of the allocation", name="allocation")
 
 
 class Levels(Described):
     """The levels of a multilevel estimate, each the difference between a step and half of it."""
 
-    h: Annotated[Array, axis("larger step size of the level", "time", name="level")]
-    mean: Annotated[Array, array("function level", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function level", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
-    consistency: Annotated[Array, array("function level", "Giles' check, above 1 with probability 0.3 %")]
-    samples: Annotated[Array, array("level", "samples of the level")]
-    nonfinite: Annotated[Array, array("level", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("level", "processor time of a sample", "s")]
-    mean_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the means", formula="p in |mean| = C h^p")
-    ] = None
-    variance_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
-    ] = None
-    cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
-    antithetic: Annotated[bool, fact("whether sampled with antithetic paths", name="antithetic")]
-    control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
-    control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
+    h: Array = axis("larger step size of the level", "time", name="level")
+    mean: Array = array("function level", "mean of the difference", "value")
+    variance: Array = array("function level", "variance of the difference")
+    kurtosis: Array = array("function level", "kurtosis of the difference")
+    consistency: Array = array("function level", "Giles' check, above 1 with probability 0.3 %")
+    samples: Array = array("level", "samples of the level")
+    nonfinite: Array = array("level", "diverged samples (NaN or infinity)")
+    seconds: Array = array("level", "processor time of a sample", "s")
+    mean_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the means", formula="p in |mean| = C h^p", default=None
+    )
+    variance_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the variances", formula="p in variance = C h^p", default=None
+    )
+    cost_rate: float = fact("p in seconds = C h^-p")
+    antithetic: bool = fact("whether sampled with antithetic paths", name="antithetic")
+    control: str = fact("what is subtracted to reduce the variance", name="control", default="")
+    control_bound: float = fact("numerical error of its expectations", "value", name="control_bound", default=0.0)
 
     @derived("function level", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
@@ -120,20 +120,18 @@ class Levels(Described):
 class Differences(Described):
     """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
 
-    scheme: Annotated[str, fact("scheme to which differences are taken", name="compared_with")]
-    mean: Annotated[Array, array("function h", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function h", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function h", "kurtosis of the difference")]
-    consistency: Annotated[
-        Array, array("function h", "distance from the expectations of the levels, above 1 with probability 0.3 %")
-    ]
-    samples: Annotated[Array, array("h", "samples of the difference")]
-    nonfinite: Annotated[Array, array("h", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("h", "processor time of a sample", "s")]
-    variance_rate: Annotated[
-        tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
-    ]
-    symmetrised: Annotated[Array | None, array("h", "whether both halves of the difference were sampled apart")] = None
+    scheme: str = fact("scheme to which differences are taken", name="compared_with")
+    mean: Array = array("function h", "mean of the difference", "value")
+    variance: Array = array("function h", "variance of the difference")
+    kurtosis: Array = array("function h", "kurtosis of the difference")
+    consistency: Array = array(
+        "function h", "distance from the expectations of the levels, above 1 with probability 0.3 %"
+    )
+    samples: Array = array("h", "samples of the difference")
+    nonfinite: Array = array("h", "diverged samples (NaN or infinity)")
+    seconds: Array = array("h", "processor time of a sample", "s")
+    variance_rate: tuple[Order, ...] = array("function", "rate of the variances", formula="p in variance = C h^p")
+    symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
 
     @derived("function h", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
@@ -159,12 +157,10 @@ class Differences(Described):
 class Quasi(Described):
     """What only estimates from quasi-random points have."""
 
-    gain: Annotated[
-        Array, array("function h", "variance of the expectation by independent paths over that by as many points")
-    ]
-    scrambles: Annotated[int, fact("number of independent scrambles", name="scrambles")]
-    points: Annotated[int, fact("points of a scramble", name="points")]
-    dimensions: Annotated[int, fact("dimensions of the points", name="dimensions")]
+    gain: Array = array("function h", "variance of the expectation by independent paths over that by as many points")
+    scrambles: int = fact("number of independent scrambles", name="scrambles")
+    points: int = fact("points of a scramble", name="points")
+    dimensions: int = fact("dimensions of the points", name="dimensions")
 
 
 def _sampled(name: str) -> list[Column]:
@@ -211,49 +207,41 @@ class WeakErrors(Stored):
         Table("function h", _sampled("difference"), "differences to a scheme of weak order 2"),
     )
 
-    functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[
-        Array,
-        array(
-            "function h",
-            "weak error",
-            "value",
-            "E phi(y_h(T)) - E phi(y(T))",
-            claim=Claimed("at most", absolute=True),
-        ),
-    ]
-    expectation: Annotated[
-        Array,
-        array(
-            "function h",
-            "expectation of the test function",
-            "value",
-            "E phi(y_h(T))",
-            claim=Claimed("equal", expected="limit"),
-        ),
-    ]
-    resolved: Annotated[Array, array("function h", "whether the error stands clear of its own uncertainty")]
-    orders: Annotated[tuple[Order, ...], array("function", "", name="order")]
-    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)", claim="at most")] = None
-    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
+    functions: tuple[str, ...] = axis("test function", name="function")
+    h: Array = axis("step size", "time")
+    error: Array = array(
+        "function h",
+        "weak error",
+        "value",
+        "E phi(y_h(T)) - E phi(y(T))",
+        claim=Claimed("at most", absolute=True),
+    )
+    expectation: Array = array(
+        "function h",
+        "expectation of the test function",
+        "value",
+        "E phi(y_h(T))",
+        claim=Claimed("equal", expected="limit"),
+    )
+    resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
+    orders: tuple[Order, ...] = array("function", "", name="order")
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    expected_order: float | None = fact("order that theory states", column=True, default=None)
     sampled: Sampled | None = None
     unsampled: Unsampled | None = None
-    prefixes: Annotated[Prefixes | None, nested("samples", "prefix_")] = None
-    history: Annotated[History | None, nested("allocation", "history_")] = None
-    levels: Annotated[Levels | None, nested(prefix="level_", apart=True)] = (
-        None  # where there are differences, of the other scheme
-    )
-    differences: Annotated[Differences | None, nested(prefix="difference_", apart=True)] = None
-    quasi: Annotated[Quasi | None, nested(prefix="quasi_")] = None
-    formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
-    cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
-    reference_step: Annotated[float, fact("step size of the reference", "time")]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
-    accuracy: Annotated[float | None, fact("numerical error that was asked for", "value")] = None
-    left_out: Annotated[tuple[str, ...], fact("schemes of the case that the estimator cannot do")] = ()
+    prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
+    history: History | None = nested("allocation", "history_", default=None)
+    levels: Levels | None = nested(prefix="level_", apart=True, default=None)
+    differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
+    quasi: Quasi | None = nested(prefix="quasi_", default=None)
+    formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
+    cpu_seconds: float = fact("processor time", "s", column=True)
+    reference_step: float = fact("step size of the reference", "time")
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
+    panels: tuple[str, ...] = fact("what the figure shows", default=("errors",))
+    accuracy: float | None = fact("numerical error that was asked for", "value", default=None)
+    left_out: tuple[str, ...] = fact("schemes of the case that the estimator cannot do", default=())
 
     def __post_init__(self) -> None:
         if self.sampled is None and self.unsampled is None:
