@@ -25,7 +25,7 @@ A field that is None is not stored.  Axes that no field describes, as "casimir",
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
 
 The 95 % interval of a field ``x`` is that from ``x_low`` to ``x_high`` where there are such fields or properties, or
-``x_half`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :func:`estimate`.
+``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :func:`estimate`.
 """
 
 import math
@@ -494,6 +494,7 @@ class Stored(Described):
             return None
         axes, numbers = self.by_name[name].axes, np.asarray(value)
         low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
+        half = self.get(f"{name}_bound") if half is None else half
         if half is None and stderr is not None:
             half = np.where(np.asarray(stderr) == 0, 0.0, self.interval * np.asarray(stderr))
         with np.errstate(invalid="ignore", over="ignore"):

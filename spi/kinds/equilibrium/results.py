@@ -226,7 +226,7 @@ class Equilibrium(Stored):
             [
                 Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
                 Column("mean_z", "largest |z|\nof the means", form=".1f"),
-                Column(lambda one: one.law and one.law.farthest, "of"),
+                Column(lambda one, _: one.law and one.law.farthest, "of"),
             ],
             title="stationary law",
         ),

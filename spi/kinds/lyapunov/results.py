@@ -65,7 +65,7 @@ class Pictures(Described):
         return density
 
 
-def _dimension(reading: "Exponents") -> str:
+def _dimension(reading: "Exponents", readings: Sequence["Exponents"]) -> str:
     """The dimension as text, a lower bound where exponents do not suffice for it."""
     half = reading.dimension_half
     if half is None and math.isfinite(reading.dimension):

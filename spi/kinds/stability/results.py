@@ -86,8 +86,11 @@ def _percent(shares: np.ndarray | None, worst: Callable[..., np.ndarray]) -> lis
     return texts
 
 
-def _ranges(numbers: np.ndarray) -> list[str]:
-    """For each value the smallest and the largest number over the step sizes."""
+def _iterations(reading: "Stability", readings: Sequence["Stability"]) -> list[str] | None:
+    """For each value the least and the most iterations of a solve over the step sizes; None of explicit schemes."""
+    if reading.solver is None:
+        return None
+    numbers = reading.solver.iterations_per_solve
     finite = (row[np.isfinite(row)] for row in numbers)
     ends = ([f"{end:.1f}" for end in (row.min(), row.max())] if row.size else [] for row in finite)
     return ["-".join(dict.fromkeys(texts)) for texts in ends]
@@ -102,16 +105,16 @@ class Stability(Stored):
         Table(
             "value",
             [
-                Column(lambda one: _steps(one, one.all_finite), "all paths\nfinite, h"),
+                Column(lambda one, _: _steps(one, one.all_finite), "all paths\nfinite, h"),
                 Column(
-                    lambda one: _steps(one, one.casimirs.largest_worst < CASIMIR_KEPT) if one.casimirs else None,
+                    lambda one, _: _steps(one, one.casimirs.largest_worst < CASIMIR_KEPT) if one.casimirs else None,
                     "Casimir\nkept, h",
                 ),
-                Column(lambda one: _steps(one, one.is_accurate), "accurate,\nh"),
+                Column(lambda one, _: _steps(one, one.is_accurate), "accurate,\nh"),
                 Column("casimir_worst", "worst\nCasimir"),
-                Column(lambda one: _percent(one.failing_fraction, np.max), "solver\nfailures"),
-                Column(lambda one: _ranges(one.solver.iterations_per_solve) if one.solver else None, "iter-\nations"),
-                Column(lambda one: _percent(one.positive, np.min), "positive\npaths"),
+                Column(lambda one, _: _percent(one.failing_fraction, np.max), "solver\nfailures"),
+                Column(_iterations, "iter-\nations"),
+                Column(lambda one, _: _percent(one.positive, np.min), "positive\npaths"),
                 Column("largest_angle", "largest\nangle", form=lambda angle: f"{angle:.2g}" if angle else "< pi/4"),
             ],
         ),

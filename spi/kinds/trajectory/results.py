@@ -29,11 +29,11 @@ class Trajectory(Stored):
         Table(
             "",
             [
-                Column(lambda one: power_of_two(one.step), "step"),
-                Column(lambda one: (len(one.y) - 1) * one.every, "steps"),
+                Column(lambda one, _: power_of_two(one.step), "step"),
+                Column(lambda one, _: (len(one.y) - 1) * one.every, "steps"),
                 Column("hamiltonian", "H at the\nend", form=".6g"),
                 Column("casimir_drift", "drift\nof C{}", over="casimir"),
-                Column(lambda one: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
+                Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
                 Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
                 Column("solver_failures", "solver\nfailures"),
                 Column("solver_iterations_mean", "iterations\na step", form=".1f"),
