@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..storage.stored import Estimate, Stored, last
-from .text import angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
+from .text import LABEL, angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,6 +27,9 @@ class Cell(NamedTuple):
 
     text: str
     style: str = ""
+
+
+_MANY = 8  # columns
 
 
 class Grid(NamedTuple):
@@ -57,6 +60,8 @@ class Grid(NamedTuple):
                 table.add_row(*(Text(cell.text, style=cell.style) for cell in row))
             if len(section) > 1:
                 table.add_section()
+        if len(self.headings) > _MANY:
+            table.padding = 0  # else it is too wide
         return table
 
 
@@ -190,9 +195,9 @@ class Table(NamedTuple):
         named = {axis: places(record, axis, None) for axis in axes}
         sizes = [len(names) or _size(axis, cells) for axis, names in named.items()]
         lines = list(np.ndindex(*sizes) if self.lines is None else self.lines(record))
-        about = record.about
-        schemes = [about.label, *[about.estimator] * bool(about.estimator)]
-        schemes = schemes if len(lines) > 1 else ["\n".join(schemes)]
+        schemes, whole = record.about.parts(), record.about.subject()
+        if len(lines) < len(schemes):
+            schemes = [whole if len(whole) <= LABEL else ",\n".join(schemes)]
         before: list[str] = []
         for number, place in enumerate(lines):
             at = dict(zip(axes, place, strict=True))
@@ -280,7 +285,7 @@ def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
 def _lines(record: Stored) -> Iterator[str]:
     """What is to be said of a record, after its label, and what it says itself."""
     for number, line in enumerate(_common(record)):
-        yield f"    {line}" if number else f"{record.about.label}: {line}"
+        yield f"    {line}" if number else f"{record.about.subject()}: {line}"
     yield from record.remarks()
 
 

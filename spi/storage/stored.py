@@ -364,11 +364,14 @@ class Description(Described):
         return self.subject(with_estimator=False)
 
     def subject(self, function: str = "", with_estimator: bool = True) -> str:
-        """The scheme, its eps and extrapolation, the estimator and a test function, as text."""
+        """The parts of the name with a test function, divided by commas."""
+        return ", ".join(self.parts(function, with_estimator))
+
+    def parts(self, function: str = "", with_estimator: bool = True) -> list[str]:
+        """The scheme, its eps and extrapolation, the estimator and a test function, as far as it has them."""
         eps = "" if self.eps is None else f"eps = {self.eps:g}"
-        return ", ".join(
-            filter(None, (self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function))
-        )
+        parts = self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function
+        return [part for part in parts if part]
 
     @property
     def extrapolation(self) -> str:

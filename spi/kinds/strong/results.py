@@ -15,7 +15,7 @@ class StrongErrors(Stored):
         Table(
             "h",
             [
-                Column("error", "strong error (95 %)", resolved="resolved"),
+                Column("error", "strong error (95 %)", resolved="resolved", missing="nan"),
                 Column("casimir_drift", "Casimir\ndrift"),
                 Column("nonfinite", "di-\nverged", red=0),
                 Column("ns_per_step", "ns per\nstep", form=".1f"),

@@ -229,18 +229,24 @@ class WeakErrors(Stored):
                 Column("expected_order", "expected", form=fraction),
                 Column("points_in_fit", "step\nsizes"),
                 Column("limit", "limit\n(bound)"),
-                Column("cpu_seconds", "processor\ntime", form=duration),
-                Column("paper_stderr", "error of 10^9\nsamples"),
-                Column("paper_seconds", "time for\nthese", form=human_time),
             ],
             "orders",
         ),
         Table(
             "function",
             [
+                Column("cpu_seconds", "processor\ntime", form=duration),
+                Column("paper_stderr", "error of 10^9\nsamples"),
+                Column("paper_seconds", "time for\nthese", form=human_time),
+                Column("level_cost_rate", "cost of\nlevels h^-", form=".2f"),
+            ],
+            "cost",
+        ),
+        Table(
+            "function",
+            [
                 Column("level_mean_rate", "mean of\nlevels h^", form=".2f", interval="[]"),
                 Column("level_variance_rate", "variance of\nlevels h^", form=".2f", interval="[]"),
-                Column("level_cost_rate", "cost of\nlevels h^-", form=".2f"),
                 Column("difference_variance_rate", "variance of\ndifferences h^", form=".2f", interval="[]"),
             ],
             "powers of h",
@@ -398,7 +404,7 @@ class WeakErrors(Stored):
         if self.reference_shows_limit:
             limit = f"the limit of {self.reference_scheme}" if self.reference_scheme else "the scheme's own limit"
             root = short(math.sqrt(self.reference_step), ".2g")
-            yield f"{self.about.label}: eps < sqrt(h_ref) = {root}: the reference shows {limit}"
+            yield f"{self.about.subject()}: eps < sqrt(h_ref) = {root}: the reference shows {limit}"
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[str]:

@@ -28,7 +28,7 @@ class WorkPrecision(Stored):
         Table(
             "h",
             [
-                Column("error", "error\n(95 % or bound)", resolved="resolved"),
+                Column("error", "error\n(95 % or bound)", resolved="resolved", missing="nan"),
                 Column("seconds_per_path", "time per\npath", form=duration, interval=""),
                 Column("ns_per_step", "ns per\nstep", form=".1f"),
                 Column("largest_drift", "Casimir\ndrift"),
