@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -91,9 +91,9 @@ def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
 class EndSums(Sums):
     """Sums over some paths, for F functions at L step sizes."""
 
-    values: Annotated[Array, moments("level function", 1)]  #: of phi
-    apart: Annotated[Array, moments("level function")]  #: of phi(y) - phi(y_0), which loses fewer digits
-    nonfinite: Annotated[Array, counted("level")]
+    values: Array = moments("level function", 1)  #: of phi
+    apart: Array = moments("level function")  #: of phi(y) - phi(y_0), which loses fewer digits
+    nonfinite: Array = counted("level")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ A :class:`Table` has a line for each place along some axes and, for each scheme,
 """
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..storage.stored import Estimate, Stored, last
-from .text import angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
+from .text import LABEL, angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,6 +27,9 @@ class Cell(NamedTuple):
 
     text: str
     style: str = ""
+
+
+_MANY = 8  # columns
 
 
 class Grid(NamedTuple):
@@ -41,6 +45,11 @@ class Grid(NamedTuple):
         """The texts of all lines."""
         return [[cell.text for cell in row] for section in self.sections for row in section]
 
+    def styles(self, heading: str = "") -> set[str]:
+        """The styles of the cells in the columns of this heading, or of all."""
+        chosen = [i for i, one in enumerate(self.headings) if one == heading or not heading]
+        return {row[i].style for section in self.sections for row in section for i in chosen}
+
     def as_rich(self) -> "RichTable":
         """As it is printed."""
         from rich.text import Text
@@ -51,27 +60,36 @@ class Grid(NamedTuple):
                 table.add_row(*(Text(cell.text, style=cell.style) for cell in row))
             if len(section) > 1:
                 table.add_section()
+        if len(self.headings) > _MANY:
+            table.padding = 0  # else it is too wide
         return table
+
+
+def unbroken(heading: str) -> str:
+    """A heading without the breaks that make its column narrow."""
+    return re.sub(r"-\n(?=[a-z])", "", heading).replace("-\n", "-").replace("\n", " ")
 
 
 class Column(NamedTuple):
     """A column of a table, or one for each place along a further axis."""
 
-    #: A field or derived property of the record, by its name in files; or a function of the record that gives texts or
-    #: numbers over the first axes of the table, None for none.
-    field: str | Callable[[Any], Any]
+    #: A field or derived property of the record, by its name in files; or a function of the record and all records of
+    #: the case that gives texts or numbers over the first axes of the table, None for none.
+    field: str | Callable[[Any, Sequence[Any]], Any]
     heading: str  #: with {} for the place along the further axis
     over: str = ""  #: the further axis
     among: Sequence[str] = ()  #: the places along it that have columns, where any of them are there
     form: str | Callable[[Any], str] = ".1e"  #: of a number without ±, and of ends
     interval: str = "±"  #: "[]" shows it by its ends, as is one that is not symmetric; "" not at all
     resolved: str = ""  #: the field with whether a number is resolved; else it stands in brackets
-    red: float = math.inf  #: numbers above this are worrying
+    missing: str = "-"  #: the text for NaN
+    red: float = math.inf  #: numbers, without their sign, above this are worrying
+    why: str = ""  #: what such a number means
 
-    def cells(self, record: Stored, axes: Sequence[str]) -> dict[str, "Cells"]:
+    def cells(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, "Cells"]:
         """The cells by heading; along axes that the table lacks the last time or the largest number."""
         if callable(self.field):
-            values = self.field(record)
+            values = self.field(record, readings)
             if values is None:
                 return {}
             array = np.asarray(values, object)
@@ -101,9 +119,9 @@ class Column(NamedTuple):
                 texts[place] = Cell(value)
                 continue
             ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
-            text = interval_text(value, ends, self.form, self.interval == "[]")
+            text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
             clear = resolved is None or resolved[place]
-            style = "bold red" if value > self.red else "" if clear else "dim"
+            style = "bold red" if abs(value) > self.red else "" if clear else "dim"
             texts[place] = Cell(text if clear else f"({text})", style)
         return Cells(numbers.axes, texts)
 
@@ -129,11 +147,15 @@ class Table(NamedTuple):
     of: Callable[[Sequence[Any]], Sequence[Any]] = list  #: the records that it shows, of those of a case
 
     def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
-        """The table of the records of a case, and the meaning of its brackets."""
-        if grid := self.grid(title, readings):
-            yield grid
-            if any(cell.style == "dim" for section in grid.sections for row in section for cell in row):
-                yield Cell("( ): not resolved", "dim")
+        """The table of the records of a case, and what its brackets and its large numbers mean."""
+        if (grid := self.grid(title, readings)) is None:
+            return
+        yield grid
+        if "dim" in grid.styles():
+            yield Cell("( ): not resolved", "dim")
+        for column in self.columns:
+            if column.why and "bold red" in grid.styles(column.heading):
+                yield Cell(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
 
     def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
         """The table of the records of a case; None where none of its columns has anything."""
@@ -142,7 +164,7 @@ class Table(NamedTuple):
         headings: dict[str, None] = {}
         for column in self.columns:
             for record, own in zip(readings, cells, strict=True):
-                own |= (more := column.cells(record, axes))
+                own |= (more := column.cells(record, readings, axes))
                 headings |= dict.fromkeys(more)
         texts = {
             heading: {cell.text for own in cells if heading in own for cell in own[heading].texts.values()}
@@ -173,9 +195,9 @@ class Table(NamedTuple):
         named = {axis: places(record, axis, None) for axis in axes}
         sizes = [len(names) or _size(axis, cells) for axis, names in named.items()]
         lines = list(np.ndindex(*sizes) if self.lines is None else self.lines(record))
-        about = record.about
-        schemes = [about.label, *[about.estimator] * bool(about.estimator)]
-        schemes = schemes if len(lines) > 1 else ["\n".join(schemes)]
+        schemes, whole = record.about.parts(), record.about.subject()
+        if len(lines) < len(schemes):
+            schemes = [whole if len(whole) <= LABEL else ",\n".join(schemes)]
         before: list[str] = []
         for number, place in enumerate(lines):
             at = dict(zip(axes, place, strict=True))
@@ -263,7 +285,7 @@ def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
 def _lines(record: Stored) -> Iterator[str]:
     """What is to be said of a record, after its label, and what it says itself."""
     for number, line in enumerate(_common(record)):
-        yield f"    {line}" if number else f"{record.about.label}: {line}"
+        yield f"    {line}" if number else f"{record.about.subject()}: {line}"
     yield from record.remarks()
 
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from markupsafe import Markup
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
-from ..printing.tables import Cell, Grid
+from ..printing.tables import Cell, Grid, unbroken
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
@@ -41,12 +40,12 @@ class Titled(NamedTuple):
         """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
         from pandas import DataFrame
 
-        unbroken = [re.sub(r"-\n(?=[a-z])", "", text).replace("-\n", "-") for text in grid.headings]
+        headings = [unbroken(heading) for heading in grid.headings]
         rows = [[" ".join(text.split("\n")) for text in row] for row in grid.rows]
-        shown = [i for i, heading in enumerate(unbroken) if heading or any(row[i] for row in rows)]
+        shown = [i for i, heading in enumerate(headings) if heading or any(row[i] for row in rows)]
         frame = DataFrame(
             [[row[i] for i in shown] for row in rows],
-            columns=[unbroken[i].replace("\n", " ") for i in shown],
+            columns=[headings[i] for i in shown],
             dtype=object,
         )
         return cls(grid.title, frame, "".join("l" if i < grid.left else "r" for i in shown))

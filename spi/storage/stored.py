@@ -1,15 +1,15 @@
-"""One description of a result: a class whose annotated fields are the contents of a group of a results file.
+"""One description of a result: a class whose fields are the contents of a group of a results file.
 
     class Energies(Stored):
         \"\"\"Mean energies of one scheme.\"\"\"
 
         row_axes = ("h",)
 
-        h: Annotated[Array, axis("step size")]
-        energy: Annotated[Array, array("h", "mean of H(y(T))", claim="equal")]
-        energy_stderr: Annotated[Array, array("h", "standard error of the mean")]
+        h: Array = axis("step size")
+        energy: Array = array("h", "mean of H(y(T))", claim="equal")
+        energy_stderr: Array = array("h", "standard error of the mean")
         order: Order
-        samples: Annotated[int, fact("number of paths", column=True)]
+        samples: int = fact("number of paths", column=True)
 
         @derived("h", "mean of H(y(T)) by that of H(y(0))")
         def ratio(self) -> Array:
@@ -25,16 +25,16 @@ A field that is None is not stored.  Axes that no field describes, as "casimir",
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
 
 The 95 % interval of a field ``x`` is that from ``x_low`` to ``x_high`` where there are such fields or properties, or
-``x_half`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :func:`estimate`.
+``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :func:`estimate`.
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING, dataclass
+from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
 from typing import (
-    Annotated,
     Any,
     ClassVar,
     Generic,
@@ -119,16 +119,28 @@ def _claims(claim: _Claims) -> tuple[Claimed, ...]:
     return (claim,) if isinstance(claim, Claimed) else claim
 
 
-def axis(text: str, unit: str = "", name: str = "", column: str = "") -> Meaning:
+def _described(meaning: Meaning, default: Any) -> Any:
+    """The field of a dataclass with this description."""
+    return dataclass_field(default=default, metadata={"meaning": meaning})
+
+
+def axis(text: str, unit: str = "", name: str = "", column: str = "", default: Any = MISSING) -> Any:
     """The values along an axis, numbers or texts; `column` names the quantities at each of them."""
-    return Meaning(text, unit, name=name, column=column, is_axis=True)
+    return _described(Meaning(text, unit, name=name, column=column, is_axis=True), default)
 
 
 def array(
-    axes: str, text: str, unit: str = "", formula: str = "", name: str = "", column: str = "", claim: _Claims = ""
-) -> Meaning:
+    axes: str,
+    text: str,
+    unit: str = "",
+    formula: str = "",
+    name: str = "",
+    column: str = "",
+    claim: _Claims = "",
+    default: Any = MISSING,
+) -> Any:
     """An array over `axes` (names separated by spaces); for an order or a nested record, the axes of all its arrays."""
-    return Meaning(text, unit, formula, tuple(axes.split()), name, column, claims=_claims(claim))
+    return _described(Meaning(text, unit, formula, tuple(axes.split()), name, column, claims=_claims(claim)), default)
 
 
 def fact(
@@ -139,17 +151,19 @@ def fact(
     axes: str = "",
     prefix: str = "",
     claim: _Claims = "",
-) -> Meaning:
+    default: Any = MISSING,
+) -> Any:
     """A number, a text or a tuple of them that describes the whole; `column` says whether rows of numbers have it.
 
     A tuple of numbers may be over an axis; a dictionary is stored entry by entry under its `prefix`.
     """
-    return Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claims=_claims(claim))
+    meaning = Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claims=_claims(claim))
+    return _described(meaning, default)
 
 
-def nested(axes: str = "", prefix: str = "", apart: bool = False) -> Meaning:
+def nested(axes: str = "", prefix: str = "", apart: bool = False, default: Any = MISSING) -> Any:
     """A record within a record: the first axes of all its arrays, and the prefix of its names in a file."""
-    return Meaning(axes=tuple(axes.split()), prefix=prefix, apart=apart)
+    return _described(Meaning(axes=tuple(axes.split()), prefix=prefix, apart=apart), default)
 
 
 V = TypeVar("V")
@@ -170,7 +184,7 @@ def derived(
     axes: str, text: str, name: str = "", column: str = "", claim: _Claims = ""
 ) -> Callable[[Callable[[Any], V]], Derived[V]]:
     """Make a method a :class:`Derived` property, which follows from the fields of a record and is not stored."""
-    meaning = array(axes, text, name=name, column=column, claim=claim)
+    meaning = Meaning(text, axes=tuple(axes.split()), name=name, column=column, claims=_claims(claim))
     return lambda function: Derived(function, meaning)
 
 
@@ -205,15 +219,12 @@ class Field(NamedTuple):
 
 
 def _field(hint: Any, field: Any) -> Field:
-    meaning = Meaning()
-    if get_origin(hint) is Annotated:
-        hint, meaning = get_args(hint)[:2]
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     (kind,) = (member for member in members if member is not type(None))
-    return Field(field.name, kind, len(members) > 1, field.default, meaning)
+    return Field(field.name, kind, len(members) > 1, field.default, field.metadata.get("meaning", Meaning()))
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True)
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(axis, array, fact, nested))
 class Described:
     """A class whose fields say what they hold; each subclass is a frozen dataclass."""
 
@@ -221,7 +232,7 @@ class Described:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls, include_extras=True)
+        hints = get_type_hints(cls)
         own: Any = cls  # mypy does not see that it is a dataclass by now
         cls.described = tuple(
             _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
@@ -302,13 +313,13 @@ def properties(
 class Swept(Described):
     """The value of a swept parameter that a case has."""
 
-    word: Annotated[str, fact("the swept parameter")]
-    value: Annotated[float, fact("its value")]
-    owner: Annotated[str, fact("the case of the spec that is swept", name="swept_case")]
-    title: Annotated[str, fact("the title of that case")]
-    of: Annotated[tuple[str, ...], fact("the quantities that are to be shown, if not those that suit the kind")] = ()
-    second_word: Annotated[str, fact("another swept parameter")] = ""
-    second_value: Annotated[float, fact("its value")] = math.nan
+    word: str = fact("the swept parameter")
+    value: float = fact("its value")
+    owner: str = fact("the case of the spec that is swept", name="swept_case")
+    title: str = fact("the title of that case")
+    of: tuple[str, ...] = fact("the quantities that are to be shown, if not those that suit the kind", default=())
+    second_word: str = fact("another swept parameter", default="")
+    second_value: float = fact("its value", default=math.nan)
 
     @property
     def places(self) -> dict[str, float]:
@@ -324,23 +335,23 @@ class Description(Described):
 
     case: str
     variant: str  #: the scheme, at one eps if it has one, extrapolated so often: unique within a case
-    case_title: Annotated[str, fact("title of the case")]
-    scheme: Annotated[str, fact("name of the scheme in a spec file")]
-    scheme_label: Annotated[str, fact("name of the scheme in print, without its eps")]
-    eps: Annotated[float | None, fact("scale of the fast processes of the multiscale system")]
-    estimator: Annotated[str, fact("estimator, where a study has several")] = ""
-    seed: Annotated[int, fact("seed of the random numbers")]
-    model: Annotated[str, fact("name of the model in a spec file")]
-    parameters: Annotated[dict[str, Any], fact("parameters of the model", prefix="model_")]
-    variables: Annotated[tuple[str, ...], fact("names of the components in the system, if it gives them any")] = ()
-    initial: Annotated[tuple[float, ...] | None, fact("initial state")]
-    final_time: Annotated[float | None, fact("final time", "time")]
-    truncate_noise: Annotated[bool, fact("whether large increments of the noises are cut off")]
-    extrapolate: Annotated[int, fact("levels of Richardson extrapolation of weak errors")] = 0
-    areas: Annotated[str, fact("how Lévy areas were drawn, if they were")] = "exact"
-    driver: Annotated[str, fact("what drove the noises in place of Brownian motion")] = ""
-    initial_law: Annotated[str | None, fact("law of initial states, where each path has its own")] = None
-    swept: Annotated[Swept | None, nested(prefix="swept_")] = None
+    case_title: str = fact("title of the case")
+    scheme: str = fact("name of the scheme in a spec file")
+    scheme_label: str = fact("name of the scheme in print, without its eps")
+    eps: float | None = fact("scale of the fast processes of the multiscale system")
+    estimator: str = fact("estimator, where a study has several", default="")
+    seed: int = fact("seed of the random numbers")
+    model: str = fact("name of the model in a spec file")
+    parameters: dict[str, Any] = fact("parameters of the model", prefix="model_")
+    variables: tuple[str, ...] = fact("names of the components in the system, if it gives them any", default=())
+    initial: tuple[float, ...] | None = fact("initial state")
+    final_time: float | None = fact("final time", "time")
+    truncate_noise: bool = fact("whether large increments of the noises are cut off")
+    extrapolate: int = fact("levels of Richardson extrapolation of weak errors", default=0)
+    areas: str = fact("how Lévy areas were drawn, if they were", default="exact")
+    driver: str = fact("what drove the noises in place of Brownian motion", default="")
+    initial_law: str | None = fact("law of initial states, where each path has its own", default=None)
+    swept: Swept | None = nested(prefix="swept_", default=None)
 
     @property
     def owner(self) -> str:
@@ -353,11 +364,14 @@ class Description(Described):
         return self.subject(with_estimator=False)
 
     def subject(self, function: str = "", with_estimator: bool = True) -> str:
-        """The scheme, its eps and extrapolation, the estimator and a test function, as text."""
+        """The parts of the name with a test function, divided by commas."""
+        return ", ".join(self.parts(function, with_estimator))
+
+    def parts(self, function: str = "", with_estimator: bool = True) -> list[str]:
+        """The scheme, its eps and extrapolation, the estimator and a test function, as far as it has them."""
         eps = "" if self.eps is None else f"eps = {self.eps:g}"
-        return ", ".join(
-            filter(None, (self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function))
-        )
+        parts = self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function
+        return [part for part in parts if part]
 
     @property
     def extrapolation(self) -> str:
@@ -430,8 +444,8 @@ class Stored(Described):
     by_name: ClassVar[dict[str, Entry]]  #: the same; arrays go before facts of the same name
 
     about: Description
-    wall_seconds: Annotated[float, fact("wall-clock time of the part", "s")] = 0.0
-    threads: Annotated[int, fact("number of threads")] = 1
+    wall_seconds: float = fact("wall-clock time of the part", "s", default=0.0)
+    threads: int = fact("number of threads", default=1)
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -488,6 +502,7 @@ class Stored(Described):
             return None
         axes, numbers = self.by_name[name].axes, np.asarray(value)
         low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
+        half = self.get(f"{name}_bound") if half is None else half
         if half is None and stderr is not None:
             half = np.where(np.asarray(stderr) == 0, 0.0, self.interval * np.asarray(stderr))
         with np.errstate(invalid="ignore", over="ignore"):

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -743,7 +743,7 @@ _ORDERS = 4  # powers of h that extrapolation removes, and the next
 class Totals(Sums):
     """Sums over some samples of one path set, for F functions."""
 
-    sums: Annotated[Array, moments("quantity function", POWERS)]
+    sums: Array = moments("quantity function", POWERS)
 
 
 def parts(case: Any) -> list[Part]:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from statistics import NormalDist
-from typing import Annotated
 
 import numpy as np
 
@@ -35,25 +34,20 @@ class Law(Described):
     Means of moments such as y_1^2, and distributions of variables such as y_1 in bins of equal probability.
     """
 
-    variables: Annotated[tuple[str, ...], axis("variable", name="variable")]
-    moments: Annotated[tuple[str, ...], axis("moment", name="moment")]
-    mean: Annotated[Array, array("h moment", "mean of the moment")]
-    mean_stderr: Annotated[Array, array("h moment", "standard error of the mean of the moment")]
-    mean_exact: Annotated[Array, array("moment", "exact mean of the moment")]
-    fraction: Annotated[Array, array("h variable bin", "fraction of the snapshots in the bin; exact: 1 / bins")]
-    fraction_stderr: Annotated[Array, array("h variable bin", "standard error of the fraction")]
-    distance: Annotated[
-        Array,
-        array(
-            "h variable",
-            "largest difference from the exact distribution function",
-            name="law_distance",
-            claim="at most",
-        ),
-    ]
-    distance_stderr: Annotated[
-        Array, array("h variable", "standard error of the difference", name="law_distance_stderr")
-    ]
+    variables: tuple[str, ...] = axis("variable", name="variable")
+    moments: tuple[str, ...] = axis("moment", name="moment")
+    mean: Array = array("h moment", "mean of the moment")
+    mean_stderr: Array = array("h moment", "standard error of the mean of the moment")
+    mean_exact: Array = array("moment", "exact mean of the moment")
+    fraction: Array = array("h variable bin", "fraction of the snapshots in the bin; exact: 1 / bins")
+    fraction_stderr: Array = array("h variable bin", "standard error of the fraction")
+    distance: Array = array(
+        "h variable",
+        "largest difference from the exact distribution function",
+        name="law_distance",
+        claim="at most",
+    )
+    distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
 
     @property
     def z(self) -> np.ndarray:
@@ -74,53 +68,45 @@ class Law(Described):
 class Averages(Described):
     """Means of functions over the later part of the time and over all paths, and quantities by which to judge them."""
 
-    functions: Annotated[tuple[str, ...], axis("function", name="function")]
-    texts: Annotated[tuple[str, ...], fact("what the functions are")]
-    temperature: Annotated[float, fact("temperature of the case, inf without one", "energy", name="held_at")]
-    spacing: Annotated[float, fact("time between two values along a path", "time")]
-    kept: Annotated[int, fact("values of each path and function that count")]
-    average: Annotated[
-        Array, array("h function", "mean over time and paths", claim=Claimed("equal", expected="reference"))
-    ]
-    average_half: Annotated[Array, array("h function", "half of the 95 % interval of the mean")]
-    stderr_paths: Annotated[Array, array("h function", "standard error of the mean, from independent paths")]
-    stderr_tau: Annotated[Array, array("h function", "standard error of the mean, from autocorrelations")]
-    stderr_batches: Annotated[Array, array("h function", "standard error of the mean, from means over batches of time")]
-    tau: Annotated[
-        Array,
-        array(
-            "h function",
-            "integrated autocorrelation time",
-            "time",
-            "1/2 spacing + sum of rho(s) spacing",
-            claim="equal",
-        ),
-    ]
-    tau_stderr: Annotated[Array, array("h function", "standard error of this time", "time")]
-    window: Annotated[Array, array("h function", "lag at which that sum ends, 5 tau; NaN where none is known", "time")]
-    halves: Annotated[
-        Array,
-        array(
-            "h function",
-            "mean of the second half of the time less that of the first, in standard errors",
-            claim=Claimed("at most", absolute=True),
-        ),
-    ]
-    variance: Annotated[Array, array("h function", "variance over time and paths")]
-    variance_stderr: Annotated[Array, array("h function", "standard error of the variance")]
-    reference: Annotated[Array, array("function", "known mean, or mean at the smallest step size; NaN without one")]
-    reference_stderr: Annotated[Array, array("function", "standard or numerical error of the reference")]
-    reference_variance: Annotated[Array, array("function", "exact variance; NaN where not known")]
-    order: Annotated[tuple[Order, ...], array("function", "order in the step size of the bias of the mean")]
-    constant: Annotated[Array, array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")]
-    lag: Annotated[Array, axis("time between two values", "time")]
-    correlation: Annotated[Array, array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")]
-    correlation_stderr: Annotated[Array, array("h function lag", "standard error of the autocorrelation")]
-    cell_low: Annotated[Array, array("h function", "lower end of the first cell of the histogram")]
-    cell_width: Annotated[Array, array("h function", "width of a cell")]
-    density: Annotated[Array, array("h function cell", "share of the values in the cell, by its width")]
-    density_stderr: Annotated[Array, array("h function cell", "standard error of the density")]
-    density_exact: Annotated[Array, array("h function cell", "the same of the exact law; NaN where not known")]
+    functions: tuple[str, ...] = axis("function", name="function")
+    texts: tuple[str, ...] = fact("what the functions are")
+    temperature: float = fact("temperature of the case, inf without one", "energy", name="held_at")
+    spacing: float = fact("time between two values along a path", "time")
+    kept: int = fact("values of each path and function that count")
+    average: Array = array("h function", "mean over time and paths", claim=Claimed("equal", expected="reference"))
+    average_half: Array = array("h function", "half of the 95 % interval of the mean")
+    stderr_paths: Array = array("h function", "standard error of the mean, from independent paths")
+    stderr_tau: Array = array("h function", "standard error of the mean, from autocorrelations")
+    stderr_batches: Array = array("h function", "standard error of the mean, from means over batches of time")
+    tau: Array = array(
+        "h function",
+        "integrated autocorrelation time",
+        "time",
+        "1/2 spacing + sum of rho(s) spacing",
+        claim="equal",
+    )
+    tau_stderr: Array = array("h function", "standard error of this time", "time")
+    window: Array = array("h function", "lag at which that sum ends, 5 tau; NaN where none is known", "time")
+    halves: Array = array(
+        "h function",
+        "mean of the second half of the time less that of the first, in standard errors",
+        claim=Claimed("at most", absolute=True),
+    )
+    variance: Array = array("h function", "variance over time and paths")
+    variance_stderr: Array = array("h function", "standard error of the variance")
+    reference: Array = array("function", "known mean, or mean at the smallest step size; NaN without one")
+    reference_stderr: Array = array("function", "standard or numerical error of the reference")
+    reference_variance: Array = array("function", "exact variance; NaN where not known")
+    order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean")
+    constant: Array = array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")
+    lag: Array = axis("time between two values", "time")
+    correlation: Array = array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")
+    correlation_stderr: Array = array("h function lag", "standard error of the autocorrelation")
+    cell_low: Array = array("h function", "lower end of the first cell of the histogram")
+    cell_width: Array = array("h function", "width of a cell")
+    density: Array = array("h function cell", "share of the values in the cell, by its width")
+    density_stderr: Array = array("h function cell", "standard error of the density")
+    density_exact: Array = array("h function cell", "the same of the exact law; NaN where not known")
 
     @property
     def stderr(self) -> np.ndarray:
@@ -240,7 +226,7 @@ class Equilibrium(Stored):
             [
                 Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
                 Column("mean_z", "largest |z|\nof the means", form=".1f"),
-                Column(lambda one: one.law and one.law.farthest, "of"),
+                Column(lambda one, _: one.law and one.law.farthest, "of"),
             ],
             title="stationary law",
         ),
@@ -258,38 +244,33 @@ class Equilibrium(Stored):
     )
     row_axes, row_columns, row_last = ("h", "n"), ("casimir", "moment", "variable", "function"), ("n",)
 
-    h: Annotated[Array, axis("step size", "time")]
-    n: Annotated[Array, axis("number of steps")]
-    casimir_mean: Annotated[Array, array("h n casimir", "mean error of the Casimir over the paths")]
-    casimir_rms: Annotated[Array, array("h n casimir", "root mean square error of the Casimir")]
-    casimir_worst: Annotated[Array, array("h n casimir", "largest modulus of the error of the Casimir", claim=_WORST)]
-    casimir_one: Annotated[Array, array("h n casimir", "error of the Casimir on path 0")]
-    nonfinite: Annotated[Array, array("h", "diverged paths (NaN or infinity)", claim="at most")]
-    growth: Annotated[
-        Array,
-        array(
-            "h casimir",
-            "growth of the error; NaN where not fitted",
-            formula="p in rms = C n^p",
-            claim=Claimed("equal", widest=WIDEST),
-        ),
-    ]
-    growth_low: Annotated[Array, array("h casimir", "lower end of the 95 % interval of the growth")]
-    growth_high: Annotated[Array, array("h casimir", "upper end of the 95 % interval of the growth")]
-    bias: Annotated[Array, array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")]
-    bias_stderr: Annotated[Array, array("h casimir", "standard error of the bias")]
-    solver: Annotated[Solver | None, array("h", "what an implicit scheme reports")] = None
-    acceptance: Annotated[Acceptance | None, array("h", "how often flows were accepted")] = None
-    largest_angle: Annotated[Array | None, array("h", "largest angle of a rotation, where any exceeds pi/4", "rad")] = (
-        None
+    h: Array = axis("step size", "time")
+    n: Array = axis("number of steps")
+    casimir_mean: Array = array("h n casimir", "mean error of the Casimir over the paths")
+    casimir_rms: Array = array("h n casimir", "root mean square error of the Casimir")
+    casimir_worst: Array = array("h n casimir", "largest modulus of the error of the Casimir", claim=_WORST)
+    casimir_one: Array = array("h n casimir", "error of the Casimir on path 0")
+    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim="at most")
+    growth: Array = array(
+        "h casimir",
+        "growth of the error; NaN where not fitted",
+        formula="p in rms = C n^p",
+        claim=Claimed("equal", widest=WIDEST),
     )
+    growth_low: Array = array("h casimir", "lower end of the 95 % interval of the growth")
+    growth_high: Array = array("h casimir", "upper end of the 95 % interval of the growth")
+    bias: Array = array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")
+    bias_stderr: Array = array("h casimir", "standard error of the bias")
+    solver: Solver | None = array("h", "what an implicit scheme reports", default=None)
+    acceptance: Acceptance | None = array("h", "how often flows were accepted", default=None)
+    largest_angle: Array | None = array("h", "largest angle of a rotation, where any exceeds pi/4", "rad", default=None)
     law: Law | None = None  # where the stationary law is known
     averages: Averages | None = None  # where functions are given
-    samples: Annotated[int, fact("number of paths", column=True)]
-    steps_each: Annotated[int, fact("number of steps of each path, of functions at the largest step size")]
-    snapshots: Annotated[int, fact("snapshots of each path that count for the law")]
-    accuracy: Annotated[float | None, fact("bias and standard error that are wanted")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
+    samples: int = fact("number of paths", column=True)
+    steps_each: int = fact("number of steps of each path, of functions at the largest step size")
+    snapshots: int = fact("snapshots of each path that count for the law")
+    accuracy: float | None = fact("bias and standard error that are wanted", default=None)
+    panels: tuple[str, ...] = fact("what the figure of the case shows")
 
     @derived("h casimir", "mean error of the Casimir in standard errors")
     def bias_deviation(self) -> np.ndarray:

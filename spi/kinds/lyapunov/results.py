@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 
@@ -31,16 +30,16 @@ class Pictures(Described):
     Its cells have equal areas; on a sphere they are those of Mollweide's projection, whose area is 4 pi.
     """
 
-    t: Annotated[Array, axis("how long the noise has acted", "time", name="pullback_t")]
-    sides: Annotated[tuple[str, ...], axis("what the cells divide: their rows and their columns", name="side")]
-    low: Annotated[Array, array("pullback_t side", "lower end of the first cell")]
-    width: Annotated[Array, array("pullback_t side", "width of a cell")]
-    count: Annotated[Array, array("pullback_t row column", "number of states in the cell")]
-    outside: Annotated[Array, array("pullback_t", "share of the states outside of all cells")]
-    distance: Annotated[Array, array("pullback_t", "mean distance of two states", formula="E |y - z|")]
-    distance_stderr: Annotated[Array, array("pullback_t", "standard error of that, for this path of noise")]
-    typical: Annotated[Array, array("pullback_t", "typical distance of two states", formula="exp E log |y - z|")]
-    points: Annotated[int, fact("number of states")]
+    t: Array = axis("how long the noise has acted", "time", name="pullback_t")
+    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
+    low: Array = array("pullback_t side", "lower end of the first cell")
+    width: Array = array("pullback_t side", "width of a cell")
+    count: Array = array("pullback_t row column", "number of states in the cell")
+    outside: Array = array("pullback_t", "share of the states outside of all cells")
+    distance: Array = array("pullback_t", "mean distance of two states", formula="E |y - z|")
+    distance_stderr: Array = array("pullback_t", "standard error of that, for this path of noise")
+    typical: Array = array("pullback_t", "typical distance of two states", formula="exp E log |y - z|")
+    points: int = fact("number of states")
 
     @property
     def is_sphere(self) -> bool:
@@ -66,7 +65,7 @@ class Pictures(Described):
         return density
 
 
-def _dimension(reading: "Exponents") -> str:
+def _dimension(reading: "Exponents", readings: Sequence["Exponents"]) -> str:
     """The dimension as text, a lower bound where exponents do not suffice for it."""
     half = reading.dimension_half
     if half is None and math.isfinite(reading.dimension):
@@ -94,32 +93,29 @@ class Exponents(Stored):
         ),
     )
 
-    number: Annotated[Array, axis("number of the exponent, the largest first")]
-    t: Annotated[Array, axis("time until which is averaged", "time")]
-    exponent: Annotated[Array, array("number t", "Lyapunov exponent", "1/time", formula="E log R_kk / (t - warm_up)")]
-    exponent_stderr: Annotated[Array, array("number t", "standard error of the exponent", "1/time")]
-    total: Annotated[Array, array("t", "sum of the exponents: mean divergence of the flow", "1/time", claim=_SUM)]
-    total_stderr: Annotated[Array, array("t", "standard error of the sum", "1/time")]
-    total_known: Annotated[
-        float | None,
-        fact("what the sum is of the equation", "1/time"),
-    ] = None
-    dimension_stderr: Annotated[
-        float | None, fact("standard error of the Lyapunov dimension, where exponents suffice for it")
-    ] = None
-    energy: Annotated[Array | None, array("t", "mean of H", "energy", formula="E H(y(t))")] = None
-    energy_stderr: Annotated[Array | None, array("t", "standard error of the mean of H", "energy")] = None
-    energy_change: Annotated[
-        float | None, fact("mean of H at the later half of these times, less that at the earlier half", "energy")
-    ] = None
-    energy_change_stderr: Annotated[float | None, fact("standard error of this change", "energy")] = None
-    change: Annotated[float, fact("largest factor, or its inverse, by which a vector changed before it was scaled")]
-    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)", claim="at most")]
-    step: Annotated[float, fact("step size", "time")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("time of a step and path, that of its near paths included", "ns")]
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
-    pictures: Annotated[Pictures | None, nested(prefix="pullback_")] = None
+    number: Array = axis("number of the exponent, the largest first")
+    t: Array = axis("time until which is averaged", "time")
+    exponent: Array = array("number t", "Lyapunov exponent", "1/time", formula="E log R_kk / (t - warm_up)")
+    exponent_stderr: Array = array("number t", "standard error of the exponent", "1/time")
+    total: Array = array("t", "sum of the exponents: mean divergence of the flow", "1/time", claim=_SUM)
+    total_stderr: Array = array("t", "standard error of the sum", "1/time")
+    total_known: float | None = fact("what the sum is of the equation", "1/time", default=None)
+    dimension_stderr: float | None = fact(
+        "standard error of the Lyapunov dimension, where exponents suffice for it", default=None
+    )
+    energy: Array | None = array("t", "mean of H", "energy", formula="E H(y(t))", default=None)
+    energy_stderr: Array | None = array("t", "standard error of the mean of H", "energy", default=None)
+    energy_change: float | None = fact(
+        "mean of H at the later half of these times, less that at the earlier half", "energy", default=None
+    )
+    energy_change_stderr: float | None = fact("standard error of this change", "energy", default=None)
+    change: float = fact("largest factor, or its inverse, by which a vector changed before it was scaled")
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    step: float = fact("step size", "time")
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("time of a step and path, that of its near paths included", "ns")
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
+    pictures: Pictures | None = nested(prefix="pullback_", default=None)
 
     @derived("t", "largest Lyapunov exponent", claim="equal")
     def largest_exponent(self) -> np.ndarray:

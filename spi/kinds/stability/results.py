@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +29,8 @@ _SMALL, _LARGE = Claimed("at most", infinite=True), Claimed("at least", infinite
 class CasimirErrors(Described):
     """The largest relative error of each Casimir function along each path."""
 
-    worst: Annotated[
-        Array, array("value h casimir", "largest relative error of the Casimir, of the worst path", claim=_SMALL)
-    ]
-    median: Annotated[
-        Array, array("value h casimir", "largest relative error of the Casimir, of the median path", claim=_SMALL)
-    ]
+    worst: Array = array("value h casimir", "largest relative error of the Casimir, of the worst path", claim=_SMALL)
+    median: Array = array("value h casimir", "largest relative error of the Casimir, of the median path", claim=_SMALL)
 
     @property
     def largest_worst(self) -> np.ndarray:
@@ -50,26 +46,21 @@ class CasimirErrors(Described):
 class Law(Described):
     """Expectations of test functions at the final time against their true values, NaN where these are unknown."""
 
-    names: Annotated[tuple[str, ...], axis("test function", name="function")]
-    expectation: Annotated[
-        Array, array("value h function", "expectation of the test function", "value", "E phi(y_h(T))")
-    ]
-    expectation_stderr: Annotated[Array, array("value h function", "standard error of the expectation", "value")]
-    truth: Annotated[Array, array("value function", "expectation for the equation itself", "value", "E phi(y(T))")]
-    truth_bound: Annotated[Array, array("value function", "bound of the numerical error of that expectation", "value")]
-    distance: Annotated[
-        Array,
-        array(
-            "value h",
-            "largest distance of an expectation from the truth",
-            "value",
-            name="law_distance",
-            claim="at most",
-        ),
-    ]
-    distance_stderr: Annotated[
-        Array, array("value h", "sampling and numerical error of the distance", "value", name="law_distance_stderr")
-    ]
+    names: tuple[str, ...] = axis("test function", name="function")
+    expectation: Array = array("value h function", "expectation of the test function", "value", "E phi(y_h(T))")
+    expectation_stderr: Array = array("value h function", "standard error of the expectation", "value")
+    truth: Array = array("value function", "expectation for the equation itself", "value", "E phi(y(T))")
+    truth_bound: Array = array("value function", "bound of the numerical error of that expectation", "value")
+    distance: Array = array(
+        "value h",
+        "largest distance of an expectation from the truth",
+        "value",
+        name="law_distance",
+        claim="at most",
+    )
+    distance_stderr: Array = array(
+        "value h", "sampling and numerical error of the distance", "value", name="law_distance_stderr"
+    )
 
 
 def _steps(reading: "Stability", good: np.ndarray) -> list[str]:
@@ -95,8 +86,11 @@ def _percent(shares: np.ndarray | None, worst: Callable[..., np.ndarray]) -> lis
     return texts
 
 
-def _ranges(numbers: np.ndarray) -> list[str]:
-    """For each value the smallest and the largest number over the step sizes."""
+def _iterations(reading: "Stability", readings: Sequence["Stability"]) -> list[str] | None:
+    """For each value the least and the most iterations of a solve over the step sizes; None of explicit schemes."""
+    if reading.solver is None:
+        return None
+    numbers = reading.solver.iterations_per_solve
     finite = (row[np.isfinite(row)] for row in numbers)
     ends = ([f"{end:.1f}" for end in (row.min(), row.max())] if row.size else [] for row in finite)
     return ["-".join(dict.fromkeys(texts)) for texts in ends]
@@ -111,46 +105,42 @@ class Stability(Stored):
         Table(
             "value",
             [
-                Column(lambda one: _steps(one, one.all_finite), "all paths\nfinite, h"),
+                Column(lambda one, _: _steps(one, one.all_finite), "all paths\nfinite, h"),
                 Column(
-                    lambda one: _steps(one, one.casimirs.largest_worst < CASIMIR_KEPT) if one.casimirs else None,
+                    lambda one, _: _steps(one, one.casimirs.largest_worst < CASIMIR_KEPT) if one.casimirs else None,
                     "Casimir\nkept, h",
                 ),
-                Column(lambda one: _steps(one, one.is_accurate), "accurate,\nh"),
+                Column(lambda one, _: _steps(one, one.is_accurate), "accurate,\nh"),
                 Column("casimir_worst", "worst\nCasimir"),
-                Column(lambda one: _percent(one.failing_fraction, np.max), "solver\nfailures"),
-                Column(lambda one: _ranges(one.solver.iterations_per_solve) if one.solver else None, "iter-\nations"),
-                Column(lambda one: _percent(one.positive, np.min), "positive\npaths"),
+                Column(lambda one, _: _percent(one.failing_fraction, np.max), "solver\nfailures"),
+                Column(_iterations, "iter-\nations"),
+                Column(lambda one, _: _percent(one.positive, np.min), "positive\npaths"),
                 Column("largest_angle", "largest\nangle", form=lambda angle: f"{angle:.2g}" if angle else "< pi/4"),
             ],
         ),
     )
 
-    values: Annotated[Array, axis("value of the swept parameter", name="value")]
-    h: Annotated[Array, axis("step size", "time")]
-    finite: Annotated[Array, array("value h", "fraction of the paths that are finite at the final time", claim=_LARGE)]
-    largest_norm: Annotated[
-        Array, array("value h", "largest |y| over paths and times, relative to |y_0|", claim=_SMALL)
-    ]
-    error: Annotated[
-        Array, array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
-    ]
-    error_stderr: Annotated[Array, array("value h", "standard error of the error")]
-    casimirs: Annotated[CasimirErrors | None, nested(prefix="casimir_")] = None  # of a model that has any
+    values: Array = axis("value of the swept parameter", name="value")
+    h: Array = axis("step size", "time")
+    finite: Array = array("value h", "fraction of the paths that are finite at the final time", claim=_LARGE)
+    largest_norm: Array = array("value h", "largest |y| over paths and times, relative to |y_0|", claim=_SMALL)
+    error: Array = array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
+    error_stderr: Array = array("value h", "standard error of the error")
+    casimirs: CasimirErrors | None = nested(prefix="casimir_", default=None)  # of a model that has any
     law: Law | None = None  # where there are test functions
-    positive: Annotated[
-        Array | None, array("value h", "fraction of the paths whose populations stay positive", claim=_LARGE)
-    ] = None
-    largest_angle: Annotated[Array | None, array("value h", "largest angle of a rotation; 0 up to pi/4", "rad")] = None
-    solver: Annotated[Solver | None, array("value h", "what an implicit scheme reports")] = None
-    acceptance: Annotated[Acceptance | None, array("value h", "how often flows were accepted")] = None
-    word: Annotated[str, fact("swept parameter of the spec", name="sweep", column=True)]
-    functions: Annotated[tuple[str, ...], fact("formulas of the test functions")]
-    accurate: Annotated[float, fact("error up to which a scheme counts as accurate")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    reference_step: Annotated[float, fact("step size of the reference", "time", column=True)]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure shows")]
+    positive: Array | None = array(
+        "value h", "fraction of the paths whose populations stay positive", claim=_LARGE, default=None
+    )
+    largest_angle: Array | None = array("value h", "largest angle of a rotation; 0 up to pi/4", "rad", default=None)
+    solver: Solver | None = array("value h", "what an implicit scheme reports", default=None)
+    acceptance: Acceptance | None = array("value h", "how often flows were accepted", default=None)
+    word: str = fact("swept parameter of the spec", name="sweep", column=True)
+    functions: tuple[str, ...] = fact("formulas of the test functions")
+    accurate: float = fact("error up to which a scheme counts as accurate")
+    samples: int = fact("number of paths", column=True)
+    reference_step: float = fact("step size of the reference", "time", column=True)
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    panels: tuple[str, ...] = fact("what the figure shows")
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Stability"]) -> Iterator[str]:

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,11 +42,11 @@ from .results import CasimirErrors, Law, Stability
 class Paths(Sums):
     """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
-    casimir: Annotated[Array, joined("level casimir")]
-    square: Annotated[Array, joined("level")]
-    smallest: Annotated[Array, joined("level")]
-    y: Annotated[Array, joined("level component")]
-    report: Annotated[Array, reports("level")]
+    casimir: Array = joined("level casimir")
+    square: Array = joined("level")
+    smallest: Array = joined("level")
+    y: Array = joined("level component")
+    report: Array = reports("level")
 
 
 @dataclass(frozen=True, kw_only=True)

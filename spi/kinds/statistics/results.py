@@ -1,7 +1,6 @@
 """What is stored of statistics."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 
@@ -33,10 +32,10 @@ _KNOWN = Claimed("equal", lost="lost")
 class Quantiles(Described):
     """Quantiles of the paths whose value is finite, by linear interpolation within bins of equal width."""
 
-    level: Annotated[Array, axis("probability of the quantile", column="{:g}-quantile")]
-    quantile: Annotated[Array, array("function t level", "quantile", claim=_KNOWN)]
-    quantile_low: Annotated[Array, array("function t level", "lower end of its 95 % interval, the bin included")]
-    quantile_high: Annotated[Array, array("function t level", "upper end of its 95 % interval, the bin included")]
+    level: Array = axis("probability of the quantile", column="{:g}-quantile")
+    quantile: Array = array("function t level", "quantile", claim=_KNOWN)
+    quantile_low: Array = array("function t level", "lower end of its 95 % interval, the bin included")
+    quantile_high: Array = array("function t level", "upper end of its 95 % interval, the bin included")
 
     def __str__(self) -> str:
         with np.errstate(invalid="ignore", over="ignore"):
@@ -50,36 +49,36 @@ class Quantiles(Described):
 class Histogram(Described):
     """Densities in bins of equal width; what lies outside of all of them is counted."""
 
-    bin_low: Annotated[Array, array("function t", "lower end of the first bin")]
-    bin_width: Annotated[Array, array("function t", "width of a bin")]
-    density: Annotated[Array, array("function t bin", "density, 1 / (samples width) of each path in the bin")]
-    density_stderr: Annotated[Array, array("function t bin", "standard error of the density")]
-    outside: Annotated[Array, array("function t", "share of the paths outside of all bins, or not finite")]
+    bin_low: Array = array("function t", "lower end of the first bin")
+    bin_width: Array = array("function t", "width of a bin")
+    density: Array = array("function t bin", "density, 1 / (samples width) of each path in the bin")
+    density_stderr: Array = array("function t bin", "standard error of the density")
+    outside: Array = array("function t", "share of the paths outside of all bins, or not finite")
 
 
 class Passages(Described):
     """First times at which conditions are seen to be met, up to the last time; NaN for other functions."""
 
-    time: Annotated[Array, array("function", "mean of the first time, the last time where it has not come", "time")]
-    time_stderr: Annotated[Array, array("function", "standard error of the mean of the first time", "time")]
-    between: Annotated[float | None, fact("time between two looks at a path", "time")] = None
-    from_t: Annotated[Array | None, array("until_t", "beginning of an interval of first times", "time")] = None
-    until_t: Annotated[Array | None, axis("end of an interval of first times", "time", name="until_t")] = None
-    density: Annotated[Array | None, array("function until_t", "density of the first time in the interval")] = None
-    density_stderr: Annotated[Array | None, array("function until_t", "standard error of this density")] = None
+    time: Array = array("function", "mean of the first time, the last time where it has not come", "time")
+    time_stderr: Array = array("function", "standard error of the mean of the first time", "time")
+    between: float | None = fact("time between two looks at a path", "time", default=None)
+    from_t: Array | None = array("until_t", "beginning of an interval of first times", "time", default=None)
+    until_t: Array | None = axis("end of an interval of first times", "time", name="until_t", default=None)
+    density: Array | None = array("function until_t", "density of the first time in the interval", default=None)
+    density_stderr: Array | None = array("function until_t", "standard error of this density", default=None)
 
 
 class DensityMap(Described):
     """Densities in cells of equal size, on a sphere by steradian or of two functions."""
 
-    sides: Annotated[tuple[str, ...], axis("what the cells divide: their rows and their columns", name="side")]
-    t: Annotated[Array, axis("time of the map", "time", name="map_t")]
-    low: Annotated[Array, array("map_t side", "lower end of the first cell")]
-    width: Annotated[Array, array("map_t side", "width of a cell")]
-    density: Annotated[Array, array("map_t row column", "share of the paths in the cell, by its area")]
-    stderr: Annotated[Array, array("map_t row column", "standard error of the density")]
-    outside: Annotated[Array, array("map_t", "share of the paths outside of all cells")]
-    law: Annotated[Array | None, array("row column", "the Gibbs law in the cells of a sphere, as a density")] = None
+    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
+    t: Array = axis("time of the map", "time", name="map_t")
+    low: Array = array("map_t side", "lower end of the first cell")
+    width: Array = array("map_t side", "width of a cell")
+    density: Array = array("map_t row column", "share of the paths in the cell, by its area")
+    stderr: Array = array("map_t row column", "standard error of the density")
+    outside: Array = array("map_t", "share of the paths outside of all cells")
+    law: Array | None = array("row column", "the Gibbs law in the cells of a sphere, as a density", default=None)
 
     @property
     def is_sphere(self) -> bool:
@@ -117,56 +116,51 @@ class Statistics(Stored):
         ),
     )
 
-    functions: Annotated[tuple[str, ...], axis("function", name="function")]
-    texts: Annotated[tuple[str, ...], fact("what the functions are")]
-    t: Annotated[Array, axis("time", "time")]
-    mean: Annotated[
-        Array,
-        array("function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")),
-    ]
-    mean_stderr: Annotated[Array, array("function t", "standard error of the mean; NaN where it is not known")]
-    band: Annotated[
-        Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
-    ]
-    mean_low: Annotated[Array | None, array("function t", "lower end of the 95 % interval of the mean")] = None
-    mean_high: Annotated[Array | None, array("function t", "upper end of the 95 % interval of the mean")] = None
-    finite: Annotated[Array | None, array("function t", "share of the paths whose value is finite")] = None
-    passages: Annotated[Passages | None, nested(prefix="passage_")] = None
-    variance: Annotated[Array | None, array("function t", "variance over the paths", claim=_KNOWN)] = None
-    variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
-    covariance: Annotated[Array | None, array("function other t", "covariance of two functions")] = None
-    covariance_stderr: Annotated[Array | None, array("function other t", "standard error of the covariance")] = None
-    others: Annotated[tuple[str, ...] | None, axis("the other function of a covariance", name="other")] = None
-    autocorrelation: Annotated[
-        Array | None,
-        array(
-            "function t",
-            "of the value at `since` with that at t",
-            formula="Cov(f(s), f(t)) / Var f(s)",
-            claim=_KNOWN._replace(where="is_correlated"),
-        ),
-    ] = None
-    autocorrelation_stderr: Annotated[
-        Array | None, array("function t", "standard error of the autocorrelation, NaN before the time it begins at")
-    ] = None
-    since: Annotated[Array | None, array("function", "time at which the autocorrelation begins", "time")] = None
-    quantiles: Annotated[Quantiles | None, nested()] = None
-    histogram: Annotated[Histogram | None, nested()] = None
-    density_map: Annotated[DensityMap | None, nested(prefix="map_")] = None
-    reference: Annotated[
-        Array | None, array("function t", "known mean, or mean of the finer paths; NaN where nothing is known")
-    ] = None
-    difference: Annotated[
-        Array | None, array("function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"))
-    ] = None
-    difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
-    reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
-    acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
-    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)", claim="at most")]
-    step: Annotated[float, fact("step size", "time")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("time of a step and path, statistics included", "ns")]
+    functions: tuple[str, ...] = axis("function", name="function")
+    texts: tuple[str, ...] = fact("what the functions are")
+    t: Array = axis("time", "time")
+    mean: Array = array(
+        "function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")
+    )
+    mean_stderr: Array = array("function t", "standard error of the mean; NaN where it is not known")
+    band: Array = array("function", "so many standard errors are a band that holds all means at once with 95 %")
+    mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
+    mean_high: Array | None = array("function t", "upper end of the 95 % interval of the mean", default=None)
+    finite: Array | None = array("function t", "share of the paths whose value is finite", default=None)
+    passages: Passages | None = nested(prefix="passage_", default=None)
+    variance: Array | None = array("function t", "variance over the paths", claim=_KNOWN, default=None)
+    variance_stderr: Array | None = array("function t", "standard error of the variance", default=None)
+    covariance: Array | None = array("function other t", "covariance of two functions", default=None)
+    covariance_stderr: Array | None = array("function other t", "standard error of the covariance", default=None)
+    others: tuple[str, ...] | None = axis("the other function of a covariance", name="other", default=None)
+    autocorrelation: Array | None = array(
+        "function t",
+        "of the value at `since` with that at t",
+        formula="Cov(f(s), f(t)) / Var f(s)",
+        claim=_KNOWN._replace(where="is_correlated"),
+        default=None,
+    )
+    autocorrelation_stderr: Array | None = array(
+        "function t", "standard error of the autocorrelation, NaN before the time it begins at", default=None
+    )
+    since: Array | None = array("function", "time at which the autocorrelation begins", "time", default=None)
+    quantiles: Quantiles | None = nested(default=None)
+    histogram: Histogram | None = nested(default=None)
+    density_map: DensityMap | None = nested(prefix="map_", default=None)
+    reference: Array | None = array(
+        "function t", "known mean, or mean of the finer paths; NaN where nothing is known", default=None
+    )
+    difference: Array | None = array(
+        "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None
+    )
+    difference_stderr: Array | None = array("function t", "standard error of the difference", default=None)
+    reference_step: float | None = fact("step size of the finer paths, on the same noise", "time", default=None)
+    acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    step: float = fact("step size", "time")
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("time of a step and path, statistics included", "ns")
 
     @property
     def interval(self) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, d
 class SolverMeans(Described):
     """The report of an implicit scheme on its equations, over all steps."""
 
-    failures: Annotated[int, fact("solves that did not converge")]
-    iterations_mean: Annotated[float, fact("iterations of a solve")]
-    largest_residual: Annotated[float, fact("largest relative residual")]
+    failures: int = fact("solves that did not converge")
+    iterations_mean: float = fact("iterations of a solve")
+    largest_residual: float = fact("largest relative residual")
 
 
 class Trajectory(Stored):
@@ -29,11 +29,11 @@ class Trajectory(Stored):
         Table(
             "",
             [
-                Column(lambda one: power_of_two(one.step), "step"),
-                Column(lambda one: (len(one.y) - 1) * one.every, "steps"),
+                Column(lambda one, _: power_of_two(one.step), "step"),
+                Column(lambda one, _: (len(one.y) - 1) * one.every, "steps"),
                 Column("hamiltonian", "H at the\nend", form=".6g"),
                 Column("casimir_drift", "drift\nof C{}", over="casimir"),
-                Column(lambda one: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
+                Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
                 Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
                 Column("solver_failures", "solver\nfailures"),
                 Column("solver_iterations_mean", "iterations\na step", form=".1f"),
@@ -41,38 +41,33 @@ class Trajectory(Stored):
         ),
     )
 
-    t: Annotated[Array, axis("time", "time")]
-    y: Annotated[Array, array("t component", "state", "state", column="y_{}")]
-    hamiltonian: Annotated[Array, array("t", "Hamiltonian", formula="H(y_n)")]
-    casimirs: Annotated[Array, array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")]
-    damped_changes: Annotated[
-        Array | None,
-        array(
-            "t casimir",
-            "changes of the Casimirs but for damping",
-            "",
-            "exp(k gamma t) C(y_n) - C(y_0)",
-            "casimir_changes",
-        ),
-    ] = None
-    casimir_drift: Annotated[
-        tuple[float, ...],
-        fact(
-            "largest changes of the Casimirs, but for damping",
-            axes="casimir",
-            claim=Claimed("at most", infinite=True),
-        ),
-    ]
-    nonfinite_from: Annotated[float | None, fact("first time at which y is not finite", "time")] = None
-    step: Annotated[float, fact("step size", "time")]
-    every: Annotated[int, fact("of how many states one is stored")] = 1
-    path: Annotated[int, fact("number of the Brownian path")]
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
-    times: Annotated[tuple[float, ...], fact("times of the stored states that are drawn as fields", "time")] = ()
-    preserves: Annotated[str, fact("what the scheme preserves")]
-    largest_angle: Annotated[float, fact("largest angle of a rotation; 0 up to pi/4", "rad")] = 0.0
-    solver: Annotated[SolverMeans | None, nested(prefix="solver_")] = None
-    surface: Annotated[str | None, fact("where y is a vorticity", name="lattice")] = None
+    t: Array = axis("time", "time")
+    y: Array = array("t component", "state", "state", column="y_{}")
+    hamiltonian: Array = array("t", "Hamiltonian", formula="H(y_n)")
+    casimirs: Array = array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")
+    damped_changes: Array | None = array(
+        "t casimir",
+        "changes of the Casimirs but for damping",
+        "",
+        "exp(k gamma t) C(y_n) - C(y_0)",
+        "casimir_changes",
+        default=None,
+    )
+    casimir_drift: tuple[float, ...] = fact(
+        "largest changes of the Casimirs, but for damping",
+        axes="casimir",
+        claim=Claimed("at most", infinite=True),
+    )
+    nonfinite_from: float | None = fact("first time at which y is not finite", "time", default=None)
+    step: float = fact("step size", "time")
+    every: int = fact("of how many states one is stored", default=1)
+    path: int = fact("number of the Brownian path")
+    panels: tuple[str, ...] = fact("what the figure of the case shows")
+    times: tuple[float, ...] = fact("times of the stored states that are drawn as fields", "time", default=())
+    preserves: str = fact("what the scheme preserves")
+    largest_angle: float = fact("largest angle of a rotation; 0 up to pi/4", "rad", default=0.0)
+    solver: SolverMeans | None = nested(prefix="solver_", default=None)
+    surface: str | None = fact("where y is a vorticity", name="lattice", default=None)
 
     @property
     def shown(self) -> list[int]:

@@ -4,20 +4,31 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from spi.printing.rows import rows_of
 from spi.printing.tables import Column, Table
-from spi.printing.text import fraction, joined, order_text, power_of_two, readable, short, with_interval
+from spi.printing.text import duration, fraction, human_time, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
 from spi.statistics.intervals import student_factor
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Order, in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
+_DISAGREE = "the estimates disagree"
+_HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
 PAPER = 1e9  #: samples of the paper's weak errors
+_NOT_AS_ASSUMED = (
+    "the order is not the one assumed: extrapolated errors should fall like {}; the function may have a jump or a "
+    "kink, or the steps may be too large; compare extrapolate: 0"
+)
+_NOT_YET = (
+    "the reference's own error, {} by the smallest step, would be {} by the next: errors are not yet C {}, and may be "
+    "off by about that; try a smaller reference_step"
+)
 TOO_FAR = 4.0  #: standard errors
 _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one expected
 
@@ -25,25 +36,25 @@ _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one ex
 class Sampled(Described):
     """What only estimates from samples have."""
 
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error", "value")]
-    error_without: Annotated[
-        Array | None, array("left_out function h", "weak error without each group of paths in turn", "value")
-    ] = None  # for what is fitted across schemes and eps
-    expectation_stderr: Annotated[Array, array("function h", "standard error of the expectation", "value")]
-    reference: Annotated[Array, array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")]
-    sd: Annotated[Array | None, array("function", "standard deviation of phi at the largest step", "value")] = None
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("processor time of a step and path", "ns", column=True)]
+    error_stderr: Array = array("function h", "standard error of the weak error", "value")
+    error_without: Array | None = array(
+        "left_out function h", "weak error without each group of paths in turn", "value", default=None
+    )  # for what is fitted across schemes and eps
+    expectation_stderr: Array = array("function h", "standard error of the expectation", "value")
+    reference: Array = array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")
+    sd: Array | None = array("function", "standard deviation of phi at the largest step", "value", default=None)
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("processor time of a step and path", "ns", column=True)
 
 
 class Unsampled(Described):
     """What only the solvers without sampling have."""
 
-    error_bound: Annotated[Array, array("function h", "bound of the numerical error of the weak error", "value")]
-    expectation_bound: Annotated[Array, array("function h", "bound of the numerical error of the expectation", "value")]
-    limit: Annotated[Array, array("function", "expectation for the equation itself", "value", "E phi(y(T))")]
-    limit_bound: Annotated[Array, array("function", "bound of the numerical error of that expectation", "value")]
-    notes: Annotated[str, fact("how it was computed, JSON: resolution, ...")] = "{}"
+    error_bound: Array = array("function h", "bound of the numerical error of the weak error", "value")
+    expectation_bound: Array = array("function h", "bound of the numerical error of the expectation", "value")
+    limit: Array = array("function", "expectation for the equation itself", "value", "E phi(y(T))")
+    limit_bound: Array = array("function", "bound of the numerical error of that expectation", "value")
+    notes: str = fact("how it was computed, JSON: resolution, ...", default="{}")
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -57,9 +68,9 @@ class Unsampled(Described):
 class Stages(Described):
     """Estimates of the same errors from less work."""
 
-    error: Annotated[Array, array("function h", "weak error from less work", "value")]
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error from less work", "value")]
-    cpu_seconds: Annotated[Array, array("", "processor time by then", "s")]
+    error: Array = array("function h", "weak error from less work", "value")
+    error_stderr: Array = array("function h", "standard error of the weak error from less work", "value")
+    cpu_seconds: Array = array("", "processor time by then", "s")
 
     @property
     def resolved(self) -> np.ndarray:
@@ -72,36 +83,36 @@ class Stages(Described):
 class Prefixes(Stages):
     """Estimates from the first so many paths."""
 
-    samples: Annotated[Array, axis("number of first paths", name="samples")]
+    samples: Array = axis("number of first paths", name="samples")
 
 
 class History(Stages):
     """Estimates of the allocations of a multilevel estimator."""
 
-    allocations: Annotated[Array, axis("number of the allocation", name="allocation")]
+    allocations: Array = axis("number of the allocation", name="allocation")
 
 
 class Levels(Described):
     """The levels of a multilevel estimate, each the difference between a step and half of it."""
 
-    h: Annotated[Array, axis("larger step size of the level", "time", name="level")]
-    mean: Annotated[Array, array("function level", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function level", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
-    consistency: Annotated[Array, array("function level", "Giles' check, above 1 with probability 0.3 %")]
-    samples: Annotated[Array, array("level", "samples of the level")]
-    nonfinite: Annotated[Array, array("level", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("level", "processor time of a sample", "s")]
-    mean_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the means", formula="p in |mean| = C h^p")
-    ] = None
-    variance_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
-    ] = None
-    cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
-    antithetic: Annotated[bool, fact("whether sampled with antithetic paths", name="antithetic")]
-    control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
-    control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
+    h: Array = axis("larger step size of the level", "time", name="level")
+    mean: Array = array("function level", "mean of the difference", "value")
+    variance: Array = array("function level", "variance of the difference")
+    kurtosis: Array = array("function level", "kurtosis of the difference")
+    consistency: Array = array("function level", "Giles' check, above 1 with probability 0.3 %")
+    samples: Array = array("level", "samples of the level")
+    nonfinite: Array = array("level", "diverged samples (NaN or infinity)")
+    seconds: Array = array("level", "processor time of a sample", "s")
+    mean_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the means", formula="p in |mean| = C h^p", default=None
+    )
+    variance_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the variances", formula="p in variance = C h^p", default=None
+    )
+    cost_rate: float = fact("p in seconds = C h^-p")
+    antithetic: bool = fact("whether sampled with antithetic paths", name="antithetic")
+    control: str = fact("what is subtracted to reduce the variance", name="control", default="")
+    control_bound: float = fact("numerical error of its expectations", "value", name="control_bound", default=0.0)
 
     @derived("function level", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
@@ -120,20 +131,18 @@ class Levels(Described):
 class Differences(Described):
     """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
 
-    scheme: Annotated[str, fact("scheme to which differences are taken", name="compared_with")]
-    mean: Annotated[Array, array("function h", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function h", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function h", "kurtosis of the difference")]
-    consistency: Annotated[
-        Array, array("function h", "distance from the expectations of the levels, above 1 with probability 0.3 %")
-    ]
-    samples: Annotated[Array, array("h", "samples of the difference")]
-    nonfinite: Annotated[Array, array("h", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("h", "processor time of a sample", "s")]
-    variance_rate: Annotated[
-        tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
-    ]
-    symmetrised: Annotated[Array | None, array("h", "whether both halves of the difference were sampled apart")] = None
+    scheme: str = fact("scheme to which differences are taken", name="compared_with")
+    mean: Array = array("function h", "mean of the difference", "value")
+    variance: Array = array("function h", "variance of the difference")
+    kurtosis: Array = array("function h", "kurtosis of the difference")
+    consistency: Array = array(
+        "function h", "distance from the expectations of the levels, above 1 with probability 0.3 %"
+    )
+    samples: Array = array("h", "samples of the difference")
+    nonfinite: Array = array("h", "diverged samples (NaN or infinity)")
+    seconds: Array = array("h", "processor time of a sample", "s")
+    variance_rate: tuple[Order, ...] = array("function", "rate of the variances", formula="p in variance = C h^p")
+    symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
 
     @derived("function h", "half the interval of the mean")
     def mean_half(self) -> np.ndarray:
@@ -159,21 +168,19 @@ class Differences(Described):
 class Quasi(Described):
     """What only estimates from quasi-random points have."""
 
-    gain: Annotated[
-        Array, array("function h", "variance of the expectation by independent paths over that by as many points")
-    ]
-    scrambles: Annotated[int, fact("number of independent scrambles", name="scrambles")]
-    points: Annotated[int, fact("points of a scramble", name="points")]
-    dimensions: Annotated[int, fact("dimensions of the points", name="dimensions")]
+    gain: Array = array("function h", "variance of the expectation by independent paths over that by as many points")
+    scrambles: int = fact("number of independent scrambles", name="scrambles")
+    points: int = fact("points of a scramble", name="points")
+    dimensions: int = fact("dimensions of the points", name="dimensions")
 
 
-def _sampled(name: str) -> list[Column]:
+def _sampled(name: str, inconsistent: str) -> list[Column]:
     """The columns of the differences of a multilevel estimate."""
     return [
         Column(f"{name}_mean", "mean of the\ndifference (95 %)"),
         Column(f"{name}_variance", "variance", form=".2e"),
-        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS),
-        Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY),
+        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS, why=_HEAVY),
+        Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY, why=inconsistent),
         Column(f"{name}_samples", "samples"),
         Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
         Column(f"{name}_lost", "di-\nverged", red=0),
@@ -191,6 +198,15 @@ def distinct_levels(readings: Sequence["WeakErrors"]) -> list["WeakErrors"]:
     return list(distinct.values())
 
 
+def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"]) -> np.ndarray | None:
+    """(F, S) a field of the agreement of a sampled estimate with the one without sampling; None if there is none."""
+    near = agreement(reading, readings)
+    return None if near is None else getattr(near, name)
+
+
+_ERROR, _EXPECTATION = Claimed("at most", absolute=True), Claimed("equal", expected="limit")
+
+
 class WeakErrors(Stored):
     """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
 
@@ -200,60 +216,86 @@ class WeakErrors(Stored):
         Table(
             "function h",
             [
-                Column("error", "weak error\n(95 % or bound)", resolved="resolved"),
+                Column("error", "weak error\n(95 % or bound)", resolved="resolved", missing="nan"),
                 Column("expectation", "expectation\n(95 % or bound)"),
+                Column("quasi_gain", "times the\nvariance", form=".3g"),
                 Column("lost", "di-\nverged", red=0),
             ],
         ),
         Table(
-            "function level", _sampled("level"), "levels", lines=lambda one: one.from_large_steps, of=distinct_levels
+            "function",
+            [
+                Column("order", "order (95 %)", form=".3f", interval="[]", missing="not resolved"),
+                Column("expected_order", "expected", form=fraction),
+                Column("points_in_fit", "step\nsizes"),
+                Column("limit", "limit\n(bound)"),
+            ],
+            "orders",
         ),
-        Table("function h", _sampled("difference"), "differences to a scheme of weak order 2"),
+        Table(
+            "function",
+            [
+                Column("cpu_seconds", "processor\ntime", form=duration),
+                Column("paper_stderr", "error of 10^9\nsamples"),
+                Column("paper_seconds", "time for\nthese", form=human_time),
+                Column("level_cost_rate", "cost of\nlevels h^-", form=".2f"),
+            ],
+            "cost",
+        ),
+        Table(
+            "function",
+            [
+                Column("level_mean_rate", "mean of\nlevels h^", form=".2f", interval="[]"),
+                Column("level_variance_rate", "variance of\nlevels h^", form=".2f", interval="[]"),
+                Column("difference_variance_rate", "variance of\ndifferences h^", form=".2f", interval="[]"),
+            ],
+            "powers of h",
+        ),
+        Table(
+            "function h",
+            [
+                Column(partial(_agreement, "deviation"), "in std.\nerrors", form=".1f", red=TOO_FAR, why=_DISAGREE),
+                Column(partial(_agreement, "share"), "standard error\nby error", form=".2g"),
+            ],
+            "sampled errors less those without sampling",
+        ),
+        Table(
+            "function level",
+            _sampled("level", "the means of neighbouring levels disagree"),
+            "levels",
+            lines=lambda one: one.from_large_steps,
+            of=distinct_levels,
+        ),
+        Table(
+            "function h",
+            _sampled("difference", "the expectation is not that of its levels"),
+            "differences to a scheme of weak order 2",
+        ),
     )
 
-    functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[
-        Array,
-        array(
-            "function h",
-            "weak error",
-            "value",
-            "E phi(y_h(T)) - E phi(y(T))",
-            claim=Claimed("at most", absolute=True),
-        ),
-    ]
-    expectation: Annotated[
-        Array,
-        array(
-            "function h",
-            "expectation of the test function",
-            "value",
-            "E phi(y_h(T))",
-            claim=Claimed("equal", expected="limit"),
-        ),
-    ]
-    resolved: Annotated[Array, array("function h", "whether the error stands clear of its own uncertainty")]
-    orders: Annotated[tuple[Order, ...], array("function", "", name="order")]
-    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)", claim="at most")] = None
-    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
+    functions: tuple[str, ...] = axis("test function", name="function")
+    h: Array = axis("step size", "time")
+    error: Array = array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))", claim=_ERROR)
+    expectation: Array = array("function h", "expectation of phi", "value", "E phi(y_h(T))", claim=_EXPECTATION)
+    resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
+    orders: tuple[Order, ...] = array("function", "", name="order")
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    expected_order: float | None = fact("order that theory states", column=True, default=None)
     sampled: Sampled | None = None
     unsampled: Unsampled | None = None
-    prefixes: Annotated[Prefixes | None, nested("samples", "prefix_")] = None
-    history: Annotated[History | None, nested("allocation", "history_")] = None
-    levels: Annotated[Levels | None, nested(prefix="level_", apart=True)] = (
-        None  # where there are differences, of the other scheme
-    )
-    differences: Annotated[Differences | None, nested(prefix="difference_", apart=True)] = None
-    quasi: Annotated[Quasi | None, nested(prefix="quasi_")] = None
-    formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
-    cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
-    reference_step: Annotated[float, fact("step size of the reference", "time")]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
-    accuracy: Annotated[float | None, fact("numerical error that was asked for", "value")] = None
-    left_out: Annotated[tuple[str, ...], fact("schemes of the case that the estimator cannot do")] = ()
+    prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
+    history: History | None = nested("allocation", "history_", default=None)
+    levels: Levels | None = nested(prefix="level_", apart=True, default=None)
+    differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
+    quasi: Quasi | None = nested(prefix="quasi_", default=None)
+    formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
+    cpu_seconds: float = fact("processor time", "s", column=True)
+    reference_step: float = fact("step size of the reference", "time")
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
+    panels: tuple[str, ...] = fact("what the figure shows", default=("errors",))
+    accuracy: float | None = fact("numerical error that was asked for", "value", default=None)
+    left_out: tuple[str, ...] = fact("schemes of the case that the estimator cannot do", default=())
 
     def __post_init__(self) -> None:
         if self.sampled is None and self.unsampled is None:
@@ -323,52 +365,59 @@ class WeakErrors(Stored):
         eps = self.about.eps
         return eps is not None and 0.0 < eps**2 < self.reference_step
 
+    @derived("function", "standard error of so many independent samples as the paper has")
+    def paper_stderr(self) -> np.ndarray | None:
+        """(F,) by the deviation of phi; None of quasi-random points, whose errors fall faster, and without sampling."""
+        if self.sampled is None or self.sampled.sd is None or self.quasi:
+            return None
+        return self.sampled.sd / math.sqrt(PAPER)
+
+    @derived("function", "processor time that this standard error would take at the largest step")
+    def paper_seconds(self) -> np.ndarray | None:
+        """(F,) NaN where the error is as small already."""
+        if self.sampled is None or self.paper_stderr is None:
+            return None
+        stderr, paper = self.sampled.error_stderr[:, self.h.argmax()], self.paper_stderr
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where((stderr > paper) & (paper > 0), self.cpu_seconds * (stderr / paper) ** 2, np.nan)
+
     def remarks(self) -> Iterator[str]:
-        """The order of each test function, what it rests on, and what speaks against it."""
-        points, own = len(self.h), own_error(self)
+        """Doubts about orders and references, points, resolutions, accuracies that are not reached, limits."""
+        own, power = own_error(self), _power(self.expected_order or math.nan, "h")
         for f, function in enumerate(self.functions):
-            order, low, high, used = self.orders[f]
-            through = f", through {used} of {points} step sizes" if math.isfinite(order) and used < points else ""
-            yield f"{self._name(f)}: {order_text(order, low, high, self.expected_order)}{through}"
-            if self.about.extrapolate and high < (self.expected_order or -math.inf) - _ORDER_AMISS:
-                yield f"    {_not_as_assumed(self)}"
-            if self.sampled and (accuracy := _accuracy(self, self.sampled, f)):
-                yield f"    {accuracy}"
-            if self.quasi:
-                yield f"    {_points(self.quasi, f)}"
+            name = self.about.subject(function)
+            if self.about.extrapolate and self.orders[f].high < (self.expected_order or -math.inf) - _ORDER_AMISS:
+                yield f"{name}: {_NOT_AS_ASSUMED.format(power)}"
             if own and own.differ[f]:
-                yield f"    {_assumed(self, float(own.value[f]), float(own.by_next[f]))}"
-            if self.unsampled:
-                limit, bound = (values[f].item() for values in (self.unsampled.limit, self.unsampled.limit_bound))
-                yield f"    E {function}(y(T)) = {with_interval(limit, bound)} (bound)"
-            if self.differences:
-                yield from (f"    {line}" for line in _of_differences(self.differences, self.h, f))
-            if self.levels:
-                yield from (f"    {line}" for line in _of_levels(self.levels, f))
+                off = own.by_next[f] - own.value[f]
+                less = f"{short(abs(off))} {'more' if off > 0 else 'less'}"
+                yield f"{name}: {_NOT_YET.format(short(own.value[f]), less, power)}"
+        if self.sampled and self.sampled.samples == 1 and np.isnan(self.sampled.error_stderr).any():
+            yield f"{self.about.subject()}: one path has no standard error: not resolved"
+        if quasi := self.quasi:
+            points = f"{quasi.scrambles} scrambles of {quasi.points} points in {quasi.dimensions} dimensions"
+            yield f"{self.about.subject()}: {points}; times the variance: of as many independent paths"
         if self.unsampled and (resolution := _resolution(self.unsampled.noted)):
-            yield f"    {resolution}"
+            yield f"{self.about.subject()}: {resolution}"
         if poor := not_reached(self):
-            yield f"    {poor}"
+            yield f"{self.about.subject()}: {poor}"
+        if self.reference_shows_limit:
+            limit = f"the limit of {self.reference_scheme}" if self.reference_scheme else "the scheme's own limit"
+            root = short(math.sqrt(self.reference_step), ".2g")
+            yield f"{self.about.subject()}: eps < sqrt(h_ref) = {root}: the reference shows {limit}"
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[str]:
-        """Test functions, the largest errors over eps, references, and how far estimators agree."""
+        """Test functions, orders of the largest errors over eps, references, schemes without results."""
         for name, formula in zip(readings[0].functions, readings[0].formulas, strict=True):
             yield f"{name} = {readable(formula, readings[0].about.variables)}"
-        yield from _over_eps(readings)
-        yield from _references(readings)
-        yield from _limits_shown(readings)
+        for one in cls.quantities_of_case(readings):
+            if one.name == "uniform_order":
+                yield f"{one.subject}, largest over eps: {order_text(one.value, one.low, one.high, one.expected)}"
+        yield from dict.fromkeys(_reference(reading) for reading in readings if reading.sampled)
         for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
             if schemes:
                 yield cannot_do(estimator, schemes)
-        for reading in readings:
-            if near := agreement(reading, readings):
-                for f in np.flatnonzero(np.isfinite(near.deviation).any(axis=1)).tolist():
-                    yield f"{reading._name(f)}: {near.line(f, reading.h)}"
-
-    def _name(self, f: int) -> str:
-        """The scheme, the estimator and, if there are several, the test function."""
-        return self.about.subject(self.functions[f] if len(self.functions) > 1 else "")
 
 
 Record = WeakErrors
@@ -387,13 +436,6 @@ class Agreement(NamedTuple):
 
     deviation: np.ndarray  #: sampled minus deterministic error, in standard errors
     share: np.ndarray  #: the standard error over the deterministic error
-
-    def line(self, f: int, h: np.ndarray) -> str:
-        """Both for one test function at the step sizes `h`, and where they disagree."""
-        far = [power_of_two(step) for step, value in zip(h, self.deviation[f], strict=True) if abs(value) > TOO_FAR]
-        deviations, shares = _each(h, self.deviation[f], "z.1f"), _each(h, self.share[f], ".2g")
-        agree = f"sampled minus deterministic, in standard errors: {deviations}; standard error / weak error: {shares}"
-        return agree + f"; DISAGREE at {', '.join(far)}" * bool(far)
 
 
 def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement | None:
@@ -503,8 +545,11 @@ def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
 # The rows of CSV and JSON: also those of fewer paths, and the agreement with deterministic errors.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: What the rows of fewer paths have in common with those of all.
-_OF_ALL = ("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "expected_order")
+#: The columns of the rows of fewer paths.
+_OF_FEWER = (
+    *("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "expected_order"),
+    *("error", "error_stderr", "resolved", "samples", "cpu_seconds"),
+)
 
 
 def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
@@ -516,99 +561,26 @@ def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
         near = agreement(reading, readings)
         yield from rows_of(reading, {"agreement": (reading.row_axes, near.deviation)} if near else None)
         if reading.prefixes and reading.sampled:
-            yield from _prefix_rows(reading, reading.prefixes, reading.sampled.samples)
+            yield from _prefix_rows(reading, reading.prefixes, reading.sampled)
 
 
-def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, all_samples: int) -> Iterator[dict[str, Any]]:
+def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, sampled: Sampled) -> Iterator[dict[str, Any]]:
     """Of fewer paths than all; expectations and orders are known of all only."""
-    resolved = prefixes.resolved
     for n, samples in enumerate(prefixes.samples.tolist()):
-        if samples == all_samples:
-            continue
-        fewer = {"samples": samples, "cpu_seconds": prefixes.cpu_seconds[n].item()}
-        values = {"error": prefixes.error[n], "error_stderr": prefixes.error_stderr[n], "resolved": resolved[n]}
-        for place, row in zip(np.ndindex(reading.error.shape), rows_of(reading), strict=True):
-            same = {name: row[name] for name in _OF_ALL if name in row}
-            yield same | {name: of_all[place].item() for name, of_all in values.items()} | fewer
+        fewer = replace(
+            reading,
+            error=prefixes.error[n],
+            resolved=prefixes.resolved[n],
+            sampled=replace(sampled, error_stderr=prefixes.error_stderr[n], samples=samples),
+            cpu_seconds=prefixes.cpu_seconds[n].item(),
+        )
+        if samples < sampled.samples:
+            yield from ({name: row[name] for name in _OF_FEWER if name in row} for row in rows_of(fewer))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Lines under the tables: orders, standard errors, levels (Giles, Operations Research 56, 2008), references, agreement.
+# Lines under the tables
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-def _of_levels(levels: Levels, f: int) -> Iterator[str]:
-    """The rates by which mean, variance and cost of the levels change, and what speaks against them."""
-    rates = {"mean": levels.mean_rate, "variance": levels.variance_rate}
-    told = [f"{what} {_rate(values[f])}" for what, values in rates.items() if values is not None]
-    if math.isfinite(levels.cost_rate):
-        told.append(f"cost h^{-levels.cost_rate:z.2f}")
-    if told:
-        yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.antithetic else ''}"
-    yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
-
-
-def _of_differences(differences: Differences, h: np.ndarray, f: int) -> Iterator[str]:
-    """The rate by which the variance of the differences at the step sizes h changes, and what speaks against them."""
-    yield f"differences to {differences.scheme}: variance {_rate(differences.variance_rate[f])}"
-    yield from _doubts(h, differences, f, "the expectation is not that of its levels")
-
-
-def _doubts(h: np.ndarray, rows: Levels | Differences, f: int, inconsistency: str) -> Iterator[str]:
-    heavy = [(k, power_of_two(step)) for step, k in zip(h, rows.kurtosis[f], strict=True) if k > HEAVY_TAILS]
-    if heavy:
-        each = joined([f"kurtosis {kurtosis:.3g} at {step}" for kurtosis, step in heavy])
-        yield f"heavy tails: {each}; few samples carry the variance, so that intervals may be too narrow"
-    for step, consistency in zip(h, rows.consistency[f], strict=True):
-        if consistency > CONSISTENCY:
-            yield f"consistency {consistency:.2f} at {power_of_two(step)}: {inconsistency}"
-
-
-def _rate(rate: Order) -> str:
-    """A fitted power of h with its interval, which is not known where a group of the jackknife has no variance left."""
-    known = all(map(math.isfinite, (rate.order, rate.low, rate.high)))
-    return f"h^{rate.order:.2f} [{rate.low:.2f}, {rate.high:.2f}]" if known else "not resolved"
-
-
-def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
-    """The standard error at the largest step beside that of so many independent samples as the paper has."""
-    largest, seconds = int(reading.h.argmax()), reading.cpu_seconds
-    stderr = float(sampled.error_stderr[f, largest])
-    if math.isnan(stderr):
-        return "one path has no standard error: not resolved" if sampled.samples == 1 else ""
-    told = f"standard error {short(stderr)} at {power_of_two(reading.h[largest])}"
-    told += f" in {seconds:.3g} s of processor time"
-    paper = math.nan if sampled.sd is None else float(sampled.sd[f]) / math.sqrt(PAPER)
-    if 0 < paper < math.inf and not reading.quasi:  # whose standard errors fall faster than by the root
-        told += f"; 10^9 independent samples would give {short(paper)}"
-        if stderr > paper > 0 and math.isfinite(stderr):
-            needed = float(f"{seconds * (stderr / paper) ** 2:.2g}")
-            told += f", which would take about {short(needed, 'g')} s here"
-    return told
-
-
-def _not_as_assumed(reading: WeakErrors) -> str:
-    """That extrapolated errors do not fall as they would if the powers of h removed were those that there are."""
-    power = _power(reading.expected_order or math.nan, "h")
-    told = f"the order found is not the one assumed: extrapolated errors should fall like {power}"
-    return f"{told}; the function may have a jump or a kink, or the steps may be too large; compare extrapolate: 0"
-
-
-def _points(quasi: Quasi, f: int) -> str:
-    """What points there were, and what they were worth."""
-    low, high = (short(float(one), ".3g") for one in (quasi.gain[f].min(), quasi.gain[f].max()))
-    points = f"{quasi.scrambles} scrambles of {quasi.points} points in {quasi.dimensions} dimensions"
-    if not (np.isfinite(quasi.gain[f]) & (quasi.gain[f] > 0)).all():
-        return points  # all paths of some step size are alike
-    return f"{points}; as many independent paths have {low} to {high} times the variance of the expectation"
-
-
-def _assumed(reading: WeakErrors, added: float, by_next: float) -> str:
-    """That the reference's own error, as it was added, is not what the next step makes it."""
-    power = _power(reading.expected_order or math.nan, "h")
-    off = f"{short(abs(by_next - added))} {'more' if by_next > added else 'less'}"
-    told = f"the reference's own error, {short(added)} by the smallest step, would be {off} by the next"
-    return f"{told}: errors are not yet C {power}, and may be off by about that; try a smaller reference_step"
 
 
 def _power(order: float, base: str) -> str:
@@ -618,60 +590,20 @@ def _power(order: float, base: str) -> str:
 
 def _resolution(notes: dict[str, Any]) -> str:
     """The short ones of the notes of a solver without sampling."""
-    short_ones = {key: json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
-    return ", ".join(f"{key.replace('_', ' ')} {text}" for key, text in short_ones.items() if len(text) <= 12)
+    texts = {key.replace("_", " "): json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
+    return ", ".join(f"{key} {text}" for key, text in texts.items() if len(text) <= 12)
 
 
-def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
-    """How much of the errors the references of a case lack."""
-    sampled = [reading for reading in readings if reading.sampled]
-    own = ((r.expected_order, "") if not r.differences else (2.0, r.differences.scheme) for r in sampled)
-    each = ((r.reference_step, r.h.min(), *of, r.reference_scheme) for r, of in zip(sampled, own, strict=True))
-    for reference, finest, power, compared, scheme in dict.fromkeys(each):
-        where = f"the reference at h_ref = {power_of_two(reference)}"
-        if scheme:
-            yield f"{where} is {scheme}: errors are not corrected for what it lacks"
-        elif power:
-            share = 100 * (reference / finest) ** power
-            ratio = "h_ref/h" if power == 1 else _power(power, "(h_ref/h)")
-            whose = f"the error of {compared} at the finest step" if compared else "the finest error"
-            lacks = f"lacks {ratio} = {share:.2g} % of {whose} (order {fraction(power)})"
-            yield f"{where} {lacks}, which is added to all errors"
-        else:
-            yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
-
-
-def _over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:
-    """The largest errors over eps of each scheme and estimator with several eps: their order, and what they are."""
-    for members in comparable_sweeps(readings).values():
-        first, names = members[0], members[0].functions
-        for f, name in enumerate(names):
-            top = largest_over_eps(members, f)
-            told = ", ".join([first.about.scheme_label, first.about.estimator, *[name] * (len(names) > 1)])
-            order, low, high, _ = top.order
-            yield f"{told}, largest over eps: {order_text(order, low, high, first.expected_order)}"
-            points = (
-                f"{power_of_two(h)}: {with_interval(value, INTERVAL * stderr)} (eps = {members[i].about.eps:g})"
-                for h, value, stderr, i in zip(first.h, top.value, top.stderr, top.which, strict=True)
-            )
-            yield f"    {', '.join(points)}"
-
-
-def _limits_shown(readings: Sequence[WeakErrors]) -> Iterator[str]:
-    """For which eps a reference does not resolve the fast processes, and what it shows then."""
-    told: dict[tuple, set] = {}
-    for reading in readings:
-        if reading.reference_shows_limit:
-            told.setdefault((reading.reference_step, reading.reference_scheme), set()).add(reading.about.eps)
-    for (reference, scheme), small in told.items():
-        few = ", ".join(f"{eps:g}" for eps in sorted(small, reverse=True))
-        whose = f"the limit of {scheme}" if scheme else "the scheme's own limit"
-        edge = f"eps < sqrt(h_ref) = {short(math.sqrt(reference), '.2g')}"
-        yield f"{edge} (eps = {few}): the reference shows {whose}"
-
-
-def _each(h: np.ndarray, values: np.ndarray, form: str) -> str:
-    pairs = zip(h, values, strict=True)
-    return ", ".join(
-        f"{power_of_two(step)}: {short(float(value), form)}" for step, value in pairs if math.isfinite(value)
-    )
+def _reference(reading: WeakErrors) -> str:
+    """How much of the errors of a record its reference lacks."""
+    reference, differences = reading.reference_step, reading.differences
+    order = 2.0 if differences else reading.expected_order
+    where = f"the reference at h_ref = {power_of_two(reference)}"
+    if reading.reference_scheme:
+        return f"{where} is {reading.reference_scheme}: errors are not corrected for what it lacks"
+    if not order:
+        return f"{where}: errors are not corrected for what it lacks, as theory states no order"
+    share = f"{100 * (reference / reading.h.min()) ** order:.2g} %"
+    ratio = "h_ref/h" if order == 1 else _power(order, "(h_ref/h)")
+    error = f"the error of {differences.scheme} at the finest step" if differences else "the finest error"
+    return f"{where} lacks {ratio} = {share} of {error} (order {fraction(order)}), which is added to all errors"

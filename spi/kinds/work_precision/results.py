@@ -4,7 +4,6 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 
@@ -29,7 +28,7 @@ class WorkPrecision(Stored):
         Table(
             "h",
             [
-                Column("error", "error\n(95 % or bound)", resolved="resolved"),
+                Column("error", "error\n(95 % or bound)", resolved="resolved", missing="nan"),
                 Column("seconds_per_path", "time per\npath", form=duration, interval=""),
                 Column("ns_per_step", "ns per\nstep", form=".1f"),
                 Column("largest_drift", "Casimir\ndrift"),
@@ -39,38 +38,36 @@ class WorkPrecision(Stored):
         Own(lambda title, readings: _requested(readings)),
     )
 
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[Array, array("h", "error without its sign", "state or value", claim="at most")]
-    error_stderr: Annotated[Array | None, array("h", "standard error of the error", "state or value")] = None
-    error_bound: Annotated[Array | None, array("h", "bound of the numerical error, without sampling", "value")] = None
-    resolved: Annotated[Array, array("h", "whether the error stands clear of its standard error or bound")]
-    casimir_drift: Annotated[
-        Array | None,
-        array(
-            "h casimir",
-            "largest change of a Casimir",
-            formula="max over paths and n of |C(y_n) - C(y_0)|",
-            claim=Claimed("at most", infinite=True),
-        ),
-    ] = None
-    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)", claim="at most")] = None
-    ns_per_step: Annotated[Array, array("h", "time of a step and path, by the median", "ns")]
-    seconds_per_path: Annotated[Array, array("h", "processor time of a path, the median of the repeats", "s")]
-    seconds_per_path_low: Annotated[Array, array("h", "lower quartile of the processor time of a path", "s")]
-    seconds_per_path_high: Annotated[Array, array("h", "upper quartile of the processor time of a path", "s")]
+    h: Array = axis("step size", "time")
+    error: Array = array("h", "error without its sign", "state or value", claim="at most")
+    error_stderr: Array | None = array("h", "standard error of the error", "state or value", default=None)
+    error_bound: Array | None = array("h", "bound of the numerical error, without sampling", "value", default=None)
+    resolved: Array = array("h", "whether the error stands clear of its standard error or bound")
+    casimir_drift: Array | None = array(
+        "h casimir",
+        "largest change of a Casimir",
+        formula="max over paths and n of |C(y_n) - C(y_0)|",
+        claim=Claimed("at most", infinite=True),
+        default=None,
+    )
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    ns_per_step: Array = array("h", "time of a step and path, by the median", "ns")
+    seconds_per_path: Array = array("h", "processor time of a path, the median of the repeats", "s")
+    seconds_per_path_low: Array = array("h", "lower quartile of the processor time of a path", "s")
+    seconds_per_path_high: Array = array("h", "upper quartile of the processor time of a path", "s")
     order: Order
-    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
-    measure: Annotated[str, fact("kind of the errors, strong or weak", column=True)]
-    estimator: Annotated[str, fact("estimator of weak errors")] = ""
-    functions: Annotated[tuple[str, ...], fact("formula of the test function of weak errors")] = ()
-    samples: Annotated[int | None, fact("number of paths, where it is given beforehand", column=True)] = None
-    repeats: Annotated[int, fact("how often each step size is timed")]
-    targets: Annotated[tuple[float, ...], fact("errors for which the cheapest scheme is asked", "state or value")]
-    reference_step: Annotated[float, fact("step size of the reference", "time")]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    left_out: Annotated[tuple[str, ...], fact("schemes of the case that no estimator of it can do")] = ()
-    note: Annotated[str, fact("what is to be said of the errors")] = ""
+    expected_order: float | None = fact("order that theory states", column=True, default=None)
+    measure: str = fact("kind of the errors, strong or weak", column=True)
+    estimator: str = fact("estimator of weak errors", default="")
+    functions: tuple[str, ...] = fact("formula of the test function of weak errors", default=())
+    samples: int | None = fact("number of paths, where it is given beforehand", column=True, default=None)
+    repeats: int = fact("how often each step size is timed")
+    targets: tuple[float, ...] = fact("errors for which the cheapest scheme is asked", "state or value")
+    reference_step: float = fact("step size of the reference", "time")
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
+    left_out: tuple[str, ...] = fact("schemes of the case that no estimator of it can do", default=())
+    note: str = fact("what is to be said of the errors", default="")
 
     def __post_init__(self) -> None:
         if self.error_stderr is None and self.error_bound is None:
