@@ -69,7 +69,8 @@ class Folder:
     def __getattr__(self, name: str) -> Any:
         if name not in self.MODULES:
             raise AttributeError(f"{self.package} has no module {name!r}, only {', '.join(self.MODULES)}")
-        return import_module(f"{self.package}.{name}")
+        whole = import_module(self.package)
+        return import_module(f"{self.package}.{name}") if hasattr(whole, "__path__") else whole
 
 
 class Kind(Folder):
