@@ -1,4 +1,4 @@
-"""What several kinds of experiment have in common: keys, and conditions between them."""
+"""Cases: the keys that several kinds of experiment have in common, and conditions between them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ from .checks import (
     dyadic,
 )
 from .compositions import Compositions, check_steps, weak_order
-from .drivers import Noise, check_noise, told
+from .drivers import Noise, check_noise, described
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -94,15 +94,15 @@ class FunctionKeys(Keys):
             if is_constant(tree):
                 raise NumberError("constant")
         except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
+            names = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
             example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
-            right = f"must be an expression in {known} such as {example}"
+            right = f"must be an expression in {names} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
 
 
 class BaseCase(Keys):
-    """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
+    """The keys of all kinds; a spec file gives all fields but the first two."""
 
     name: str
     title: str
@@ -145,10 +145,11 @@ class BaseCase(Keys):
         schemes: tuple[str, ...]
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
-        """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        found = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
-        row = found if isinstance(found, Scheme) else composed(scheme, found, weak_order(found, self.model))
-        return of_model(row, self.model)
+        """The entry of a scheme by its name: of a composition of the case, or in the table of schemes."""
+        entry = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
+        if not isinstance(entry, Scheme):
+            entry = composed(scheme, entry, weak_order(entry, self.model))
+        return of_model(entry, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
         """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
@@ -168,7 +169,7 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        """The names that may limit a claim: h, eps where there is one, and swept parameters."""
         swept = (self.sweep.word, self.sweep.second_word) if self.sweep else ()
         return ("h", *["eps"] * (self.eps is not None), *filter(None, swept))
 
@@ -179,18 +180,18 @@ class BaseCase(Keys):
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """What must come out."""
+        """The claims of ``expect``."""
         return claims(self)
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """What the system calls its components, () if it gives them no names."""
+        """The names of the components; () if the system gives them none."""
         return variables(undamped(self.model))
 
     @property
     def driver(self) -> str:
-        """What drives the noises in place of Brownian motion; empty if that does."""
-        return told(self.noise)
+        """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
+        return described(self.noise)
 
     @property
     def model_name(self) -> str:
@@ -198,7 +199,7 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping or temperature where there is one."""
+        """The parameters of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
         return own | dissipation(self)
@@ -227,9 +228,9 @@ class BaseCase(Keys):
 
     @condition
     def _check_initial(self) -> None:
-        d, found = dimension(self.model), len(self.initial)
-        if found != d:
-            raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
+        d, count = dimension(self.model), len(self.initial)
+        if count != d:
+            raise wrong(f"has {entries_in(count)}", f"must have {d}, the dimension of {self.model_name}", "initial")
 
     @condition
     def _check_words(self) -> None:
@@ -256,7 +257,7 @@ class BaseCase(Keys):
 
 
 class ErrorCase(BaseCase):
-    """What the cases of errors against step sizes have."""
+    """The keys of errors against step sizes."""
 
     final_time: key_of(Positive, "final time T, a multiple of every step", "time")
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13", "time")
@@ -290,4 +291,4 @@ class ErrorCase(BaseCase):
 
 
 class FunctionsCase(FunctionKeys, ErrorCase):
-    """What the cases with test functions have."""
+    """The keys of errors of expectations of test functions."""

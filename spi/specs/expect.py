@@ -1,4 +1,4 @@
-"""The key ``expect``: what must come out.
+"""The key ``expect``: claims about the results.
 
     expect:
       splitting: {order: 1/2, casimir_drift: 1e-12}
@@ -47,7 +47,7 @@ def _number(text: str) -> float:
 
 
 def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
-    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
+    """The value of ``expect`` to which `path` leads, with its numbers read and without empty entries."""
     if not isinstance(value, dict):
         return _stated(value, path) if path else {} if value is None else value
     return {key: _read(inner, (*path, key)) for key, inner in value.items() if inner is not None}
@@ -76,7 +76,7 @@ Expect = Annotated[
 
 
 def merged(below: Any, above: Any) -> Any:
-    """What the layer `above` makes of an ``expect`` that stands `below`."""
+    """An ``expect`` that stands `below` with the layer `above`."""
     if not isinstance(below, dict) or not isinstance(above, dict):
         return above
     return {**below, **{key: merged(below.get(key), value) for key, value in above.items()}}
@@ -90,10 +90,11 @@ def without(expect: Any, names: Iterable[str]) -> Any:
 
 
 def names_in(key: str, listed: Any) -> set[str]:
-    """The names, as claims have them, in what a spec has under one of the keys :data:`NAMING`."""
-    if key == "extrapolate":
-        return {f"{key} {levels}" for levels in ([listed] if isinstance(listed, str) else listed or ())}
-    return {"phi"} if isinstance(listed, str) else set(listed or ())
+    """The names, as claims have them, of the entries that a spec has under one of the keys :data:`NAMING`."""
+    if isinstance(listed, str) and key != "extrapolate":
+        return {"phi"}
+    entries = [listed] if isinstance(listed, str) else listed if isinstance(listed, list | dict) else []
+    return {f"{key} {entry}" if key == "extrapolate" else entry for entry in entries if isinstance(entry, str)}
 
 
 class _Place(NamedTuple):
@@ -148,7 +149,7 @@ def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place
 
 
 def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
-    """What stands at a place, if that is a mapping."""
+    """The value at a place, if it is a mapping."""
     if not isinstance(value, dict):
         raise wrong(f"is {shown(value.text)}", right, *place.path)
     return value
@@ -168,7 +169,7 @@ def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Clai
 
 
 def _limit(case: Any, limit: re.Match[str], path: tuple[str, ...]) -> tuple[str, float]:
-    """What must not exceed which number."""
+    """(name, largest value) of a limit."""
     name = limit[1] or "h"
     if name not in case.limiting:
         raise wrong(f"has no limit {shown(name)}", suggestion(name, case.limiting), *path)

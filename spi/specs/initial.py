@@ -91,9 +91,11 @@ class OfGibbs(Keys):
         law = Gibbs(surface, tuple(terms), least_on(surface, b, matrix))
         rate = float(np.exp(law.least - law.energy(_trials(surface))).mean())
         if rate < LEAST_ACCEPTANCE:
-            what = f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
+            fault = (
+                f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
+            )
             right = f"must be so far from 0 that {LEAST_ACCEPTANCE:g} are; or give states of your own by law: points"
-            raise wrong(what, right, "temperature")
+            raise wrong(fault, right, "temperature")
         return RandomState(surface.typical, law, self.model_dump())
 
 
@@ -206,10 +208,10 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     surface = spheres(model, point)
     name = type(model).__qualname__
     if surface is None:
-        what = f"is for Casimir surfaces that are spheres or products of them, which those of {name} are not"
+        fault = f"is for Casimir surfaces that are spheres or products of them, which those of {name} are not"
         if key == "project":
-            raise wrong(what, f"leave it out, or {_POINTS}", key)
-        raise wrong(what, f"use gaussian, or {_POINTS}", "law")
+            raise wrong(fault, f"leave it out, or {_POINTS}", key)
+        raise wrong(fault, f"use gaussian, or {_POINTS}", "law")
     if not any(surface.lengths):
         raise wrong("is 0, a surface of one state", "give another state", key if key != "project" else "mean")
     return surface
@@ -267,8 +269,8 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
         raise wrong(f"is {shown(path)}, which has no states", right, "file")
     for number, row in enumerate(rows, 1):
         if len(row) != len(head) or not all(map(_is_number, row)):
-            what = f"is {shown(path)}, whose state {number} is {shown(','.join(row))}"
-            raise wrong(what, f"must be {len(head)} numbers with commas between them", "file")
+            fault = f"is {shown(path)}, whose state {number} is {shown(','.join(row))}"
+            raise wrong(fault, f"must be {len(head)} numbers with commas between them", "file")
     values = dict(zip(head, np.array(rows, float).T, strict=True))
     return np.stack([values[name] for name in names], axis=1), values.get("weight", np.ones(len(rows)))
 
@@ -393,8 +395,8 @@ def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
             raise wrong(f"is not a mode of the lattice modulo {n}", right, "modes", key)
         place, sign = known[mode]
         if place in written:
-            what = f"is given twice, also as {shown(written[place])}"
-            raise wrong(what, "remove one, since -m has the complex conjugate of m", "modes", key)
+            fault = f"is given twice, also as {shown(written[place])}"
+            raise wrong(fault, "remove one, since -m has the complex conjugate of m", "modes", key)
         written[place] = key
         omega = _complex(value, key)
         y[2 * place : 2 * place + 2] = omega.real, sign * omega.imag
@@ -428,8 +430,8 @@ def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tu
     if subtract_mean:
         values = values - mean
     elif abs(mean) > fields.MEAN_ROUNDING * largest:
-        what = f"has the mean {mean:.12g}, which must be 0 on the torus"
-        raise wrong(what, "subtract it, or add subtract_mean: true", key)
+        fault = f"has the mean {mean:.12g}, which must be 0 on the torus"
+        raise wrong(fault, "subtract it, or add subtract_mean: true", key)
     return tuple(fields.projected(values, n).tolist())
 
 
@@ -476,11 +478,10 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
     if not isinstance(value, dict):
         return numbers(_with_ranges(value, info))
     if "law" in value:
-        known, files = info.data.get("model"), cast(Files, info.context)
-        return random_state(value, None if isinstance(known, dict) else known, files)
+        return random_state(value, info.data.get("model"), cast(Files, info.context))
     stored = "file" in value or "results" in value
     given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
-    if model is None or isinstance(model, dict):  # of one layer, when it is not known yet which system it is
+    if model is None:  # it is wrong, which is reported
         return ()
     n = fields.lattice_of(model)
     if isinstance(given, Stored):
@@ -495,8 +496,7 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
     """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
     if not isinstance(value, list):
         return value
-    # Sizes are unknown where the model is wrong, of which alone is told then, and of one layer, before it is chosen.
-    if isinstance(info.data.get("model"), dict | None):
+    if info.data.get("model") is None:  # it is wrong, which is reported, and its sizes are not known
         return [entry for entry in value if not has_range(entry)]
     try:
         return expanded(value, info.data["model"])

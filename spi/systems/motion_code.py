@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import mpmath
 
-from .brackets import NOTHING
-from .code import Numbers, forms, total, written_sum
+from .brackets import NOTHING, summed
+from .code import Numbers, forms, written_sum
 from .spectrum import Block, Near, Space
 from .splitting import Series
 
@@ -25,7 +25,7 @@ class Shears:
         self.phases: list[tuple[mpmath.mpf, ...]] = []
         self.kinds: list[str] = []
         self.left = 0
-        self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
+        self.sines: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
 
     def name(self, prefix: str) -> str:
         """A name that no other line has."""
@@ -40,14 +40,18 @@ class Shears:
         self.lines.append(f"{name} = {code}")
         return name
 
+    def sum(self, prefix: str, terms: Sequence[tuple[str, str]]) -> str:
+        """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
+        return self.let(prefix, written_sum(terms)) if terms else "0.0"
+
     def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
         """Names of the sine and the versine of an angle; `phase` are the factors of the a in it."""
-        if angle not in self.taken:
+        if angle not in self.sines:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
             self.phases.append(phase)
-            self.taken[angle] = s, v
-        return self.taken[angle]
+            self.sines[angle] = s, v
+        return self.sines[angle]
 
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
@@ -106,7 +110,7 @@ class Shears:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
         if space.near:
             return self.near(space.near, u)
-        total: list[list[list[str]]] = [[[], []] for _ in u]
+        total: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
         power = list(u)
         for order, moving in enumerate(space.sheared_rows(), 1):
             rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
@@ -118,21 +122,12 @@ class Shears:
                             rows[m][part].append(
                                 (sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}")
                             )
-            power = [
-                (
-                    self.let("q", written_sum(row[0])) if row[0] else "0.0",
-                    self.let("q", written_sum(row[1])) if row[1] else "0.0",
-                )
-                for row in rows
-            ]
+            power = [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in rows]
             for sums, parts in zip(total, power, strict=True):
                 for terms, name in zip(sums, parts, strict=True):
                     if name != "0.0":
-                        terms.append(name)
-        return [
-            (self.let("q", " + ".join(re)) if re else "0.0", self.let("q", " + ".join(im)) if im else "0.0")
-            for re, im in total
-        ]
+                        terms.append(("+", name))
+        return [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in total]
 
     @staticmethod
     def _products(c: Any, order: int) -> list[tuple[int, int, mpmath.mpf]]:
@@ -279,7 +274,7 @@ class _Writer(Shears):
         s, v = self.let("s", self.product(inverse, s)), self.let("v", self.product(inverse_square, v))
         rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
         first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
-        again = [total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
+        again = [summed((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
         for i, code in zip(block.components, self.linear(again), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
@@ -332,7 +327,7 @@ class _Writer(Shears):
                     for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
                         if factor and part != "0.0":
                             changes[i].append((part, factor / common))
-        for i, code in zip(block.components, self.linear(list(map(total, changes.values()))), strict=True):
+        for i, code in zip(block.components, self.linear(list(map(summed, changes.values()))), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}")
             else:

@@ -372,8 +372,7 @@ class _Generator:
         if self.coefficients:
             lines += ["time: float", f"driving: tuple[{', '.join(['float'] * len(self.coefficients.entries)) or '()'}]"]
         m = len(system.noises)
-        kind = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]"
-        strengths = f"({', '.join(['1.0'] * m)}{',' if m == 1 else ''})"
+        kind, strengths = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]", as_tuple(["1.0"] * m)
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
         lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
         lines += [f"inexact_{part} = {as_tuple(list(map(str, ks)))}" for part, ks in lacking.items() if ks]
@@ -382,10 +381,10 @@ class _Generator:
         lines.append(f"conserved = {len(system.casimirs)}")
         degrees = [str(c.degree) for c in system.casimirs]
         if degrees and "None" not in degrees:
-            lines.append(f"casimir_degrees = ({', '.join(degrees)}{',' * (len(degrees) == 1)})")
+            lines.append(f"casimir_degrees = {as_tuple(degrees)}")
         pairs = itertools.combinations(enumerate(system.noises), 2)
         if commuting := [(k, other) for (k, a), (other, b) in pairs if self.commuting(a, b)]:
-            lines.append(f"commuting_noises = ({', '.join(map(str, commuting))}{',' * (len(commuting) == 1)})")
+            lines.append(f"commuting_noises = {tuple(commuting)}")
         if system.squared_length_first:
             lines.append("squared_length_is_casimir = True")
         if len(self.bracket.logarithmic) == self.bracket.dimension:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Monomial, precise
+from .brackets import DIGITS, NOTHING, Bracket, Monomial, precise, summed
 from .driving import by_factor, split_in_time
 from .symbolics import (
     Functional,
@@ -64,12 +64,12 @@ def constant_rates(
 ) -> tuple[dict[int, Series], list[dict[tuple[int, int], mpmath.mpf]]]:
     """(how coordinates are moved that move at constant rates and move no others, the matrices without them)."""
     others = {n for entries in matrices for row, column in entries if column != unit for n in (row, column)}
-    found: dict[int, Series] = {}
+    rates: dict[int, Series] = {}
     for n, entries in enumerate(matrices):
         for (row, _), c in entries.items():
             if row not in others:
-                found.setdefault(row, {})[(n,), ()] = c
-    return found, [{place: c for place, c in entries.items() if place[0] in others} for entries in matrices]
+                rates.setdefault(row, {})[(n,), ()] = c
+    return rates, [{place: c for place, c in entries.items() if place[0] in others} for entries in matrices]
 
 
 def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> bool:
@@ -84,28 +84,23 @@ def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> b
 
 
 def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
-    total, term = dict(first), first
-    for n in itertools.count(2):
-        term = _along(term, rows)
-        if not term:
-            return {key: c for key, c in total.items() if abs(c) > NOTHING}
+    terms, n, term = [*first.items()], 1, first
+    while term := _along(term, rows):
+        n += 1
         if n > _MOST_TERMS or len(term) > _LONGEST:
             raise EndlessSeries
-        for key, c in term.items():
-            total[key] = total.get(key, mpmath.mpf(0)) + c / math.factorial(n)
-    raise AssertionError
+        terms += [(key, c / math.factorial(n)) for key, c in term.items()]
+    return summed(terms)
 
 
 def _along(function: Series, rows: Mapping[int, Series]) -> Series:
     """X f."""
-    found: Series = {}
-    for (times, monomial), factor in function.items():
-        for place, m in enumerate(monomial):  # the derivative by w_m, power by power
-            rest = monomial[:place] + monomial[place + 1 :]
-            for (more, other), c in rows.get(m, {}).items():
-                key = tuple(sorted(times + more)), tuple(sorted(rest + other))
-                found[key] = found.get(key, mpmath.mpf(0)) + factor * c
-    return {key: c for key, c in found.items() if abs(c) > NOTHING}
+    return summed(
+        ((tuple(sorted(times + more)), tuple(sorted(monomial[:place] + monomial[place + 1 :] + other))), factor * c)
+        for (times, monomial), factor in function.items()
+        for place, m in enumerate(monomial)  # the derivative by w_m, power by power
+        for (more, other), c in rows.get(m, {}).items()
+    )
 
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
@@ -118,7 +113,7 @@ class Term(NamedTuple):
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the kept functions whose values they are
+    values: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the invariant functions whose values they are
     original: Any = None  #: where it has such symbols: the same in the variables alone
     inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: those of these functions that are no Casimir functions
 
@@ -130,7 +125,7 @@ class Term(NamedTuple):
     def slope(self, variable: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
         inner = [sympy.diff(self.expression, s) * sympy.diff(u.form, variable) for s, u in self.inner.items()]
-        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.kept))
+        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.values))
 
 
 class Constants:
@@ -143,9 +138,9 @@ class Constants:
         """A number as a symbol; 0 and 1 as themselves."""
         if abs(value) < NOTHING or abs(value - 1) < NOTHING:
             return sympy.Integer(round(value))
-        found = sympy.Symbol(f"κ{len(self.values) + 1}", real=True)
-        self.values[found] = value
-        return found
+        symbol = sympy.Symbol(f"κ{len(self.values) + 1}", real=True)
+        self.values[symbol] = value
+        return symbol
 
 
 class Flow(NamedTuple):
@@ -214,7 +209,7 @@ def split(
             terms, crossing = terms + more, crossing + cross
     for factor, products in by_factor(crossing, world.time).items():
         for component in connected(map(world.used, products)):
-            inside = [t for t in terms if not t.kept and _is_square_within(t.expression, component, factor, world)]
+            inside = [t for t in terms if not t.values and _is_square_within(t.expression, component, factor, world)]
             terms = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
             terms += _diagonalised(form, component, factor, world, constants)
@@ -226,7 +221,7 @@ def split(
 
 
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
-    """What stands for the flow of a function that has none in closed form."""
+    """The stand-in for the flow of a function that has none in closed form."""
     expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
@@ -281,8 +276,8 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
             terms, crossing = terms + more, crossing + cross
         elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
-        elif (found := otherwise(addend)) is not None:
-            terms.append(found)
+        elif (term := otherwise(addend)) is not None:
+            terms.append(term)
         else:
             raise reason
     return terms, crossing
@@ -294,8 +289,8 @@ def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise:
         return _terms(expanded, world, lambda part: None)
     except NoExactFlow as refused:
         reason = refused
-    if (found := otherwise(addend)) is not None:
-        return [found], []
+    if (term := otherwise(addend)) is not None:
+        return [term], []
     if parts := _written_parts(addend, world):
         return _terms(parts, world, otherwise)
     raise reason

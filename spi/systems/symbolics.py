@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Polynomial
+from .brackets import DIGITS, NOTHING, Bracket, Polynomial, added, summed
 from .keys import DefinitionError
 from .text import TAKEN, NumberError, Symbols
 
@@ -103,15 +103,13 @@ def _delta(x: Any) -> Any:
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
     """B v by coordinate, and the size of the largest of the terms that are added up there."""
-    moved: dict[int, Any] = {}
-    size = mpmath.mpf(0)
-    for (i, j), entry in bracket.at(point).items():
-        for row, column, sign in ((i, j, 1), (j, i, -1)):
-            if column in gradient:
-                term = sign * entry * gradient[column]
-                moved[row] = moved.get(row, mpmath.mpf(0)) + term
-                size = max(size, abs(term))
-    return moved, size
+    terms = [
+        (row, sign * entry * gradient[column])
+        for (i, j), entry in bracket.at(point).items()
+        for row, column, sign in ((i, j, 1), (j, i, -1))
+        if column in gradient
+    ]
+    return added(terms), max((abs(term) for _, term in terms), default=mpmath.mpf(0))
 
 
 def degree_of(value: Any, world: Symbolics) -> int | None:
@@ -238,33 +236,38 @@ def functionals_of(
 
 def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
     """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
-    left = [dict(row) for row in rows]
-    by_pivot: dict[int, Functional] = {}
-    tiny = mpmath.mpf(10) ** -30
     with mpmath.workdps(DIGITS + 20):
-        while True:
-            left = [row for row in left if any(abs(c) > tiny for c in row.values())]
-            if not left:
-                break
-            row = left.pop(0)
-            largest = max(abs(c) for c in row.values())
-            pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
-            row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
-            row[pivot] = mpmath.mpf(1)
-            left = [_without(other, pivot, row, tiny) for other in left]
-            by_pivot = {p: _without(other, pivot, row, tiny) for p, other in by_pivot.items()}
-            by_pivot[pivot] = row
+        by_pivot = echelon(rows, mpmath.mpf(10) ** -30)
     pivots = tuple(sorted(by_pivot))
     return tuple(by_pivot[pivot] for pivot in pivots), pivots
 
 
-def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
+def echelon(rows: Iterable[Mapping[int, Any]], tiny: mpmath.mpf) -> dict[int, dict[int, Any]]:
+    """The span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
+
+    All other rows have 0 there; entries up to `tiny` are 0.
+    """
+    left = [dict(row) for row in rows]
+    by_pivot: dict[int, dict[int, Any]] = {}
+    while left := [row for row in left if any(abs(c) > tiny for c in row.values())]:
+        row = left.pop(0)
+        largest = max(abs(c) for c in row.values())
+        pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
+        row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
+        row[pivot] = mpmath.mpf(1)
+        left = [without(other, pivot, row, tiny) for other in left]
+        by_pivot = {p: without(other, pivot, row, tiny) for p, other in by_pivot.items()}
+        by_pivot[pivot] = row
+    return by_pivot
+
+
+def without(row: dict[int, Any], pivot: int, by: dict[int, Any], tiny: mpmath.mpf) -> dict[int, Any]:
     """A row minus the multiple of another one that makes its entry at the pivot 0."""
     factor = row.get(pivot)
     if not factor:
-        return dict(row)
-    new = {i: row.get(i, mpmath.mpf(0)) - factor * by.get(i, mpmath.mpf(0)) for i in {*row, *by} - {pivot}}
-    return {i: c for i, c in sorted(new.items()) if abs(c) > tiny}
+        return row
+    new = {i: row.get(i, 0) - factor * by.get(i, 0) for i in sorted({*row, *by} - {pivot})}
+    return {i: c for i, c in new.items() if abs(c) > tiny}
 
 
 def form_text(functional: Functional, names: Sequence[str]) -> str:
@@ -288,14 +291,10 @@ class Quadratic(NamedTuple):
 
 def unmoved(functional: Mapping[int, mpmath.mpf], u: Quadratic) -> bool:
     """Whether a linear function commutes with u, by the fields of u."""
-    for _, entries in u.fields:
-        moved: dict[int, Any] = {}
-        for (row, column), value in entries.items():
-            if row in functional:
-                moved[column] = moved.get(column, mpmath.mpf(0)) + functional[row] * value
-        if any(abs(value) > NOTHING for value in moved.values()):
-            return False
-    return True
+    return not any(
+        summed((column, functional[row] * c) for (row, column), c in entries.items() if row in functional)
+        for _, entries in u.fields
+    )
 
 
 def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
@@ -316,7 +315,4 @@ def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
 
 
 def _times(entries: Entries, y: Sequence[Any]) -> dict[int, Any]:
-    moved: dict[int, Any] = {}
-    for (row, column), value in entries.items():
-        moved[row] = moved.get(row, mpmath.mpf(0)) + value * y[column]
-    return moved
+    return added((row, value * y[column]) for (row, column), value in entries.items())

@@ -1,4 +1,4 @@
-"""What is known of a system of which a model is generated."""
+"""The system of which a model is generated."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ class Function(NamedTuple):
 
 
 class System(NamedTuple):
-    """All that is known of a system of which a model is generated."""
+    """A system of which a model is generated."""
 
     world: Symbolics
     hamiltonian: Any
@@ -56,7 +56,7 @@ def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
 # ---------------------------------------------------------------------------------------------------------------------
 
 _E2 = {(0, 1): {2: -1}, (0, 2): {1: 1}}
-Rates = dict[int, Any]  #: place -> what the flow there has
+Rates = dict[int, Any]  #: place -> rate or inertia of the flow there
 Read = Callable[[Flow, System], tuple[int, Any] | None]
 
 
@@ -71,29 +71,22 @@ def lines(system: System, code: Callable[[Any], str]) -> list[str]:
         word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
     else:
         return []
-    found = [_placed(flows, system, read) for flows in (system.flows, system.noises)]
-    drift, noise = found
+    drift, noise = _placed(system.flows, system, read), _placed(system.noises, system, read)
     if drift is None or noise is None:
         return []
     both = ", ".join(
         f"({', '.join(code(rates[place]) if place in rates else nothing for place in range(count))})"
         for rates in (drift, noise)
     )
-    places = [tuple(rates) for rates in (drift, noise)]
-    return ["", f"flow_places = {tuple(places)!r}", "", f"def {word}(model):", f"    return {both}"]
+    places = tuple(drift), tuple(noise)
+    return ["", f"flow_places = {places!r}", "", f"def {word}(model):", f"    return {both}"]
 
 
-def _placed(
-    flows: Sequence[Flow], system: System, read: Callable[[Flow, System], tuple[int, Any] | None]
-) -> Rates | None:
-    """What each flow has, by its place, in the order of the flows; None if one has none, or two have the same."""
-    found: Rates = {}
-    for flow in flows:
-        one = None if flow.lacking else read(flow, system)
-        if one is None or one[0] in found:
-            return None
-        found[one[0]] = one[1]
-    return found
+def _placed(flows: Sequence[Flow], system: System, read: Read) -> Rates | None:
+    """The rates of flows, in their order; None if a flow has none, or two have the same place."""
+    rates = [None if flow.lacking else read(flow, system) for flow in flows]
+    by_place = dict(rate for rate in rates if rate)
+    return by_place if len(by_place) == len(flows) else None
 
 
 def _power(flow: Flow, system: System) -> tuple[int, int, Any] | None:
@@ -108,13 +101,17 @@ def _power(flow: Flow, system: System) -> tuple[int, int, Any] | None:
 
 def _inertia(flow: Flow, system: System) -> tuple[int, Any] | None:
     """(axis k, I) of y_k^2 / (2 I)."""
-    found = _power(flow, system)
-    return (found[0], 1 / (2 * found[2])) if found and found[1] == 2 else None
+    match _power(flow, system):
+        case k, 2, c:
+            return k, 1 / (2 * c)
+    return None
 
 
 def _rate(flow: Flow, system: System) -> tuple[int, Any] | None:
     """(0, a) of a L^2 / 2, (1, c) of c g2."""
-    found = _power(flow, system)
-    if found and found[:2] == (0, 2):
-        return 0, 2 * found[2]
-    return (1, found[2]) if found and found[:2] == (2, 1) else None
+    match _power(flow, system):
+        case 0, 2, c:
+            return 0, 2 * c
+        case 2, 1, c:
+            return 1, c
+    return None
