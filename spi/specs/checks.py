@@ -8,15 +8,14 @@ from pydantic_core import PydanticCustomError
 
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import area_pairs, flows_lacking, has_friction, inner, large
+from ..ensemble.protocol import area_pairs, flows_lacking, inner
 from ..ensemble.scheme_protocol import judges, needs_areas
-from ..models import MODELS
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
 from ..systems import inexact
 from ..systems.keys import MOST
-from .keys import quantity, shown, suggestion, wrong
+from .keys import quantity, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
 _MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
@@ -56,21 +55,6 @@ def check_distinct(listed: Sequence[Any], key: str) -> None:
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
 
 
-def check_eps(case: Any) -> None:
-    """There is an eps where a scheme needs one, and else none."""
-    multiscale = [s for s in case.schemes if case.row(s).multiscale]
-    if multiscale and case.eps is None:
-        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-    if case.eps is not None:
-        if not multiscale:
-            users = ", ".join(name for name, row in SCHEMES.items() if row.multiscale)
-            raise wrong("is used by none of the schemes", f"leave it out or use one of {users}", "eps")
-        check_distinct([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
-        for name in multiscale:
-            if case.row(name).needs_eps and 0 in case.eps:
-                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
-
-
 def check_step(case: Any, key: str = "step") -> None:
     """Conditions on the step of a case of one step size, which stands under `key`."""
     check_count(case.final_time, case.step, key)
@@ -108,15 +92,6 @@ def wrong_scheme(case: Any, name: str, fault: str, right: str) -> PydanticCustom
     """The error about a scheme, which stands under ``schemes`` or ``reference_scheme``."""
     has, key = ("has", "schemes") if name in case.schemes else ("is", "reference_scheme")
     return wrong(f"{has} '{name}', {fault}", right, key)
-
-
-def check_names(case: Any) -> None:
-    """All schemes are in the table of schemes or among the compositions of the case."""
-    names = (*SCHEMES, *case.compositions)
-    for n, name in enumerate(case.schemes_used):
-        if name not in names:
-            place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
-            raise wrong(f"is {shown(name)}", suggestion(name, names), *place)
 
 
 def check_flows(case: Any) -> None:
@@ -175,48 +150,6 @@ def check_areas(case: Any, h: float, key: str) -> None:
             fault = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {count} terms of a Fourier series"
             right = f"there are random numbers for {most}; use {quantity(least)} or more, or leave out the scheme"
             raise wrong(fault, right, key)
-
-
-def check_word_of_areas(case: Any) -> None:
-    """Gaussian areas have their law alone, and some scheme must need them."""
-    if case.areas == "exact":
-        return
-    if case.along_paths:
-        fault = f"is '{case.areas}', but strong errors are those of given paths, which have areas of their own"
-        raise wrong(fault, "leave it out", "areas")
-    if not any(needs_areas(case.row(name).record) for name in case.schemes_used):
-        users = ", ".join(name for name, row in SCHEMES.items() if needs_areas(row.record))
-        raise wrong(f"is '{case.areas}', but no scheme needs Lévy areas", f"leave it out, or use {users}", "areas")
-
-
-def check_large(case: Any) -> None:
-    """All schemes can move a model whose states are arrays."""
-    for name in case.schemes_used:
-        if not case.row(name).for_large_models:
-            right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-            raise wrong_scheme(case, name, f"which is not for {case.model_name}", right)
-
-
-def check_needs(case: Any) -> None:
-    """The facts that schemes need hold for the model."""
-    if large(case.model):
-        check_large(case)
-    for name in case.schemes_used:
-        needs = case.row(name).needs
-        if has_friction(case.model) and case.row(name).multiscale:
-            fault = f"has '{name}', whose noise is a fast process, for which no friction is known"
-            raise wrong(fault, "leave out the scheme or temperature", "schemes")
-        if judges(case.row(name).record) and flows_lacking(case.model):
-            fault = f"has '{name}', which is made of exact flows, and not all are known of {case.model_name}"
-            raise wrong(fault, "use another", "schemes")
-        if needs is has_friction and not needs(case.model):
-            raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
-        if needs is lie_poisson and not needs(undamped(case.model)):
-            raise wrong_scheme(case, name, "which needs a bracket that is linear", "use another")
-        if needs and not needs(case.model):
-            able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
-            able += " without damping" if case.damping else ""
-            raise wrong_scheme(case, name, f"which is for {able}", "use another")
 
 
 def _apart(name: str) -> str:

@@ -22,10 +22,13 @@ from ..ensemble.scheme_protocol import needs_areas, substeps
 from .checks import ROUNDING
 from .document import SpecError
 from .files import Files, arrays_in
-from .keys import Keys, explained, key_of, quantity, shown, suggestion, wrong
+from .keys import Keys, explained, key_of, one_of, quantity, shown, wrong
 
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
 _BROWNIAN = "Brownian motion"
+
+
+_KINDS = ("brownian", "ornstein_uhlenbeck", "fractional")
 
 
 class _Brownian(Keys):
@@ -51,7 +54,7 @@ class _File(Keys):
     )
 
 
-_KEYS: dict[str, Any] = {"brownian": _Brownian, "ornstein_uhlenbeck": _OrnsteinUhlenbeck, "fractional": _Fractional}
+_BY_KIND = pydantic.TypeAdapter(one_of((_Brownian, _OrnsteinUhlenbeck, _Fractional), "kind", _KINDS))
 _LAWS: dict[str, Any] = {"ornstein_uhlenbeck": OrnsteinUhlenbeck, "fractional": Fractional}
 _EXAMPLE = "must be a mapping such as {kind: fractional, hurst: 0.7} or {file: increments.npz}"
 
@@ -60,16 +63,13 @@ def _read(value: Any, inner: Any, info: pydantic.ValidationInfo) -> Any:
     """The law that a mapping stands for; of one layer of a spec, without files, the keys of a file."""
     if value is None:
         return None
-    if not isinstance(value, dict) or not {"file", "kind"} & {*value}:
+    if not isinstance(value, dict) or not value:
         raise wrong(f"is {shown(value)}", _EXAMPLE)
     if "file" in value:
         keys = _File.model_validate(value)
         return recorded(info.context, keys.file, keys.finer) if isinstance(info.context, Files) else keys
-    if not isinstance(value["kind"], str) or value["kind"] not in _KEYS:
-        raise wrong(f"is {shown(value['kind'])}", suggestion(value["kind"], _KEYS), "kind")
-    keys = _KEYS[value["kind"]].model_validate(value)
-    of_law = {key: given for key, given in keys if key != "kind"}
-    return _LAWS[keys.kind](**of_law) if of_law else None
+    keys = _BY_KIND.validate_python(value)
+    return _LAWS[keys.kind](**keys.model_dump(exclude={"kind"})) if keys.kind in _LAWS else None
 
 
 def plain(law: Any) -> Any:
@@ -81,12 +81,14 @@ def plain(law: Any) -> Any:
 
 def described(law: Any) -> str:
     """A law in words; empty for Brownian motion."""
-    if law is None:
-        return ""
-    if isinstance(law, Recorded):
-        return f"increments of a file, over steps of {quantity(law.step)}"
-    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck, tau", Fractional: "fractional, H"}
-    return f"{name[type(law)]} = {law[0]:.12g}"
+    match law:
+        case Recorded():
+            return f"increments of a file, over steps of {quantity(law.step)}"
+        case OrnsteinUhlenbeck():
+            return f"Ornstein-Uhlenbeck, tau = {law.tau:.12g}"
+        case Fractional():
+            return f"fractional, H = {law.hurst:.12g}"
+    return ""
 
 
 Noise = Annotated[
@@ -175,10 +177,7 @@ def _obstacle(law: Any, row: Any) -> tuple[str, str] | None:
     if isinstance(law, Recorded):
         return None
     if row.multiscale:
-        return (
-            "has a fast process of its own in place of the noise",
-            "use a splitting with tau: eps^2",
-        )
+        return "has a fast process of its own in place of the noise", "use a splitting with tau: eps^2"
     if row.left_out is not None:
         return "has an Itô correction, which belongs to Brownian motion", "use splittings or the midpoint rules"
     return None

@@ -340,15 +340,12 @@ def _cases(
             _report({tuple((error.context or {})["keys"]): error.message()}, layers)
         data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
         read = partial(case_class.model_validate, context=files)
-        built += _swept(case_class, read, files, data, layers) if _is_swept(data) else [_valid(read, data, layers)]
+        swept = isinstance(data.get("sweep"), dict)
+        built += _swept(case_class, read, files, data, layers) if swept else [_valid(read, data, layers)]
     if len({case.sweep is None for case in built}) > 1:
         name = next(case.name for case in built if case.sweep is None)
         file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
-
-
-def _is_swept(data: Mapping[str, Any]) -> bool:
-    return isinstance(data.get("sweep"), dict)
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:

@@ -1,4 +1,4 @@
-"""How ``initial`` is read: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
+"""The key ``initial``: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
@@ -80,11 +80,11 @@ class OfGibbs(Keys):
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
         surface = _surface(model, self.through, "through")
-        found = quadratic(model)
-        if found is None:
+        polynomial = quadratic(model)
+        if polynomial is None:
             right = "draw states elsewhere, and give them by law: points"
             raise wrong("is 'gibbs', which is drawn where H is a quadratic polynomial", right, "law")
-        _, b, matrix = (part / self.temperature for part in found)
+        _, b, matrix = (part / self.temperature for part in polynomial)
         terms: list[tuple] = [(i, float(c)) for i, c in enumerate(b) if c]
         for i, j in np.argwhere(np.triu(matrix)).tolist():
             terms.append((i, j, float(matrix[i, j] if i < j else 0.5 * matrix[i, i])))
@@ -169,8 +169,8 @@ class OfPoints(Keys):
         with np.errstate(divide="ignore"):
             below = -np.log1p(-np.minimum(share[:-1], 1.0))
         digest = hashlib.sha256(y.tobytes() + weight.tobytes()).hexdigest()
-        told = {"law": self.law, "points": len(y), "digest": digest}
-        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), told)
+        plain = {"law": self.law, "points": len(y), "digest": digest}
+        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), plain)
 
 
 _CLASSES = (OnSurface, OfGibbs, OfGauss, OfPoints)
@@ -245,7 +245,6 @@ def _cholesky(matrix: _MATRIX) -> list[list[float]]:
 
 
 def _names(model: Any) -> list[str]:
-    """What the components are called."""
     return list(variables(model)) or [f"y{i + 1}" for i in range(dimension(model))]
 
 
@@ -326,8 +325,8 @@ class Vorticity(Keys):
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
-            known = _FIELDS if given else (*_FIELDS, "file", "results")
-            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(known)}")
+            keys = _FIELDS if given else (*_FIELDS, "file", "results")
+            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(keys)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
 
@@ -382,7 +381,7 @@ class Stored(Keys):
 
 def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
     """The state in which all modes but the given ones are 0."""
-    y, known = np.zeros(n * n - 1), places(n)
+    y, lattice = np.zeros(n * n - 1), places(n)
     written: dict[int, str] = {}
     for key, value in given.items():
         if not (match := _MODE.fullmatch(key)):
@@ -390,10 +389,10 @@ def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
         mode = int(match[1]), int(match[2])
         if mode == (0, 0):
             raise wrong("is the mean, which is 0", "leave it out", "modes", key)
-        if mode not in known:
+        if mode not in lattice:
             right = f"both numbers must be between -{n // 2} and {n // 2}"
             raise wrong(f"is not a mode of the lattice modulo {n}", right, "modes", key)
-        place, sign = known[mode]
+        place, sign = lattice[mode]
         if place in written:
             fault = f"is given twice, also as {shown(written[place])}"
             raise wrong(fault, "remove one, since -m has the complex conjugate of m", "modes", key)
@@ -505,7 +504,7 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What decides results: the numbers, or of a law what tells it."""
+    """All that decides results: the numbers, or the keys of a law."""
     return value.told if isinstance(value, RandomState) else value
 
 

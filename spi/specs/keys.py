@@ -96,7 +96,7 @@ class Keys(pydantic.BaseModel):
 def check_keys(
     data: Mapping[str, Any], allowed: Collection[str], needed: Mapping[str, Any] = MappingProxyType({})
 ) -> None:
-    """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one that it lacks."""
+    """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one it lacks."""
     if unknown := next((key for key in data if key not in allowed), None):
         raise wrong("is not a known key", suggestion(unknown, allowed), unknown)
     if missing := next((key for key in needed if key not in data), None):

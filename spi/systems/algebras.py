@@ -159,6 +159,7 @@ def _product(a: Complex, b: Complex) -> Complex:
 
 
 Brackets = list[tuple[int, int, Linear]]  #: (i, j, {y_i, y_j})
+Algebra = tuple[int, Brackets]  #: dimension, brackets
 
 _FACTOR = re.compile(r"\s*([a-z]+)\s*(?:\(([^()]*)\))?\s*(?:\^\s*(\w+|\([^()]*\)))?\s*$")
 _LARGEST = 64  # components
@@ -167,7 +168,7 @@ KNOWN = (
 )
 
 
-def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
+def algebra(text: str, symbols: Symbols) -> Algebra:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
     dimension, brackets = 0, Brackets()
     for name, sizes, count, factor in _factors(text, symbols):
@@ -208,7 +209,7 @@ def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int,
         yield name, sizes, count, factor.strip()
 
 
-def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
+def _simple(name: str, sizes: list[int], text: str) -> Algebra:
     """(dimension, brackets) of an algebra that is no product."""
     make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
     if make is None:
@@ -221,7 +222,7 @@ def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
     return make(*sizes)
 
 
-def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Brackets]:
+def _rotations(metric: tuple[int, ...], translations: bool) -> Algebra:
     """{L_ij, L_jk} = metric_j L_ik, and {L_ij, g_i} = -metric_i g_j, {L_ij, g_j} = metric_j g_i."""
     n = len(metric)
     pairs = {pair: k for k, pair in enumerate(itertools.combinations(range(n), 2))}
@@ -246,7 +247,7 @@ def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Bracke
     return d + n * translations, brackets
 
 
-def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int, Brackets]:
+def _of_vectors(factors: tuple[int, int, int], translations: bool) -> Algebra:
     """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
     brackets = Brackets()
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -257,21 +258,21 @@ def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int,
     return 6 if translations else 3, brackets
 
 
-def _so(n: int) -> tuple[int, Brackets]:
+def _so(n: int) -> Algebra:
     return _of_vectors((-1, -1, -1), False) if n == 3 else _rotations((1,) * n, False)
 
 
-def _se(n: int) -> tuple[int, Brackets]:
+def _se(n: int) -> Algebra:
     return _of_vectors((-1, -1, -1), True) if n == 3 else _rotations((1,) * n, True)
 
 
-def _so_mixed(p: int, q: int) -> tuple[int, Brackets]:
+def _so_mixed(p: int, q: int) -> Algebra:
     if (p, q) == (2, 1):
         return _of_vectors((-1, -1, 1), False)
     return _rotations((1,) * p + (-1,) * q, False)
 
 
-def _gl(n: int) -> tuple[int, Brackets]:
+def _gl(n: int) -> Algebra:
     brackets = Brackets()
     places = list(itertools.product(range(n), repeat=2))
     for (a, (i, j)), (b, (k, m)) in itertools.combinations(enumerate(places), 2):
@@ -281,17 +282,17 @@ def _gl(n: int) -> tuple[int, Brackets]:
     return n * n, brackets
 
 
-def _of_matrices(name: str, n: int) -> tuple[int, Brackets]:
+def _of_matrices(name: str, n: int) -> Algebra:
     generators = OF_MATRICES[name][0](n)
     return len(generators), brackets_of(generators, n)
 
 
-def _heisenberg(n: int) -> tuple[int, Brackets]:
+def _heisenberg(n: int) -> Algebra:
     return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
 
 
 #: (name, number of sizes) -> (function that makes it, least size, largest size)
-_MAKE: dict[tuple[str, int], tuple[Callable[..., tuple[int, Brackets]], int, int]] = {
+_MAKE: dict[tuple[str, int], tuple[Callable[..., Algebra], int, int]] = {
     ("so", 1): (_so, 2, 11),
     ("so", 2): (_so_mixed, 1, 10),
     ("se", 1): (_se, 2, 10),

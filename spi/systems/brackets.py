@@ -21,6 +21,8 @@ Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
 Polynomial = dict[Monomial, Any]  #: the factor of each monomial
 Linear = dict[int, Any]  #: of an affine function of w, the factor of each coordinate, and the constant at the place d
 Entry = dict[Any, Any]  #: an affine function with further monomials of degree 2 and more
+Matrix = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number
+Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 
 
 def added(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
@@ -107,19 +109,19 @@ class Bracket(NamedTuple):
         """Whether y_i is a coordinate whose brackets are affine."""
         return i not in self.logarithmic and not any(i in pair for pair in self.higher)
 
-    def field(self, functional: Mapping[int, Any]) -> dict[tuple[int, int], mpmath.mpf]:
+    def field(self, functional: Mapping[int, Any]) -> Matrix:
         """M, (row, column) -> number, of the field w' = M (w, 1) of l = sum_j functional[j] w_j, if it is affine."""
         return field_of(self.constants, functional)
 
-    def curved(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def curved(self, functional: Mapping[int, Any]) -> Field:
         """The terms of degree 2 and more of the field of a linear function, (row, monomial) -> number."""
         return field_of(self.higher, functional)
 
-    def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def polynomial_field(self, functional: Mapping[int, Any]) -> Field:
         """The whole field of a linear function."""
         return {**self.as_field(self.field(functional)), **self.curved(functional)}
 
-    def as_field(self, entries: Mapping[tuple[int, int], mpmath.mpf]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def as_field(self, entries: Matrix) -> Field:
         """M (w, 1) by row and monomial."""
         return {(row, self.monomial(k)): c for (row, k), c in entries.items()}
 
@@ -205,7 +207,8 @@ def checked(
             continue
         pair = (min(i, j), max(i, j))
         entry = entry if i < j else {k: -c for k, c in entry.items()}
-        if pair in by_pair and not _equal(by_pair[pair], entry):
+        before = by_pair.get(pair, entry)
+        if not all(_is_zero(sympy.sympify(before.get(k, 0)) - entry.get(k, 0)) for k in {*before, *entry}):
             opposite = "{" + f"{variables[j]}, {variables[i]}" + "}"
             fault = f"{name} is not the opposite of {opposite}"
             raise BracketError(f"is not antisymmetric: {fault}; give one of them only", "bracket", key)
@@ -275,10 +278,6 @@ def _violation_of_polynomials(bracket: Bracket) -> tuple[int, int, int] | None:
 
 def _is_zero(number: Any) -> bool:
     return bool(number == 0) or (not number.is_Rational and abs(precise(number)) < NOTHING)
-
-
-def _equal(first: Entry, second: Entry) -> bool:
-    return all(_is_zero(sympy.sympify(first.get(k, 0)) - second.get(k, 0)) for k in {*first, *second})
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -13,8 +13,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, added, precise
 from .splitting import connected
-from .symbolics import Symbolics, degree_of, echelon, reduced
-from .system import Function
+from .symbolics import Function, Symbolics, degree_of, echelon, reduced
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients

@@ -9,8 +9,7 @@ import sympy
 from .brackets import Bracket, added
 from .code import Formula, Numbers, as_tuple, case, words_in
 from .driving import Coefficients
-from .generators import Generator, Moving
-from .motion_code import Motion, motion
+from .motion_code import Generator, Motion, Moving, motion
 from .splitting import Flow
 from .symbolics import Symbolics, reduced
 
@@ -60,7 +59,7 @@ class Tables:
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
     def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
-        """That of a flow, given its :func:`.generators.motions` with so many parameters; () if it has none."""
+        """That of a flow, given its :func:`.motion_code.motions` with so many parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()

@@ -18,9 +18,9 @@ import mpmath
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import NOTHING, added, precise
+from .brackets import NOTHING, Matrix, added, precise
 from .splitting import Term, connected
-from .symbolics import Entries, NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
+from .symbolics import NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
 
 _MOST_TERMS = 200  # of a polynomial that is factored
 _MOST_KEPT = 20  # linear functions s
@@ -109,7 +109,8 @@ class _Search:
         for monomial, c in poly.terms():
             parts[sum(monomial)].append(c * sympy.Mul(*(y**n for y, n in zip(poly.gens, monomial, strict=True))))
         constant, linear, form = (sympy.Add(*part) for part in parts)
-        if self._is_of_commuting(form):
+        functionals, _ = functionals_of(form, self.world)
+        if all(self.world.bracket.commuting(f, g) for f, g in itertools.combinations(functionals, 2)):
             return e
         if linear != 0 and (whole := self.by_fields(linear + form)):
             return self.symbol(whole) + constant
@@ -124,10 +125,6 @@ class _Search:
             return e
         divided = [sympy.Add(*(p for p in pieces if {*self.world.used(p)} <= group)) for group in groups]
         return sympy.Add(*map(self.of_degree_two, divided)) + linear + constant
-
-    def _is_of_commuting(self, form: Any) -> bool:
-        functionals, _ = functionals_of(form, self.world)
-        return all(self.world.bracket.commuting(f, g) for f, g in itertools.combinations(functionals, 2))
 
     def symbol(self, u: Quadratic) -> Any:
         for symbol, other in self.quadratics.items():
@@ -158,7 +155,7 @@ class _Search:
         cleaned = [(c, {p: x for p, x in entries.items() if abs(x) > NOTHING}) for c, entries in sorted(fields.items())]
         return Quadratic(u, sympy.Integer(0), tuple((c, entries) for c, entries in cleaned if entries), slopes)
 
-    def _slopes(self, u: Any) -> Entries:
+    def _slopes(self, u: Any) -> Matrix:
         """The gradient of u, (component, factor of y_k or, in the last column, of 1)."""
         poly = sympy.Poly(u, *self.world.variables)
         terms = []

@@ -12,15 +12,15 @@ K^2 = kappa, and exp(b K) = 1 + (cosh(sqrt(kappa) b) - 1) + sinh(sqrt(kappa) b)/
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 
-from .brackets import added
+from .brackets import Matrix, added
 from .splitting import connected
-from .symbolics import Entries, echelon, without
+from .symbolics import echelon, without
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Joint generalised eigenspaces of commuting real matrices.
@@ -309,12 +309,12 @@ class Block(NamedTuple):
     spaces: tuple[Space, ...]
     #: (M, omega^2) where exp(a M) = 1 + sin(omega a)/omega M + (1 - cos(omega a))/omega^2 M^2, for one matrix with
     #: M^3 = -omega^2 M; negative omega^2 for hyperbolic functions, None where this does not hold
-    turn: tuple[Entries, mpmath.mpf] | None
+    turn: tuple[Matrix, mpmath.mpf] | None
     cancels: bool  #: whether the spaces would lose digits, so that the turn is to be taken
     lost: int  #: digits that are lost nevertheless, where eigenvalues are nearly equal
 
 
-def blocks(matrices: Sequence[Entries]) -> list[Block]:
+def blocks(matrices: Sequence[Matrix]) -> list[Block]:
     """The blocks of components that commuting matrices move together."""
     links = [place for entries in matrices for place in entries]
     moved_together = []
@@ -348,7 +348,7 @@ def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tu
     return spaces, lost
 
 
-def _dense(entries: Entries, order: Sequence[int]) -> Any:
+def _dense(entries: Matrix, order: Sequence[int]) -> Any:
     place = {component: n for n, component in enumerate(order)}
     matrix = mpmath.zeros(len(order))
     for (row, column), value in entries.items():
@@ -356,7 +356,7 @@ def _dense(entries: Entries, order: Sequence[int]) -> Any:
     return matrix
 
 
-def _turn(entries: Entries, order: Sequence[int]) -> tuple[Entries, mpmath.mpf] | None:
+def _turn(entries: Matrix, order: Sequence[int]) -> tuple[Matrix, mpmath.mpf] | None:
     """See :attr:`Block.turn`."""
     matrix = _dense(entries, order)
     cube = matrix**3
@@ -375,7 +375,7 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     What one component adds to another is taken to be 1, or as much as (1 - |M|/m)^-1 has there if that is more: |M| is
     the sum of the matrices without their signs, m twice its spectral radius.
     """
-    size = np.abs(sum(np.array(matrix.tolist(), float) for matrix in map(_without_signs, matrices)))
+    size = np.abs(sum(np.array(matrix.apply(abs).tolist(), float) for matrix in matrices))
     radius = float(max(abs(np.linalg.eigvals(size))))
     fastest = max((_speed(space) for space in spaces), default=0.0)
     if not radius or not fastest:
@@ -383,10 +383,6 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     natural = np.linalg.inv(np.eye(len(order)) - size / (2.0 * radius))
     added = sum(_added(space, 1.0 / fastest, order) for space in spaces)
     return float(np.max(added / np.maximum(natural, 1.0)))
-
-
-def _without_signs(matrix: Any) -> Any:
-    return matrix.apply(abs)
 
 
 def _speed(space: Space) -> float:
@@ -475,21 +471,16 @@ def _joint(
     own = coordinates(matrices, power, multiplicity)
     rates = [(a + b) / 2 for a, b in zip(spaces[0].rates, spaces[1].rates, strict=True)]
     phases = [(a + b) / 2 * is_complex for a, b in zip(spaces[0].phases, spaces[1].phases, strict=True)]
-    near = _near(list(_about(own, rates, phases)))
+    means = [mpmath.mpc(rate, phase) if phase else rate for rate, phase in zip(rates, phases, strict=True)]
+    near = _near([acting - mean * mpmath.eye(acting.rows) for acting, mean in zip(own.acting, means, strict=True)])
     if near is None:
         return None
     left, right = both_placed(own, is_complex, order)
     return Space(tuple(rates), tuple(phases), left, right, tuple(() for _ in matrices), near)
 
 
-def _about(own: Coordinates, rates: Sequence[Any], phases: Sequence[Any]) -> Iterator[Any]:
-    """Each of the matrices about its mean eigenvalue."""
-    for acting, rate, phase in zip(own.acting, rates, phases, strict=True):
-        yield acting - (mpmath.mpc(rate, phase) if phase else rate) * mpmath.eye(acting.rows)
-
-
 def _near(rests: Sequence[Any]) -> Near | None:
-    """K and its multiples, if that is what the matrices are."""
+    """K and its multiples, if the matrices about their mean eigenvalues are such."""
     largest = max(rests, key=lambda rest: mpmath.mnorm(rest, "f"))
     size = mpmath.mnorm(largest, "f")
     if not size:

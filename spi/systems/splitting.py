@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Monomial, precise, summed
+from .brackets import DIGITS, NOTHING, Bracket, Field, Matrix, Monomial, precise, summed
 from .driving import by_factor, split_in_time
 from .symbolics import (
     Functional,
     NoExactFlow,
     NowhereFinite,
     Quadratic,
+    Span,
     Symbolics,
     commuting,
     degree_of,
@@ -39,7 +40,6 @@ from .symbolics import (
 # which are moved before it, as a magnetic field moves momenta by positions, only finitely many terms are not 0.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 #: What a coordinate is moved by: factors by (monomial of the a_a, monomial of the w_i).
 Series = dict[tuple[Monomial, Monomial], mpmath.mpf]
 _MOST_TERMS, _LONGEST = 24, 500  # of a series, and monomials of a term
@@ -59,9 +59,7 @@ def series(fields: Sequence[Field]) -> dict[int, Series]:
         return {row: _summed(motion, rows) for row, motion in rows.items()}
 
 
-def constant_rates(
-    matrices: Sequence[Mapping[tuple[int, int], mpmath.mpf]], unit: int
-) -> tuple[dict[int, Series], list[dict[tuple[int, int], mpmath.mpf]]]:
+def constant_rates(matrices: Sequence[Matrix], unit: int) -> tuple[dict[int, Series], list[Matrix]]:
     """(how coordinates are moved that move at constant rates and move no others, the matrices without them)."""
     others = {n for entries in matrices for row, column in entries if column != unit for n in (row, column)}
     rates: dict[int, Series] = {}
@@ -161,9 +159,12 @@ class Flow(NamedTuple):
     def varying(self) -> bool:
         return any(term.varying for term in self.terms)
 
-    def reduced(self) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+    def reduced(self) -> Span:
         """All linear functions that the terms depend on, in reduced form, and their pivots."""
         return reduced([f for term in self.terms for f in term.functionals])
+
+
+Otherwise = Callable[[Any], Term | None]  #: another term for an addend without a flow of its own
 
 
 def single(expression: Any, world: Symbolics) -> Term:
@@ -184,11 +185,11 @@ def split(
     addends: Sequence[Any],
     world: Symbolics,
     constants: Constants,
-    otherwise: Callable[[Any], Term | None] = lambda addend: None,
+    otherwise: Otherwise = lambda addend: None,
 ) -> list[Flow]:
     """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which has no exact flow of its own.
+    `otherwise(addend)`: another term for an addend without an exact flow of its own.
     """
     terms: list[Term] = []
     crossing: list[Any] = []
@@ -256,7 +257,7 @@ def _is_curved(term: Term, bracket: Bracket) -> bool:
     return any(map(bracket.curved, term.functionals))
 
 
-def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
+def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
     """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
     terms: list[Term] = []
     crossing: list[Any] = []
@@ -283,7 +284,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
     return terms, crossing
 
 
-def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
     """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
     try:
         return _terms(expanded, world, lambda part: None)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Polynomial, added, summed
+from .brackets import DIGITS, NOTHING, Bracket, Matrix, Polynomial, added, summed
 from .keys import DefinitionError
 from .text import TAKEN, NumberError, Symbols
 
@@ -84,21 +84,22 @@ class Symbolics(NamedTuple):
         return tried > 0
 
 
+class Function(NamedTuple):
+    """A Casimir function."""
+
+    text: str  #: in the words of the user
+    expression: Any
+    degree: int | None  #: of a homogeneous polynomial
+
+
 def numeric(variables: Sequence[Any], expressions: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    names = {"Heaviside": _step, "DiracDelta": _delta}
-    function: Callable[..., Any] = sympy.lambdify(variables, expressions, [names, "mpmath"])
+    derivatives = {  # of max(x, 0), the second one wherever it exists
+        "Heaviside": lambda x, at_0: at_0 if x == 0 else mpmath.mpf(x > 0),
+        "DiracDelta": lambda x: mpmath.mpf(0),
+    }
+    function: Callable[..., Any] = sympy.lambdify(variables, expressions, [derivatives, "mpmath"])
     return function
-
-
-def _step(x: Any, at_0: Any) -> Any:
-    """The derivative of max(x, 0)."""
-    return at_0 if x == 0 else mpmath.mpf(x > 0)
-
-
-def _delta(x: Any) -> Any:
-    """The second derivative of max(x, 0), wherever it exists."""
-    return mpmath.mpf(0)
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
@@ -187,7 +188,7 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
 # ---------------------------------------------------------------------------------------------------------------------
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
-Entries = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number of a matrix; a last column is that of 1
+Span = tuple[tuple[Functional, ...], tuple[int, ...]]  #: linear functions, reduced, and their pivots
 
 
 class NoExactFlow(ValueError):
@@ -198,9 +199,7 @@ class NowhereFinite(NoExactFlow):
     """A term that has no finite value."""
 
 
-def functionals_of(
-    expression: Any, world: Symbolics, fixed: Iterable[Any] = ()
-) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+def functionals_of(expression: Any, world: Symbolics, fixed: Iterable[Any] = ()) -> Span:
     """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
@@ -234,7 +233,7 @@ def functionals_of(
     return (coordinates, used) if len(span) == len(used) else (span, pivots)
 
 
-def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> Span:
     """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
     with mpmath.workdps(DIGITS + 20):
         by_pivot = echelon(rows, mpmath.mpf(10) ** -30)
@@ -285,8 +284,8 @@ class Quadratic(NamedTuple):
 
     function: Any  #: u in the variables
     form: Any  #: Q(s) in the variables; 0 where there are fields
-    fields: tuple[tuple[int, Entries], ...]  #: of (c, M_c)
-    slopes: Entries  #: grad u = slopes y, needed where there are fields
+    fields: tuple[tuple[int, Matrix], ...]  #: of (c, M_c)
+    slopes: Matrix  #: grad u = slopes y, needed where there are fields
 
 
 def unmoved(functional: Mapping[int, mpmath.mpf], u: Quadratic) -> bool:
@@ -314,5 +313,5 @@ def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
     return True
 
 
-def _times(entries: Entries, y: Sequence[Any]) -> dict[int, Any]:
+def _times(entries: Matrix, y: Sequence[Any]) -> dict[int, Any]:
     return added((row, value * y[column]) for (row, column), value in entries.items())
