@@ -24,7 +24,7 @@ Such an entry says which orders are expected and what is preserved, and gives th
 import functools
 import math
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import pydantic
 from annotated_types import Ge, Le
@@ -55,7 +55,7 @@ _PRESERVES = "what tables say that it preserves"
 
 
 class Told(Keys):
-    """What an entry says besides the fields of the class."""
+    """The keys of an entry besides the fields of the class."""
 
     python: str
     name: str
@@ -75,8 +75,7 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", "name") from None
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__qualname__, __base__=Told, **fields).model_validate(data)
-    told: dict[str, Any] = {key: getattr(keys, key) for key in Told.model_fields if key not in ("python", "name")}
-    told |= {key: math.nan for key, value in told.items() if value is None}
+    stated = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
     return Scheme(
         record=cls(**{key: getattr(keys, key) for key in fields}),
         label="",
@@ -84,7 +83,7 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         reference=f"{data['name']} in {data['python']}",
         look=("", ""),
         work=10.0,
-        **told,
+        **{key: math.nan if value is None else value for key, value in stated.items()},
     )
 
 
@@ -125,14 +124,14 @@ def _stage(n: int, text: Any) -> Flows:
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
         last -= 1
-    told = words[last:]
-    if unknown := next((word for word in told if word not in _WORDS), None):
+    further = words[last:]
+    if unknown := next((word for word in further if word not in _WORDS), None):
         raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), n)
-    orders = [word for word in told if word in ORDERS] or ["forwards"]
-    if len(orders) > 1 or told.count(_COIN) > 1 or told.count(_SHARED) > 1:
+    orders = [word for word in further if word in ORDERS] or ["forwards"]
+    if len(orders) > 1 or further.count(_COIN) > 1 or further.count(_SHARED) > 1:
         raise wrong(f"is {shown(text)} with several orders", _RIGHT, n)
     try:
-        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told, _SHARED in told)
+        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in further, _SHARED in further)
     except NumberError as error:
         raise wrong(f"is {shown(text)} ({error})", _RIGHT, n) from None
     except ValueError as error:
@@ -152,8 +151,7 @@ def _fraction(text: str) -> float:
 def _entry(value: Any, info: pydantic.ValidationInfo) -> Any:
     """The stages that some texts stand for, or the entry of a scheme in a Python file."""
     if isinstance(value, dict) and "python" in value:
-        # of one layer, without files, only the keys are looked at
-        return read_scheme(value, info.context) if isinstance(info.context, Files) else value
+        return read_scheme(value, cast(Files, info.context))
     if not isinstance(value, list):
         raise wrong(f"is {shown(value)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]")
     if len(value) > _MOST_STAGES:
@@ -179,7 +177,7 @@ def _name(name: str) -> str:
 
 
 def weak_order(stages: Stages, model: Any) -> float:
-    """What theory says of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
+    """The weak order of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
     negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops

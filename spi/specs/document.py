@@ -20,7 +20,7 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 def about(loc: Location, message: str) -> str:
-    """What is wrong at a location, without the file and the line."""
+    """A message about a location, without the file and the line."""
     key = ".".join(name for name in loc if isinstance(name, str))
     item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
     return f"{key}{': ' if key else ''}{item}{message}"
@@ -56,7 +56,7 @@ class Document:
         return reduce(getitem, loc, self.data)
 
     def depth(self, loc: Location) -> int:
-        """How far a location can be followed."""
+        """Length of the part of a location that exists."""
         return next(n for n in range(len(loc), -1, -1) if loc[:n] in self.places)
 
     def fail(self, loc: Location, message: str) -> NoReturn:
@@ -64,7 +64,7 @@ class Document:
         raise SpecError(self.message(loc, message))
 
     def message(self, loc: Location, message: str) -> str:
-        """What is wrong at a location; a key that is missing is reported where its mapping starts."""
+        """A message about a location; about a key that is missing at the start of its mapping."""
         return f"{self.places[loc[: self.depth(loc)]]} {about(loc, message)}"
 
     def _compose(self, text: str, top: Location) -> Any:
@@ -75,16 +75,16 @@ class Document:
             raise
         except yaml.MarkedYAMLError as error:
             line = (error.problem_mark or error.context_mark).line + 1
-            what = ", ".join(part for part in (error.context, error.problem) if part)
+            fault = ", ".join(part for part in (error.context, error.problem) if part)
         except yaml.reader.ReaderError as error:
-            line, what = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
+            line, fault = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
         except RecursionError:
-            line, what = 1, "is too deeply nested"
+            line, fault = 1, "is too deeply nested"
         except (ValueError, OverflowError):
-            line, what = 1, "has an escape that stands for no character"
+            line, fault = 1, "has an escape that stands for no character"
         top = top or ("YAML",)
         self.places[top] = self.place(line)
-        self.fail(top, f"{what}; check brackets, quotes, colons and indentation here")
+        self.fail(top, f"{fault}; check brackets, quotes, colons and indentation here")
 
     def _value(self, node: yaml.Node, loc: Location, around: tuple[yaml.Node, ...]) -> Any:
         """The value of a node at a location; `around` are the nodes that contain it."""
@@ -152,7 +152,7 @@ def text_of(path: str | Path, names: Iterable[str] = ()) -> str:
 
 
 def _meant(path: Path, names: Iterable[str]) -> str:
-    """What to give instead of the path of a file that does not exist."""
+    """Advice about the path of a file that does not exist."""
     folders = (path.parent, path.parent / "experiments")
     for folder in folders:
         if (same := folder / f"{path.name}.yaml").is_file() or (same := folder / path.name).is_file():
@@ -166,14 +166,14 @@ def _meant(path: Path, names: Iterable[str]) -> str:
     return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
 
 
-def override(told: str, text: str) -> Document:
+def override(called: str, text: str) -> Document:
     """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own.
 
-    Messages begin with `told`, the spec that it overrides.
+    Messages begin with the spec that it overrides, which is `called` so.
     """
     key, equals, value = text.partition("=")
     if not key.strip() or not equals:
-        raise SpecError(f"{told}: --set {text}: is not an assignment; write --set key=value")
+        raise SpecError(f"{called}: --set {text}: is not an assignment; write --set key=value")
     word = key.strip().removeprefix("--")
     option = "--set" if word == key.strip() else f"--{word}:"
-    return Document(value, lambda line: f"{told}: {option}", tuple(word.split(".")))
+    return Document(value, lambda line: f"{called}: {option}", tuple(word.split(".")))

@@ -47,17 +47,15 @@ ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 #: The kind of what names an accuracy in place of how it is to be reached.
 ANSWER = "answer"
 
-#: The context in which a word may stand for a number: that can be read only together with its values.
-SWEPT = "swept"
-_UNLESS_SWEPT = pydantic.WrapValidator(lambda value, read, info: value if info.context == SWEPT else read(value))
+#: Of one layer most values are left as they are: only all layers together are sure to say what they mean.
+_LATER = pydantic.WrapValidator(lambda value, read: value)
 
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
-    swept = case_class.swept_in
-    read = {k: Annotated[hints[k], _UNLESS_SWEPT] if k in swept else hints[k] for k in keys} | {"model": ModelPart}
+    read = {k: Annotated[hints[k], _LATER] for k in keys} | {"model": ModelPart, "sweep": hints["sweep"]}
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}
     name = (key_of(CaseName, "letters, digits, _ and -"), ...)
     title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
@@ -85,7 +83,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
 
 
 class Layers(NamedTuple):
-    """How the layers of spec files of some kinds of experiment are read."""
+    """The readers of the layers of spec files, by kind of experiment."""
 
     cases: dict[str, type[BaseCase]]  #: kind -> class of a complete case
     profiles: dict[str, type[Keys]]  #: kind -> class of a profile or an override
@@ -99,7 +97,7 @@ class Layers(NamedTuple):
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
     def asked(self, document: Document) -> Any:
-        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached.
+        """The data of a file, with kind answer where it names an accuracy and not how it is to be reached.
 
         SpecError where it names half of that."""
         data = document.data
@@ -119,15 +117,9 @@ class Layers(NamedTuple):
             return data
         answer = self.cases[ANSWER].model_fields
         if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
-            what = "asks for an answer, whose scheme, steps and samples are chosen"
-            document.fail(("accuracy",), f"{what}; leave out {lost}, or accuracy")
+            fault = "asks for an answer, whose scheme, steps and samples are chosen"
+            document.fail(("accuracy",), f"{fault}; leave out {lost}, or accuracy")
         return {**data, "kind": ANSWER}
-
-    def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
-        """In which the layers of a file are read: SWEPT where words may stand for numbers."""
-        case_class = self.cases.get(str(data.get("kind"))) if isinstance(data, dict) else None
-        needed = case_class is not None and case_class.model_fields["sweep"].is_required()
-        return SWEPT if needed or sweep.is_in(data, overrides) else None
 
     def json_schema(self) -> dict[str, Any]:
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
@@ -154,7 +146,7 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 class Heading(NamedTuple):
-    """What stands over an experiment."""
+    """The heading of an experiment."""
 
     title: str
     figure: int | None  #: of the paper
@@ -164,11 +156,10 @@ class Heading(NamedTuple):
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
     """The heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
 
-    Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
+    Only its keys are looked at: models and initial states can take seconds.
     """
     try:
-        data = kinds.asked(Document(text_of(path), str))
-        file = kinds.file.validate_python(data, context=kinds.context(data))
+        file = kinds.file.validate_python(kinds.asked(Document(text_of(path), str)))
     except (SpecError, ValidationError):
         return None
     return Heading(file.title or Path(path).stem, file.figure, file.kind)
@@ -205,7 +196,7 @@ class Experiment(NamedTuple):
 
     @property
     def results_name(self) -> str:
-        """What its results are called, see :mod:`spi.specs.naming`."""
+        """The name of its results, see :mod:`spi.specs.naming`."""
         return results_name(self.name, self.profile, self.overrides)
 
     @property
@@ -255,22 +246,23 @@ def load(
 
     Raises SpecError if anything is wrong with the file, the profile or an override.
     """
-    told = called or str(path)
+    place = f"{called}: line " if called else f"{path}:"
+    called = called or str(path)
     if profile not in PROFILES:
-        raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
+        raise SpecError(f"{called}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
-    document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
-    named, context = Files(path, files, trusts, added), kinds.context(document.data, overrides)
-    file: Any = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
+    document = _document(path, text, kinds, place)
+    named = Files(path, files, trusts, added)
+    file: Any = _valid(kinds.file.validate_python, document.data, [(document, ())])
     stem = title or Path(path).stem  # which need not be Unicode
     title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    last: list[Layer] = [(override(told, text), ()) for text in overrides]
+    last: list[Layer] = [(override(called, text), ()) for text in overrides]
     for layer, _ in last:
-        _valid(partial(kinds.profiles[file.kind].model_validate, context=context), layer.data, [(layer, ())])
+        _valid(kinds.profiles[file.kind].model_validate, layer.data, [(layer, ())])
     read = partial(_cases, kinds.cases[file.kind], named, document, owners)
     each = {name: read(above) for name, above in {"": [], **profiles}.items()}
     cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
@@ -295,7 +287,7 @@ def load(
         overrides=overrides,
         expect=claims.as_text(dict.fromkeys(claim for case in cases for claim in case.claims)),
         files=tuple(sorted(named.texts.items())),
-        called=told,
+        called=called,
     )
 
 
@@ -348,15 +340,12 @@ def _cases(
             _report({tuple((error.context or {})["keys"]): error.message()}, layers)
         data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
         read = partial(case_class.model_validate, context=files)
-        built += _swept(case_class, read, files, data, layers) if _is_swept(data) else [_valid(read, data, layers)]
+        swept = isinstance(data.get("sweep"), dict)
+        built += _swept(case_class, read, files, data, layers) if swept else [_valid(read, data, layers)]
     if len({case.sweep is None for case in built}) > 1:
         name = next(case.name for case in built if case.sweep is None)
         file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
-
-
-def _is_swept(data: Mapping[str, Any]) -> bool:
-    return isinstance(data.get("sweep"), dict)
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:

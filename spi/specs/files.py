@@ -92,8 +92,8 @@ class Files:
         except ImportError as error:
             raise wrong(f"is {shown(path)}{_line(error)}: {error}", self._remedy(error), key) from None
         except (Exception, SystemExit) as error:
-            what = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
-            raise wrong(what, "correct the Python file, which must be importable", key) from None
+            fault = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
+            raise wrong(fault, "correct the Python file, which must be importable", key) from None
 
     def _from_disk(self, path: str, key: str, most: int, binary: bool) -> str:
         file = self.folder / path
@@ -199,10 +199,10 @@ def _real(values: np.ndarray, dimensions: tuple[int, ...]) -> np.ndarray:
     return values.astype(float)
 
 
-def check_finite(values: np.ndarray, what: str, key: str) -> None:
+def check_finite(values: np.ndarray, text: str, key: str) -> None:
     if not np.isfinite(values).all():
         place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise wrong(f"is {what}, which is not finite at [{place}]", "all numbers must be finite", key)
+        raise wrong(f"is {text}, which is not finite at [{place}]", "all numbers must be finite", key)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -246,8 +246,8 @@ def _state(files: Files, path: str, case: str | None, scheme: str | None, time: 
     try:
         groups = read_results(files.folder / path).groups
     except StorageError as error:
-        what, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
-        raise wrong(f"is {shown(path)} ({what})", right or "give a results file", "results") from None
+        fault, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
+        raise wrong(f"is {shown(path)} ({fault})", right or "give a results file", "results") from None
     paths = [group for group in groups if "y" in group.variables and "t" in group.coordinates]
     if not paths:
         raise wrong(f"is {shown(path)}, which holds no paths", "give results of kind trajectory", "results")
@@ -264,9 +264,9 @@ def _state(files: Files, path: str, case: str | None, scheme: str | None, time: 
 def _chosen(groups: list[Group], attribute: str, name: str | None, path: str, key: str = "") -> list[Group]:
     """The groups of one case or variant: that of the name, or the only one."""
     key = key or attribute
-    known = list(dict.fromkeys(getattr(group, attribute) for group in groups))
-    if name is None and len(known) > 1:
-        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(known)}, which {shown(path)} has", key)
-    if name is not None and name not in known:
-        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(known)}", key)
-    return [group for group in groups if getattr(group, attribute) == (name or known[0])]
+    names = list(dict.fromkeys(getattr(group, attribute) for group in groups))
+    if name is None and len(names) > 1:
+        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(names)}, which {shown(path)} has", key)
+    if name is not None and name not in names:
+        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(names)}", key)
+    return [group for group in groups if getattr(group, attribute) == (name or names[0])]

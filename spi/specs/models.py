@@ -109,21 +109,21 @@ def _document(path: Any, files: Files) -> Document:
     if not isinstance(document.data, dict):
         raise wrong(f"is {shown(path)}, which is not a mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
     if unknown := next((key for key in document.data if key not in KEYS or key == "system"), None):
-        what = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
-        raise wrong(what, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
+        fault = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
+        raise wrong(fault, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
     return document
 
 
 def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> NoReturn:
     """Raise the error about the key to which one of a definition belongs."""
-    what, _, right = str(error).rpartition("; ")
-    what, right = (what, right) if what else (right, "correct it")
+    fault, _, right = str(error).rpartition("; ")
+    fault, right = (fault, right) if fault else (right, "correct it")
     keys = tuple(error.keys)
     if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _stands_in(data, keys):
-        raise wrong(what, right, *keys) from None
+        raise wrong(fault, right, *keys) from None
     place = document.places.get(keys[: document.depth(keys)], "line 1")
     key = ".".join(str(k) for k in keys if isinstance(k, str))
-    raise wrong(f"is {shown(data['system'])}, {place}, {key}: {what}", right, "system") from None
+    raise wrong(f"is {shown(data['system'])}, {place}, {key}: {fault}", right, "system") from None
 
 
 def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
@@ -152,9 +152,9 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 def _record(cls: Any, parameters: Keys) -> Any:
     """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
-    if complaint := fault(model):
-        key, what, right = complaint
-        raise wrong(what, right, key)
+    if refused := fault(model):
+        key, complaint, right = refused
+        raise wrong(complaint, right, key)
     return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
 
 
@@ -187,8 +187,8 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def class_in(data: dict[str, Any], files: Files, what: str) -> Any:
-    """The class `name` in the Python file `python`; raises the error about either key. `what` says what to write."""
+def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
+    """The class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
         raise wrong(
@@ -209,7 +209,7 @@ def class_in(data: dict[str, Any], files: Files, what: str) -> Any:
     if cls is None:
         raise wrong(
             f"is {shown(name)}, for which there is no class in {path}",
-            suggestion(name, here) if here else f"write a {what}",
+            suggestion(name, here) if here else f"write a {remedy}",
             "name",
         )
     return cls
@@ -269,8 +269,8 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
         if systems.variables(model):  # nobody wrote its class, whose name and lines say nothing
             complaint = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
             raise wrong(f"{complaint}{more}", _remedy(complaint), "model", *SOURCES)
-        what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
-        raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
+        fault = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
+        raise wrong(fault, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
 def _remedy(complaint: str) -> str:
@@ -350,12 +350,12 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
             return  # reading the model reports it
         whole = overridden(lowest, model)
     used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
-    for key, what in zip(BY_ENTRY, ("parameter", "size"), strict=True):
+    for key, noun in zip(BY_ENTRY, ("parameter", "size"), strict=True):
         declared = names_under(key, lowest)
         for name in names_under(key, model):
             if name not in declared and name not in used:
                 right = suggestion(name, declared) if declared else "leave it out"
-                raise wrong(f"is no {what} of the system, and no formula names it", right, "model", key, name)
+                raise wrong(f"is no {noun} of the system, and no formula names it", right, "model", key, name)
 
 
 def names_under(key: str, model: Any) -> list[str]:

@@ -300,17 +300,20 @@ def test_mistakes_that_are_seen_together_are_named_at_once(chosen):
 
 
 def test_layers_are_read_one_after_the_other():
-    """First all of a file, then options, then cases, then profiles."""
+    """First the keys of the file, then those of options, then cases, then profiles."""
     text = GOOD.replace("samples: 10\n", "") + (
-        "cases:\n- {name: a, samples: 3, seed: x}\n- {name: b, samples: 3, steps: [4]}\n"
-        "profiles:\n  quick: {truncate_noise: 1}\n"
+        "cases:\n- {name: a, samples: 3, sed: x}\n- {name: b, samples: 3, steps: [4]}\n"
+        "profiles:\n  quick: {steps: [3], smaples: 3}\n"
     )
     assert messages_of(text, overrides=["sed=3"]) == [
-        "13: cases.seed: is 'x' (unknown word 'x'); must be a whole number such as 500 or 10^6",
-        "16: profiles.quick.truncate_noise: is '1'; must be true or false",
+        "13: cases.sed: is not a known key; did you mean 'seed'?",
+        "16: profiles.quick.smaples: is not a known key; did you mean 'samples'?",
     ]
-    text = text.replace("seed: x", "seed: 1").replace("truncate_noise: 1", "steps: [3]")
-    assert messages_of(text, overrides=["samples=-3", "sed=3"]) == [" --set samples: is '-3'; must be at least 1"]
+    text = text.replace("sed: x", "seed: x").replace(", smaples: 3", "")
+    assert messages_of(text, overrides=["sed=3"]) == [" --set sed: is not a known key; did you mean 'seed'?"]
+    whole = "must be a whole number such as 500 or 10^6"
+    assert messages_of(text) == [f"13: cases.seed: is 'x' (unknown word 'x'); {whole}"]
+    text = text.replace("seed: x", "seed: 1")
     assert messages_of(text) == ["14: cases.steps: has 2^2; must not exceed final_time, which is 1"]
     text = text.replace("steps: [4]", "seed: 2")
     assert messages_of(text) == ["16: profiles.quick.steps: has 3; must not exceed final_time, which is 1"]
