@@ -1,5 +1,6 @@
 """Runs that are killed at random moments, and commands that are asked to stop: the means of test_kills.py."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -11,8 +12,10 @@ import numpy as np
 
 from spi import storage
 from spi.running import run as runner
+from spi.running import shards
+from spi.running.checkpoint import Shard
 from spi.running.load import load_answer
-from spi.running.run import Limits, Watch, load
+from spi.running.run import Limits, Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -145,3 +148,34 @@ def stopped_at(share, *arguments):
     at = 1 + int(share * _CALLS[arguments])
     answer = _called(arguments, at)
     return answer.returncode, answer.stderr, at
+
+
+class Interruptions:
+    """Interrupts a run after every few reports of something new."""
+
+    def __init__(self, after):
+        self.after, self.seen = after, set()
+
+    def __call__(self, progress):
+        place = progress.case, progress.part, progress.done
+        if place not in self.seen:
+            self.seen.add(place)
+            if len(self.seen) % self.after == 0:
+                raise KeyboardInterrupt
+
+
+def interrupted(experiment, out):
+    """The results file of a run that is interrupted again and again."""
+    stops = Interruptions(7)
+    while True:
+        with contextlib.suppress(Stopped):
+            return runner.run(experiment, out, watch=Watch(report=stops))
+
+
+def in_shards(experiment, out):
+    """The results file of three shards that are merged, as often as it takes."""
+    while True:
+        for number in (3, 1, 2):
+            shards.run_shard(experiment, Shard(number, 3), out)
+        with contextlib.suppress(Stopped):
+            return shards.merge(experiment, out)
