@@ -50,9 +50,19 @@ def fields_of(cls, sizes, panels, outer=Meaning()):  # noqa: B008
     return found
 
 
+#: Panels for which the filled records lack something: several eps, prefixes of paths, a third component, a fluid.
+SPECIAL = {
+    "trajectory": ("sphere", "vorticity", "spectrum", "enstrophy"),
+    "weak": ("seconds", "eps"),
+    "statistics": ("variance",),
+    "equilibrium": ("histogram",),
+}
+
+
 def panels_of(kind):
-    """The names of all panels of a kind, () of one that has no choice."""
-    return getattr(KINDS[kind].results, "PANELS", getattr(KINDS[kind].keys, "PANELS", ()))
+    """The names of the panels of a kind that show something of filled records, () of one that has no choice."""
+    names = getattr(KINDS[kind].results, "PANELS", getattr(KINDS[kind].keys, "PANELS", ()))
+    return tuple(name for name in names if name not in SPECIAL.get(kind, ()))
 
 
 def filled(kind, scheme="splitting", **others):

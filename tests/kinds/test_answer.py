@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import INITIAL, compiled_only
-from kills import numbers
-from repeats import in_shards, interrupted, straight
+from kills import in_shards, interrupted, numbers
 from scipy.stats import beta, t
 from states import finished
 
@@ -261,7 +260,7 @@ def test_shards_and_interruptions_give_the_same_bits(tmp_path):
     spec = tmp_path / "asked.yaml"
     spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
     experiment = load(spec)
-    ways = {"straight": straight, "interrupted": interrupted, "in shards": in_shards}
+    ways = {"straight": run, "interrupted": interrupted, "in shards": in_shards}
     first, *others = (numbers(way(experiment, tmp_path / name)) for name, way in ways.items())
     assert first and all(one == first for one in others)
 

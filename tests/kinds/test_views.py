@@ -16,23 +16,9 @@ from spi.printing import as_csv, as_json
 from spi.report import views
 from spi.storage.records import Results
 
-#: Panels for which the filled records lack something: several eps, prefixes of paths, a third component, a fluid.
-SPECIAL = {
-    "trajectory": ("sphere", "vorticity", "spectrum", "enstrophy"),
-    "weak": ("seconds", "eps"),
-    "statistics": ("variance",),
-    "equilibrium": ("histogram",),
-}
 
-
-def shown(kind):
-    return tuple(panel for panel in panels_of(kind) if panel not in SPECIAL.get(kind, ()))
-
-
-def results_of(kind, *groups, **others):
-    if panels_of(kind):
-        others = {"panels": shown(kind), **others}
-    groups = groups or (filled(kind, **others), filled(kind, "midpoint", **others))
+def results_of(kind, **others):
+    groups = filled(kind, **others), filled(kind, "midpoint", **others)
     return Results({"kind": kind, "title": "The title"}, groups)
 
 
@@ -56,7 +42,7 @@ def test_a_table_names_title_and_schemes_and_cuts_nothing(kind):
     assert kind == "answer" or ("splitting" in text and "midpoint" in text)  # the program chose the scheme
 
 
-@pytest.mark.parametrize(("kind", "panel"), [(kind, panel) for kind in KINDS for panel in shown(kind) or [None]])
+@pytest.mark.parametrize(("kind", "panel"), [(kind, panel) for kind in KINDS for panel in panels_of(kind) or [None]])
 def test_every_panel_shows_something(kind, panel):
     fig = views.figure(results_of(kind, **({"panels": (panel,)} if panel else {})))
     assert any(ax.lines or ax.collections or ax.patches or ax.images or ax.texts for ax in fig.axes)

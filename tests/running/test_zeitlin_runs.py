@@ -4,8 +4,7 @@ import fluids
 import numpy as np
 import pytest
 from helpers import COMPILED, loop_in_python
-from kills import numbers
-from repeats import Interruptions
+from kills import Interruptions, numbers
 from strong_cases import draw
 from zeitlin_cases import take
 
