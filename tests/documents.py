@@ -116,6 +116,8 @@ def whole(block):
     """The spec that a block of YAML is, or of which it is a part."""
     text = re.sub(r"\A\s*#.*\n", "", block.text)
     within = block.notes.get("within")
+    if "in file" in block.notes:
+        return changed(block, Path(block.notes["in file"]).read_text(encoding="utf-8"))
     if within is None:
         if not re.search("^kind:", text, re.MULTILINE):
             raise Wrong(f"{block.place}: is no whole spec; say <!-- within: NAME --> above of which it is a part")
@@ -147,8 +149,8 @@ def check_command(command):
         given = _given(*command.arguments, spoken_of=command.spoken_of)
         results = [spec for spec in given.get("specs") or () if spec.suffix == ".h5"]
         if written := [spec for spec in given.get("specs") or () if spec not in results]:
-            wanted = [given.get(key) for key in ("profile", "overrides", "samples", "seed", "kind")]
-            options.load(written, *wanted)
+            chosen = {name: given[name] for name in options.RunOptions._fields if name in given}
+            options.load(written, options.RunOptions(**chosen))
         for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")]), *results]:
             name = Path(source).name.partition(".")[0]
             if name not in shipped.names() and not Path(f"{name}.yaml").exists():
@@ -164,9 +166,9 @@ def _given(name, *rest, spoken_of):
         command = group.get_command(context, name)
         if command is None:
             raise Wrong("no such command")
-        options = {option for parameter in command.get_params(context) for option in parameter.opts}
+        named = {option for parameter in command.get_params(context) for option in parameter.opts}
         if unknown := next(
-            (word for word in rest if word.startswith("--") and word.partition("=")[0] not in options), None
+            (word for word in rest if word.startswith("--") and word.partition("=")[0] not in named), None
         ):
             raise Wrong(f"no such option: {unknown}")
         return command.make_context(name, list(rest), parent=context, resilient_parsing=spoken_of).params

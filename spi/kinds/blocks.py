@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -289,10 +289,10 @@ class SamplesPlan(Blockwise):
 class Solver(Described):
     """The report of an implicit scheme on its equations; arrays of one shape."""
 
-    solves: Annotated[Array, array("", "equations solved")]
-    iterations: Annotated[Array, array("", "iterations of all solves")]
-    failures: Annotated[Array, array("", "solves that did not converge")]
-    largest_residual: Annotated[Array, array("", "largest relative residual")]
+    solves: Array = array("", "equations solved")
+    iterations: Array = array("", "iterations of all solves")
+    failures: Array = array("", "solves that did not converge")
+    largest_residual: Array = array("", "largest relative residual")
 
     @property
     def failing_fraction(self) -> np.ndarray:
@@ -308,8 +308,8 @@ class Solver(Described):
 class Acceptance(Described):
     """Shares of flows that a scheme with a test of acceptance accepted; arrays of one shape."""
 
-    noise_accepted: Annotated[Array, array("", "share of the noise flows that were accepted")]
-    drift_accepted: Annotated[Array, array("", "share of the steps of the drift that were accepted")]
+    noise_accepted: Array = array("", "share of the noise flows that were accepted")
+    drift_accepted: Array = array("", "share of the steps of the drift that were accepted")
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:

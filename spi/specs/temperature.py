@@ -1,4 +1,4 @@
-"""What damping and a temperature ask of a case."""
+"""Conditions on a case with damping or a temperature."""
 
 import math
 from contextlib import suppress
@@ -17,7 +17,7 @@ from ..ensemble.protocol import (
 from ..exact.surfaces import casimir_form, semidefinite
 from ..models.damped import damped
 from ..models.thermal import thermal
-from .drivers import told
+from .drivers import described
 from .keys import quantity, wrong
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -30,14 +30,14 @@ def damped_model(case: Any) -> Any:
         raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
     degrees = casimir_degrees(case.model)
     if len(degrees) != conserved(case.model):
-        what = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
-        raise wrong(what, "leave it out, or state casimir_degrees", "damping")
+        fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
+        raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
     if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
         raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
-        what = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
-        raise wrong(what, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
+        fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
+        raise wrong(fault, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
     return damped(case.model, case.damping)
 
 
@@ -62,15 +62,15 @@ def thermal_model(case: Any) -> Any:
         raise wrong("is 0, at which friction would be infinite", right, "temperature")
     if case.damping:
         raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
-    if told(case.noise):
-        what = "is given beside noise, and friction belongs to Brownian motion"
-        raise wrong(what, "leave out one of them", "temperature")
+    if described(case.noise):
+        fault = "is given beside noise, and friction belongs to Brownian motion"
+        raise wrong(fault, "leave out one of them", "temperature")
     if not noise_indices(model):
-        what = "is given to a model without noise, which nothing would bring to it"
-        raise wrong(what, "leave it out, or give sigma a number above 0", "temperature")
+        fault = "is given to a model without noise, which nothing would bring to it"
+        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
-        what = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
-        raise wrong(what, "must be above 0 where energy has no upper bound", "temperature")
+        fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
+        raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
     if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
         raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
     return thermal(model, temperature)

@@ -1,9 +1,9 @@
 """Sums over paths, declared field by field: each with its axes and its reduction.
 
     class StrongSums(Sums):
-        squares: Annotated[Array, by_group("point")]
-        drift: Annotated[Array, largest("level casimir")]
-        nonfinite: Annotated[Array, counted("level")]
+        squares: Array = by_group("point")
+        drift: Array = largest("level casimir")
+        nonfinite: Array = counted("level")
 
 A plan hands over the contributions of blocks of LANES paths, an array for each field with the axis of the blocks
 first.  Sums over no paths, those with some more blocks, those of two sets of paths and the memory that a block needs
@@ -12,7 +12,8 @@ follow from the declaration.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple, Self, dataclass_transform, get_type_hints
+from dataclasses import field as dataclass_field
+from typing import Any, ClassVar, NamedTuple, Self, dataclass_transform
 
 import numpy as np
 
@@ -44,12 +45,16 @@ class Reduction(NamedTuple):
     lanes: int = 1  #: numbers per block that a contribution has for each place along the axes
 
 
-def added(axes: str = "", dtype: type = float) -> Reduction:
+def _declared(axes: str, *how: Any, **sides: Any) -> Any:
+    return dataclass_field(metadata={"reduction": Reduction(tuple(axes.split()), *how, **sides)})
+
+
+def added(axes: str = "", dtype: type = float) -> Any:
     """Added up; contributions are (blocks, *axes)."""
-    return Reduction(tuple(axes.split()), lambda total, rows, at: total + rows.sum(axis=0, dtype=dtype), dtype=dtype)
+    return _declared(axes, lambda total, rows, at: total + rows.sum(axis=0, dtype=dtype), dtype=dtype)
 
 
-def counted(axes: str = "") -> Reduction:
+def counted(axes: str = "") -> Any:
     """The number of paths of which something is true; contributions are (blocks, *axes, LANES), booleans."""
 
     def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
@@ -57,36 +62,34 @@ def counted(axes: str = "") -> Reduction:
         counts: Array = total + (rows & used.reshape(len(rows), *[1] * (rows.ndim - 2), LANES)).sum(axis=(0, -1))
         return counts
 
-    return Reduction(tuple(axes.split()), with_blocks, dtype=np.int64, lanes=LANES)
+    return _declared(axes, with_blocks, dtype=np.int64, lanes=LANES)
 
 
-def largest(axes: str = "") -> Reduction:
+def largest(axes: str = "") -> Any:
     """The largest, at least 0; contributions are (blocks, *axes)."""
-    return Reduction(
-        tuple(axes.split()), lambda total, rows, at: np.maximum(total, rows.max(axis=0, initial=0.0)), np.maximum
-    )
+    return _declared(axes, lambda total, rows, at: np.maximum(total, rows.max(axis=0, initial=0.0)), np.maximum)
 
 
-def joined(axes: str = "") -> Reduction:
+def joined(axes: str = "") -> Any:
     """Path by path along a last axis; contributions are (blocks, *axes, LANES)."""
 
     def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
         paths = np.moveaxis(rows, 0, -2).reshape(*rows.shape[1:-1], len(rows) * LANES)
         return _joined(total, paths[..., : at.end - at.first * LANES])
 
-    return Reduction(tuple(axes.split()), with_blocks, _joined, behind=(0,), lanes=LANES)
+    return _declared(axes, with_blocks, _joined, behind=(0,), lanes=LANES)
 
 
 def _joined(earlier: Array, later: Array) -> Array:
     return np.concatenate((earlier, later), axis=-1)
 
 
-def of_first(axes: str = "", dtype: type = float) -> Reduction:
+def of_first(axes: str = "", dtype: type = float) -> Any:
     """That of the first of two sets, as the number of steps done; set by the plan itself."""
-    return Reduction(tuple(axes.split()), lambda total, rows, at: rows, lambda earlier, later: earlier, dtype=dtype)
+    return _declared(axes, lambda total, rows, at: rows, lambda earlier, later: earlier, dtype=dtype)
 
 
-def by_group(axes: str = "") -> Reduction:
+def by_group(axes: str = "") -> Any:
     """Added up by jackknife groups, (GROUPS, *axes); contributions are (blocks, *axes, PARTS)."""
 
     def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
@@ -95,10 +98,10 @@ def by_group(axes: str = "") -> Reduction:
             by_round[block % ROUND] += np.moveaxis(row, -1, 0)
         return by_round.reshape(total.shape)
 
-    return Reduction(tuple(axes.split()), with_blocks, before=(GROUPS,), lanes=PARTS)
+    return _declared(axes, with_blocks, before=(GROUPS,), lanes=PARTS)
 
 
-def moments(axes: str, powers: int = 2) -> Reduction:
+def moments(axes: str, powers: int = 2) -> Any:
     """The powers 1, ..., `powers` added up by jackknife groups, (powers, *axes, GROUPS), as ``with_powers`` does.
 
     Contributions are (blocks, *axes, LANES).
@@ -107,21 +110,24 @@ def moments(axes: str, powers: int = 2) -> Reduction:
     def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
         return with_powers(total, rows, at.first, at.end)
 
-    return Reduction(tuple(axes.split()), with_blocks, before=(powers,), behind=(GROUPS,), lanes=(1 + powers) * LANES)
+    return _declared(axes, with_blocks, before=(powers,), behind=(GROUPS,), lanes=(1 + powers) * LANES)
 
 
-def reports(axes: str = "level") -> Reduction:
-    """Reports of schemes on their steps, see ``spi.ensemble.loop.add_reports``; contributions
-    are (blocks, *axes, columns)."""
-    return Reduction(
-        tuple(axes.split()),
+def reports(axes: str = "level") -> Any:
+    """Reports of schemes on their steps, see ``spi.ensemble.loop.add_reports``; (blocks, *axes, columns)."""
+    return _declared(
+        axes,
         lambda total, rows, at: add_reports(total, rows),
         lambda earlier, later: add_reports(earlier, later[np.newaxis]),
         behind=(len(REPORT),),
     )
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True)
+@dataclass_transform(
+    kw_only_default=True,
+    frozen_default=True,
+    field_specifiers=(added, counted, largest, joined, of_first, by_group, moments, reports),
+)
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sums:
     """Sums over some paths; subclasses declare their fields, of which the classes are frozen dataclasses."""
@@ -134,8 +140,8 @@ class Sums:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls, include_extras=True)
-        cls.reductions = {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
+        own: Any = cls  # mypy does not see that it is a dataclass by now
+        cls.reductions = {f.name: f.metadata["reduction"] for f in fields(own) if "reduction" in f.metadata}
 
     def __post_init__(self) -> None:
         for name in self.reductions:  # NumPy makes numbers of arrays without axes

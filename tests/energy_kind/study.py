@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ parts = each_scheme
 class EnergySums(Sums):
     """H at the end of some paths, at each step size."""
 
-    energy: Annotated[Array, joined("level")]
+    energy: Array = joined("level")
 
 
 @dataclass(frozen=True, kw_only=True)

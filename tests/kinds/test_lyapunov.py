@@ -17,7 +17,6 @@ from spi.kinds.lyapunov.results import Exponents, kaplan_yorke, quantities
 from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
 from spi.running.load import load
-from spi.specs import SpecError
 from spi.storage.records import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -206,23 +205,6 @@ def test_the_sum_at_a_temperature_is_known(case_of):
     found = results_of(case)
     assert abs(found.total[-1] + 0.9426) < 4.5 * found.total_stderr[-1] < 0.03
     assert abs(found.exponent[0, -1] + 0.1915) < 4.5 * np.hypot(found.exponent_stderr[0, -1], 0.0026)
-
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("warm_up=8", "warm_up: is 2^3; must be less than final_time, which is 2^3"),
-        ("exponents=3", "exponents: is 3; must be at most 2, the Casimir surface's dimension"),
-        ("initial=[0, 0, 0]", "initial: is a point that no flow moves"),
-        ("every=200", "every: "),
-        ("step=3", "step: is 3"),
-        ("noise={kind: ornstein_uhlenbeck, tau: 1}", "noise: is given, but this kind"),
-    ],
-)
-def test_what_is_refused(case_of, override, complaint):
-    with pytest.raises(SpecError) as refused:
-        case_of(override)
-    assert complaint in str(refused.value) and "\n" not in str(refused.value)
 
 
 def turned(y, k, angle):

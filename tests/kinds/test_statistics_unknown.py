@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+from helpers import loop_in_python
 from scipy import stats
 from statistics_cases import results_of, written
 
@@ -86,7 +87,8 @@ def test_what_all_paths_have_alike_has_no_error_of_zero(case_of):
 
 
 def test_without_noise_nothing_is_random(case_of):
-    found = results_of(case_of("model.sigma=[null, null, null]", "functions={y1: y1, out: {passage: y1 > 9}}"))
+    with loop_in_python():
+        found = results_of(case_of("model.sigma=[null, null, null]", "functions={y1: y1, out: {passage: y1 > 9}}"))
     assert not found.mean_stderr.any() and (found.mean_low == found.mean_high).all()
 
 

@@ -369,7 +369,7 @@ def with_one_bit_flipped(path):
 
 def of_another_version(path):
     about, parts = storage.read_sums(path)
-    del about["version"], about["parts"]
+    del about["version"]
     path.unlink()
     storage.write_sums(path, {**about, "source_digest": "0123"}, parts)
 

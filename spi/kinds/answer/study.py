@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -435,6 +435,28 @@ def why(extra: Decisions, accuracy: float) -> str:
     return f"predicted seconds of typical speed to {accuracy:g}: solving {solving}, sampling {sampling}"
 
 
+class Prediction(NamedTuple):
+    """The prediction of an answer, from its pilot alone."""
+
+    how: str  #: the choice, in words
+    seconds: float  #: of processor time; NaN where nothing would be sampled
+    next_digit: float  #: the same to a tenth of the accuracy
+
+
+def prediction(p: "AnswerPlan", extra: Decisions) -> Prediction | None:
+    """The prediction once the pilot is complete and it is clear whether to solve; None before."""
+    if extra.stage == PILOTING and not is_clear(p, extra):
+        return None
+    reason = why(extra, p.case.accuracy) if p.solvable else ""
+    both = f" ({reason})" if reason else ""
+    if extra.solving == SOLVING:
+        return Prediction(f"without sampling{both}", extra.solving_seconds, math.nan)
+    end = p.case.final_time
+    how = f"{p.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "
+    how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}{both}"
+    return Prediction(how, extra.predicted_cpu_seconds, extra.next_cpu_seconds)
+
+
 def _in_seconds(x: float) -> str:
     return short(x, ".2g") if math.isfinite(x) else "does not reach it"
 
@@ -721,7 +743,7 @@ _ORDERS = 4  # powers of h that extrapolation removes, and the next
 class Totals(Sums):
     """Sums over some samples of one path set, for F functions."""
 
-    sums: Annotated[Array, moments("quantity function", POWERS)]
+    sums: Array = moments("quantity function", POWERS)
 
 
 def parts(case: Any) -> list[Part]:

@@ -1,7 +1,7 @@
 """The paths of a study of long times: sums over them, the growth of errors of Casimirs, and the law of the states."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,20 +18,20 @@ class Paths(Sums):
     Until all steps are done no path is whole, and `paths` is 0.  Then no blocks of states are left.
     """
 
-    n: Annotated[Array, of_first(dtype=int)]
-    y: Annotated[Array, of_first("block state")]
-    casimir: Annotated[Array, joined("record casimir")]  #: relative errors
-    report: Annotated[Array, reports("level")]
-    nonfinite: Annotated[Array, added(dtype=int)]  #: number of paths
-    snapshots: Annotated[Array, of_first(dtype=int)]  #: number that counts for the law
-    moments: Annotated[Array, joined("moment")]  #: sums over snapshots
-    counts: Annotated[Array, joined("variable bin")]
-    stretch: Annotated[Array, of_first("function block lane stretch")]  #: the last values of functions
-    batches: Annotated[Array, of_first("function block lane batch")]  #: sums of values over the batches of time
-    values: Annotated[Array, added("column function group")]  #: sums over paths, see :data:`COLUMNS`
-    lagged: Annotated[Array, added("function lag group")]  #: sums of products of values at each lag
-    ends: Annotated[Array, added("function lag group")]  #: sums of both values of all pairs at that lag
-    cells: Annotated[Array, added("function cell group", int)]  #: values below all bins or NaN, in each, and above all
+    n: Array = of_first(dtype=int)
+    y: Array = of_first("block state")
+    casimir: Array = joined("record casimir")  #: relative errors
+    report: Array = reports("level")
+    nonfinite: Array = added(dtype=int)  #: number of paths
+    snapshots: Array = of_first(dtype=int)  #: number that counts for the law
+    moments: Array = joined("moment")  #: sums over snapshots
+    counts: Array = joined("variable bin")
+    stretch: Array = of_first("function block lane stretch")  #: the last values of functions
+    batches: Array = of_first("function block lane batch")  #: sums of values over the batches of time
+    values: Array = added("column function group")  #: sums over paths, see :data:`COLUMNS`
+    lagged: Array = added("function lag group")  #: sums of products of values at each lag
+    ends: Array = added("function lag group")  #: sums of both values of all pairs at that lag
+    cells: Array = added("function cell group", int)  #: values below all bins or NaN, in each, and above all
 
     def counted(self, law: SphereLaw, states: np.ndarray) -> Self:
         """The record with one more snapshot, of states (d, paths), in the sums."""

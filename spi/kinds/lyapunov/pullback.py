@@ -9,7 +9,7 @@ the numbering is that of coupling from the past, J. G. Propp, D. B. Wilson, Rand
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +41,8 @@ _LEAST = 1e-16  # distance, relative to |y|, that counts as this one
 class Counts(Sums):
     """Sums over the states of the pictures at T times."""
 
-    cells: Annotated[Array, added("time one count", int)]  #: outside, in each cell, lost
-    distances: Annotated[Array, moments("time distance")]  #: of two states, and the logarithm of that
+    cells: Array = added("time one count", int)  #: outside, in each cell, lost
+    distances: Array = moments("time distance")  #: of two states, and the logarithm of that
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -144,9 +144,9 @@ _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H c
 class LyapunovSums(Sums):
     """Sums over some paths of the exponents, their sum, H, and the change of H at T times."""
 
-    values: Annotated[Array, moments("time column")]
-    change: Annotated[Array, largest()]  #: |log| of a factor by which a vector changed before it was scaled
-    nonfinite: Annotated[Array, counted()]
+    values: Array = moments("time column")
+    change: Array = largest()  #: |log| of a factor by which a vector changed before it was scaled
+    nonfinite: Array = counted()
 
 
 def parts(case: Any) -> list[Part]:

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,8 @@ from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Description, Part
+from spi.storage.records import Part
+from spi.storage.stored import Description
 
 from .results import CasimirErrors, Law, Stability
 
@@ -41,11 +42,11 @@ from .results import CasimirErrors, Law, Stability
 class Paths(Sums):
     """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
-    casimir: Annotated[Array, joined("level casimir")]
-    square: Annotated[Array, joined("level")]
-    smallest: Annotated[Array, joined("level")]
-    y: Annotated[Array, joined("level component")]
-    report: Annotated[Array, reports("level")]
+    casimir: Array = joined("level casimir")
+    square: Array = joined("level")
+    smallest: Array = joined("level")
+    y: Array = joined("level component")
+    report: Array = reports("level")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,16 +252,16 @@ class StabilityPlan(Plan):
     def description(self) -> Description:
         """The description, without the facts that differ from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
-        same = {
-            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        differing = {
+            name: None
+            for name in (field.name for field in first.described)
+            if any(getattr(other, name) != getattr(first, name) for other in others)
         }
         alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
-        own = {
-            "case": self.case.name,
-            "variant": self.part.variant,
-            "truncate_noise": same.get("truncate_noise", False),
-        }
-        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
+        own = {"case": self.case.name, "variant": self.part.variant, "parameters": dict(alike)}
+        return replace(
+            first, **differing | own | {"truncate_noise": first.truncate_noise and "truncate_noise" not in differing}
+        )
 
     def so_far(self, state: State) -> State | None:
         """The state of the first values, as many as are complete."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,13 +31,13 @@ _CACHED = 2**15  # floats of an array that fits the cache several times
 class StatisticsSums(Sums):
     """Sums over some paths, of F functions and further columns at T times."""
 
-    values: Annotated[Array, moments("time column")]
-    products: Annotated[Array, moments("time pair", 1)]  #: of pairs of columns
-    counts: Annotated[Array, added("time counted bin", int)]  #: below all bins, in each, and above all or NaN
-    lost: Annotated[Array, added("time function end", int)]  #: of minus infinity, and of infinity or NaN
-    cells: Annotated[Array, added("map one cell", int)]  #: outside of all cells, in each, and NaN
-    nonfinite: Annotated[Array, counted()]
-    report: Annotated[Array, added("report")]  #: of what steps report that which is summed up
+    values: Array = moments("time column")
+    products: Array = moments("time pair", 1)  #: of pairs of columns
+    counts: Array = added("time counted bin", int)  #: below all bins, in each, and above all or NaN
+    lost: Array = added("time function end", int)  #: of minus infinity, and of infinity or NaN
+    cells: Array = added("map one cell", int)  #: outside of all cells, in each, and NaN
+    nonfinite: Array = counted()
+    report: Array = added("report")  #: of what steps report that which is summed up
 
 
 def _lost(values: np.ndarray, first: int, end: int) -> np.ndarray:

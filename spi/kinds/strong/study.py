@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,10 +43,10 @@ parts = each_scheme
 class StrongSums(Sums):
     """Sums over some paths, at all step sizes, from the largest to the reference."""
 
-    squares: Annotated[Array, by_group("point")]  #: of |y_h - y_ref|, the grid points of the largest step first
-    drift: Annotated[Array, largest("level casimir")]
-    nonfinite: Annotated[Array, counted("level")]
-    report: Annotated[Array, reports("level")]
+    squares: Array = by_group("point")  #: of |y_h - y_ref|, the grid points of the largest step first
+    drift: Array = largest("level casimir")
+    nonfinite: Array = counted("level")
+    report: Array = reports("level")
 
 
 class Times(NamedTuple):

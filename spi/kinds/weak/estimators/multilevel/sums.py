@@ -1,7 +1,7 @@
 """The sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
 
 import time
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -170,8 +170,8 @@ _CLEAR = 4.0  # standard errors from which on a mean difference counts for the r
 class LevelTotals(Sums):
     """Sums over some samples of one level, each of which is all paths of the level, for F test functions."""
 
-    sums: Annotated[Array, moments("quantity function", POWERS)]  #: the quantities as in :data:`DIFFERENCE` and so on
-    nonfinite: Annotated[Array, counted()]
+    sums: Array = moments("quantity function", POWERS)  #: the quantities as in :data:`DIFFERENCE` and so on
+    nonfinite: Array = counted()
 
 
 class Moments(NamedTuple):

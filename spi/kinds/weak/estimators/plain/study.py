@@ -7,7 +7,7 @@ likewise, before anything is summed up.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -36,12 +36,12 @@ class PlainSums(Sums):
     extrapolation, they have L step sizes together, those of one level behind those of another.
     """
 
-    values: Annotated[Array, moments("level function")]  #: of phi
-    differences: Annotated[Array, moments("level function", 1)]  #: of phi minus phi at the reference
-    nonfinite: Annotated[Array, counted("level")]
-    report: Annotated[Array, reports("step")]
-    prefix_differences: Annotated[Array, added("prefix one level function group")]  #: of those among the first paths
-    prefix_cpu_seconds: Annotated[Array, added("prefix")]
+    values: Array = moments("level function")  #: of phi
+    differences: Array = moments("level function", 1)  #: of phi minus phi at the reference
+    nonfinite: Array = counted("level")
+    report: Array = reports("step")
+    prefix_differences: Array = added("prefix one level function group")  #: of those among the first paths
+    prefix_cpu_seconds: Array = added("prefix")
 
 
 @dataclass(frozen=True, kw_only=True)
