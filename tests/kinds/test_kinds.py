@@ -3,9 +3,7 @@
 import inspect
 import io
 import shutil
-from collections.abc import Iterable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
@@ -81,18 +79,6 @@ def breaches(kind):
 @pytest.mark.parametrize("name", [*KINDS, "energy"])
 def test_every_kind_keeps_the_contract(name, energy):
     assert breaches(KINDS[name]) == []
-
-
-def test_a_breach_of_the_contract_is_noticed():
-    strong, weak = KINDS["strong"], KINDS["weak"]
-
-    def rows(results: Iterable[int]): ...
-
-    table = SimpleNamespace(rows=rows, show=weak.table.show)
-    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "figure")}
-    other = SimpleNamespace(**modules, table=table)
-    foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
-    assert breaches(other) == ["table.rows must take readings", *foreign]
 
 
 def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
