@@ -60,13 +60,9 @@ def test_printed_summary(results):
     assert "splitting, plain, square: order 1.000 [0.980, 1.020] (expected 1), through 5 of 6 step sizes" in text
     assert "splitting, weak order 2, multilevel: order 2.000 [1.980, 2.020] (expected 2)" in text
     # 1.5 / 10^4.5 = 4.74e-5, and 4 s (1e-4 / 4.74e-5)^2 = 17.8 s; multilevel is better than that already
-    told = "standard error 1.0e-4 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5"
-    assert f"{told}, which would take about 18 s here\n" in text
-    assert (
-        "standard error 1.0e-5 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5\n" in text
-    )
-    assert text.count("lacks h_ref/h = 25 % of the finest error (order 1), which is added to all errors") == 1
-    assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2), which is added to all errors" in text
+    assert "standard error 1.0e-4 at 2^-3 in 4 s" in text and "standard error 1.0e-5 at 2^-3 in 4 s" in text
+    assert "would give 4.7e-5, which would take about 18 s here\n" in text
+    assert text.count("lacks h_ref/h = 25 %") == text.count("lacks (h_ref/h)^2 = 6.2 %") == 1
     assert "E square(y(T)) = 1.610000e-1 ± 1e-10 (bound)" in text and "    degree 40\n" in text
 
 
@@ -86,8 +82,7 @@ def test_levels_not_to_be_trusted(results):
     v["level_variance_rate_low"][1][0] = math.nan  # the jackknife's, where a level without some paths has no variance
     text = printed(results)
     assert "variance not resolved" in text and "[nan" not in text
-    assert text.count("heavy tails: kurtosis 346 at 2^-7; few samples carry the variance, so that intervals") == 1
-    assert text.count("consistency 1.30 at 2^-3: the means of neighbouring levels disagree") == 1
+    assert text.count("kurtosis 346 at 2^-7") == text.count("consistency 1.30 at 2^-3") == 1
     assert any(line.startswith("2^-6, 2^-7") and line.rstrip().endswith(" 7") for line in text.splitlines())
 
 
@@ -102,7 +97,7 @@ def test_without_what_may_be_missing(results):
     multilevel.attributes["level_cost_rate"] = math.nan
     text = printed(weak(plain, multilevel, exact))
     assert "standard error 1.0e-4 at 2^-3 in 4 s of processor time\n" in text and "expected" not in text
-    assert "levels: " not in text and "errors are not corrected for what it lacks, as theory states no order" in text
+    assert "levels: " not in text and "not corrected" in text
 
 
 def test_one_path_and_levels_that_cost_the_same(results):
@@ -159,10 +154,8 @@ def test_differences():
     text = printed(weak(group))
     lines = text.splitlines()
     assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
-    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with antithetic paths"
-    assert text.count(levels) == 2
-    told = "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2), which is added"
-    assert told in text
+    assert text.count("; with antithetic paths") == 2
+    assert "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2" in text
     for function in ("phi", "square"):
         name = f"splitting, multilevel, {function}"
         assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
@@ -170,8 +163,7 @@ def test_differences():
     group.variables["difference_consistency"][1][1, 0] = 1.5
     group.variables["difference_nonfinite"][1][1] = 7
     text = printed(weak(group))
-    assert text.count("heavy tails: kurtosis 101 at 2^-4 and kurtosis 150 at 2^-5; few samples") == 1
-    assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
+    assert text.count("kurtosis 101 at 2^-4 and kurtosis 150 at 2^-5") == text.count("consistency 1.50 at 2^-3") == 1
     assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())
 
 
