@@ -153,12 +153,15 @@ def new(
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
-    stored = _stored(source)
+    stored: StoredSpec | None = None
     if source is None:
         template = shipped.template("system" if system else "experiment")
         path = shlex.quote(target.as_posix())
         files = {target: template.replace("NAME.yaml", path).replace("NAME", target.stem).encode()}
     else:
+        from ..running.load import STORED, stored_spec
+
+        stored = stored_spec(source) if Path(source).suffix in STORED else None
         files = _copies(source, stored, target)
     written = _write(files, target)
     for file in written:
@@ -177,15 +180,8 @@ def new(
     tell(f"spi: edit it as you like; `spi check {quoted}` estimates the cost, `spi run {quoted}` runs it")
 
 
-def _stored(source: str | None) -> "StoredSpec | None":
-    """The spec in a file of results, which is not run; None where the source is none."""
-    from ..running.load import STORED, stored_spec
-
-    return stored_spec(source) if source is not None and Path(source).suffix in STORED else None
-
-
 def _copies(source: str, stored: "StoredSpec | None", target: Path) -> dict[Path, bytes]:
-    """An experiment and the files that it names, by the paths of their copies."""
+    """An experiment, or the one `stored` in results, which is not run, and its files, by the paths of their copies."""
     from ..running.finding import Wanted
     from ..running.load import load
     from ..specs.files import content
