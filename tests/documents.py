@@ -116,6 +116,8 @@ def whole(block):
     """The spec that a block of YAML is, or of which it is a part."""
     text = re.sub(r"\A\s*#.*\n", "", block.text)
     within = block.notes.get("within")
+    if "in file" in block.notes:
+        return changed(block, Path(block.notes["in file"]).read_text(encoding="utf-8"))
     if within is None:
         if not re.search("^kind:", text, re.MULTILINE):
             raise Wrong(f"{block.place}: is no whole spec; say <!-- within: NAME --> above of which it is a part")

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
-from ..ensemble.loop import integrated, paths_of
+from ..ensemble.loop import Grid, paths_of
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..kinds.answer import study
@@ -22,13 +23,11 @@ from ..running import workers
 from ..running.compiling import compile_missing
 from ..running.run import kernel_calls
 from ..specs import SpecError
-from ..statistics.estimators import GROUPS, group_counts, mean_over_paths, standard_deviation, with_powers
-from ..statistics.tallies import sum_of_fields
+from ..statistics.accumulators import Array, Sums, counted, moments
+from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from .paths import plan_of
 from .progress import Line
 from .specs import of_mapping, whole
-
-_BATCH_BYTES = 16e6  # of final states
 
 Phi = Callable[[np.ndarray], Any]  #: values (paths,) of states (d, paths)
 
@@ -67,7 +66,8 @@ def expectations(
         raise SpecError("steps: is an empty list; give a step size, or several")
     each = sorted((plan_of(model, scheme, keys | {"step": h}) for h in sizes), key=lambda plan: -plan.case.step)
     h, finest = [plan.case.step for plan in each], each[-1]
-    plan = MeansPlan.of(finest, h, functions, count)
+    of_case: Any = {"case": finest.case, "part": finest.part, "functions": _callables(functions, finest)}
+    plan = MeansPlan(**of_case, h=tuple(h), count=count)
     state = State(plan)
     with Line("expectations", progress) as line:
         compile_missing([(scheme, call) for call in plan.kernel_calls()], line.watch.report_compiling)
@@ -88,37 +88,38 @@ def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     return phis
 
 
-class Sums(NamedTuple):
+class EndSums(Sums):
     """Sums over some paths, for F functions at L step sizes."""
 
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    values: np.ndarray  #: (1, L, F, GROUPS) sums of phi
-    apart: np.ndarray  #: (2, L, F, GROUPS) of phi(y) - phi(y_0), which loses fewer digits, and of its square
-    nonfinite: np.ndarray  #: (L,)
-
-    def plus(self, later: "Sums") -> "Sums":
-        """These paths and some later ones."""
-        return sum_of_fields(self, later)
+    values: Annotated[Array, moments("level function", 1)]  #: of phi
+    apart: Annotated[Array, moments("level function")]  #: of phi(y) - phi(y_0), which loses fewer digits
+    nonfinite: Annotated[Array, counted("level")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeansPlan(BlocksPlan):
     """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
-    functions: dict[str, Phi]
+    sums = EndSums
 
-    @classmethod
-    def of(cls, finest: TrajectoryPlan, h: Sequence[float], functions: Any, samples: int) -> Self:
-        """The plan of the paths with steps h, from large to small; SpecError for other than doublings of the last."""
-        case, doublings = finest.case, [round(math.log2(step / h[-1])) for step in h]
-        for step, times in zip(h, doublings, strict=True):
-            if abs(h[-1] * 2.0**times - step) > 1e-12 * step:
-                right = f"not 1, 2, 4, 8, ... times the smallest, {h[-1]:g}; take others"
+    functions: dict[str, Phi]
+    h: tuple[float, ...]  #: step sizes, from large to small
+    count: int  #: of paths
+
+    @property
+    def samples(self) -> int:
+        """The number of paths."""
+        return self.count
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
+        doublings = [round(math.log2(step / self.h[-1])) for step in self.h]
+        for step, times in zip(self.h, doublings, strict=True):
+            if abs(self.h[-1] * 2.0**times - step) > 1e-12 * step:
+                right = f"not 1, 2, 4, 8, ... times the smallest, {self.h[-1]:g}; take others"
                 raise SpecError(f"steps: has {step:g}, which is {right}")
-        of_case: Any = {"case": case, "part": finest.part, "grid": path_grid(case, finest.part, case.step, doublings)}
-        return cls(**of_case, samples=samples, functions=_callables(functions, finest))
+        return path_grid(self.case, self.part, self.h[-1], doublings)
 
     @property
     def at_start(self) -> np.ndarray:
@@ -127,36 +128,22 @@ class MeansPlan(BlocksPlan):
         values = np.array([_values_of(name, phi, y)[0] for name, phi in self.functions.items()])
         return np.where(np.isfinite(values), values, 0.0)
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
-        shape = len(self.steps), len(self.functions), GROUPS
-        return Sums(0, 0.0, 0.0, np.zeros((1, *shape)), np.zeros((2, *shape)), np.zeros(len(self.steps), int))
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"level": len(self.steps), "function": len(self.functions)}
 
-    def most_blocks(self, number: int) -> int:
-        """The largest number of blocks in a batch, because of memory."""
-        return max(1, int(_BATCH_BYTES / (8 * LANES * len(self.steps) * (len(self.initial) + 3 * len(self.functions)))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
-        states, _ = integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end)
+        states, _ = self.integrated(first, blocks, end)
         y = paths_of(states, len(self.initial))[..., : end - first * LANES]
-        values = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
+        values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
         for level, of_level in enumerate(y):
             for f, (name, phi) in enumerate(self.functions.items()):
                 values[level, f, : y.shape[-1]] = _values_of(name, phi, of_level)
-        return np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
-
-    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
-        """The sums with the values `at`, of which the first is that of block `first`."""
-        values = rows[at]
-        real = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+        values = np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
         with np.errstate(all="ignore"):
             apart = values - self.at_start[:, np.newaxis]
-        return sums._replace(
-            values=with_powers(sums.values, values, first, end),
-            apart=with_powers(sums.apart, apart, first, end),
-            nonfinite=sums.nonfinite + (~np.isfinite(values).all(axis=2) & real).sum(axis=(0, 2)),
-        )
+        return {"values": values, "apart": apart, "nonfinite": np.logical_not(np.isfinite(values).all(axis=2))}
 
 
 def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
@@ -172,7 +159,7 @@ def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
     return values
 
 
-def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
+def _dataset(sums: EndSums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
     mean, _ = mean_over_paths(sums.values[0], counts)

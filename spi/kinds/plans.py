@@ -10,14 +10,14 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import draw_paths
 from spi.ensemble.increments import brownian
-from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
+from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
@@ -215,7 +215,7 @@ def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
 def _fitting(like: Any, value: Any) -> Any:
     """The value, if it is of the type and shape of one like it, else ValueError; sides of arrays may grow from 0."""
     if isinstance(like, np.ndarray):
-        fit = isinstance(value, np.ndarray) and value.dtype == like.dtype and value.ndim == like.ndim
+        fit = isinstance(value, np.ndarray | np.generic) and value.dtype == like.dtype and value.ndim == like.ndim
         fit = fit and all(m == n or 0 in (m, n) for m, n in zip(like.shape, value.shape, strict=True))
     else:
         fit = fits(value, float if isinstance(like, float) else type(like))
@@ -251,8 +251,15 @@ class KernelCall(NamedTuple):
 class Plan:
     """One part of an experiment, ready to run; the kinds implement the methods that are not implemented here."""
 
+    record: ClassVar[type[Stored]]  #: what the plan computes in the end
+
     case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
     part: Part
+
+    @classmethod
+    def of(cls, case: Any, part: Part) -> Self:
+        """The plan for one part of a case."""
+        return cls(case=case, part=part)
 
     def cost(self) -> Cost:
         """The cost of the part, before it is run."""
@@ -358,8 +365,9 @@ class Plan:
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that every record has: description, wall-clock time and threads."""
-        return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
+        """The fields that do not follow from sums: description, times, threads, and what the case says of itself."""
+        facts = {fact: getattr(self.case, fact) for fact in self.record.facts() if hasattr(self.case, fact)}
+        return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
@@ -434,12 +442,24 @@ def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
     return sums
 
 
+def each_scheme(case: Any) -> list[Part]:
+    """The parts of a case that are computed one after the other: each scheme, with each eps that it has."""
+    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PathsPlan(Plan):
     """The base of all plans whose paths, of one scheme, are integrated on one grid."""
 
-    samples: int  #: number of paths
-    grid: Grid  #: times and step sizes
+    @property
+    def samples(self) -> int:
+        """The number of paths."""
+        return int(self.case.samples)
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
+        return path_grid(self.case, self.part, self.case.step)
 
     @property
     def blocks(self) -> int:
@@ -454,6 +474,17 @@ class PathsPlan(Plan):
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.grid, self.stream)
+
+
+def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> Grid:
+    """The times of a case's paths with steps of these sizes and of that of the reference, all on the same noise.
+
+    Without `areas` the areas of larger steps are those that the increments of the reference make.
+    """
+    reference = case.reference_record(part.eps)
+    schemes = [case.row(part.scheme, part.eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas) if areas else 0
+    return nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
 
 
 def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:

@@ -26,7 +26,6 @@ from .checks import (
     dyadic,
 )
 from .compositions import Compositions, check_steps, weak_order
-from .document import every
 from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
 from .initial import Initial
@@ -81,12 +80,11 @@ class FunctionKeys(Keys):
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
-    @condition("functions", "model")
+    @condition
     def _check_functions(self) -> Self:
-        trees = every(self._tree, self.functions.items())
+        texts = {name: canonical(self._tree(name, text)) for name, text in self.functions.items()}
         if not self.variables:
             return self
-        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
         return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
@@ -132,6 +130,10 @@ class BaseCase(Keys):
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    #: key -> a value with which it is left out of what decides results, as where there is no such key.
+    unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
+    distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
+    at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
@@ -206,53 +208,49 @@ class BaseCase(Keys):
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "temperature", "model", "panels")
+    @condition
     def _check_dissipation(self) -> Self:
         """The case with its damping or its temperature in the record of the model."""
         return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
-    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
-        said["temperature"] = lambda temperature: temperature < math.inf
-        said |= dict.fromkeys(("damping", "noise", "times", "panels", "reference_step"), bool)
-        said |= dict.fromkeys(("autocorrelation", "density", "pullback"), bool)
-        return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
+    def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        left_out = {key for key, value in self.unsaid.items() if getattr(self, key) == value}
+        return {key: value for key, value in write(self).items() if key not in left_out}
 
-    @condition("schemes", "reference_scheme", "compositions")
+    @condition
     def _check_names(self) -> Self:
         """The case with those of its compositions that it uses."""
         check_names(self)
         used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
         return self.model_copy(update={"compositions": used})
 
-    @condition("initial", "model")
+    @condition
     def _check_initial(self) -> None:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
 
-    @condition("initial", "model", "compositions")
+    @condition
     def _check_words(self) -> None:
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
 
-    @condition("schemes", "reference_scheme", "model")
+    @condition
     def _check_needs(self) -> None:
         check_needs(self)
         check_noise(self)
 
-    @condition("panels", "statistics", "quantiles", "targets")
+    @condition
     def _check_lists(self) -> None:
-        for key in ("panels", "statistics", "quantiles", "targets"):
+        for key in self.distinct:
             check_distinct(getattr(self, key, None) or (), key)
 
-    _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
-    _check_eps = condition("eps", "schemes")(check_eps)
-    _check_sweep = condition("sweep")(check_shown)
+    _check_areas = condition(check_word_of_areas)
+    _check_eps = condition(check_eps)
+    _check_sweep = condition(check_shown)
 
-    @condition("expect", "schemes")
+    @condition
     def _check_expect(self) -> None:
         _ = self.claims
 
@@ -274,7 +272,7 @@ class ErrorCase(BaseCase):
         """T."""
         return self.final_time
 
-    @condition("steps", "schemes")
+    @condition
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
@@ -284,7 +282,7 @@ class ErrorCase(BaseCase):
         check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
-    @condition("reference_scheme", "schemes", "eps")
+    @condition
     def _check_reference_scheme(self) -> None:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):

@@ -16,7 +16,6 @@ from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
 from ..systems import inexact
 from ..systems.keys import MOST
-from .document import every
 from .keys import quantity, shown, suggestion, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
@@ -91,7 +90,7 @@ def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
     """The key `times` in its order, as exact multiples of `between`; `of` stands before and behind it in a message."""
     before, behind = of.split("{}")
 
-    def check(i: int, t: float) -> None:
+    for i, t in enumerate(case.times):
         if t > case.final_time * (1 + ROUNDING):
             right = f"must not exceed final_time, which is {quantity(case.final_time)}"
             raise wrong(f"is {quantity(t)}", right, "times", i)
@@ -100,7 +99,6 @@ def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
             right = f"the nearest are {quantity(lower)} and {quantity(lower + between)}"
             raise wrong(f"is {quantity(t)}, no multiple of {before}{quantity(between)}{behind}", right, "times", i)
 
-    every(check, enumerate(case.times))
     numbers = [round(t / between) for t in case.times]
     check_distinct([quantity(n * between) for n in numbers], "times")
     return tuple(n * between for n in sorted(numbers))
@@ -115,13 +113,10 @@ def wrong_scheme(case: Any, name: str, what: str, right: str) -> PydanticCustomE
 def check_names(case: Any) -> None:
     """All schemes are in the table of schemes or among the compositions of the case."""
     known = (*SCHEMES, *case.compositions)
-
-    def check(n: int, name: str) -> None:
+    for n, name in enumerate(case.schemes_used):
         if name not in known:
             place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
             raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
-
-    every(check, enumerate(case.schemes_used))
 
 
 def check_flows(case: Any) -> None:

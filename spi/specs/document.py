@@ -1,18 +1,14 @@
 """YAML as plain data that knows where it stands in the file."""
 
 import difflib
-import math
-import re
 import unicodedata
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn
 
 import yaml
-from pydantic import ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ..storage import contents
 
@@ -39,32 +35,6 @@ class SpecError(ValueError):
     def __init__(self, *messages: str) -> None:
         self.messages = tuple("".join(c if c.isprintable() else " " for c in message) for message in messages)
         super().__init__("\n".join(self.messages))
-
-
-class Faults:
-    """Collects what is wrong with a spec: ``with faults:`` ends with a SpecError, and the program goes on behind it."""
-
-    def __init__(self) -> None:
-        self.messages: dict[str, str] = {}  # by what is wrong
-
-    def __enter__(self) -> "Faults":
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        if isinstance(error, SpecError):
-            for message in error.messages:
-                self.messages.setdefault(message.partition("; ")[0], message)
-        return isinstance(error, SpecError)
-
-    def raise_all(self) -> None:
-        """Raise the SpecError with all that was collected, from the top of the file to its end, if there is any."""
-        if self.messages:
-            raise SpecError(*sorted(self.messages.values(), key=_line))
-
-
-def _line(message: str) -> float:
-    found = re.match(r".*?:(?: line )?(\d+):", message)
-    return int(found[1]) if found else math.inf
 
 
 class Document:
@@ -207,48 +177,3 @@ def override(told: str, text: str) -> Document:
     word = key.strip().removeprefix("--")
     option = "--set" if word == key.strip() else f"--{word}:"
     return Document(value, lambda line: f"{told}: {option}", tuple(word.split(".")))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Several mistakes under one key of a spec, reported together.
-# ---------------------------------------------------------------------------------------------------------------------
-
-Made = TypeVar("Made")
-
-
-def every(check: Callable[..., Made], entries: Iterable[tuple[Any, ...]]) -> list[Made]:
-    """What `check` makes of each of some entries; a ValidationError with all that is wrong with any of them."""
-    made, faults = [], list[InitErrorDetails]()
-    for entry in entries:
-        try:
-            made.append(check(*entry))
-        except (PydanticCustomError, ValidationError) as error:
-            faults += details(error)
-    if faults:
-        raise ValidationError.from_exception_data("spec", faults)
-    return made
-
-
-def details(error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:
-    """What an error reports, so that it can be raised again together with others."""
-    if isinstance(error, PydanticCustomError):
-        return [InitErrorDetails(type=error, loc=(), input=None)]
-    return [again(fault) for fault in error.errors(include_url=False)]
-
-
-def again(fault: Any) -> InitErrorDetails:
-    """A reported error as one that can be raised."""
-    kind, context = fault["type"], fault.get("ctx", {})
-    error = PydanticCustomError(kind, "{what}; {right}" if kind == "spec" else fault["msg"], context)
-    return InitErrorDetails(type=error, loc=fault["loc"], input=fault["input"])
-
-
-def under(key: str, error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:
-    """What an error about a mapping reports, as an error about the mapping in which that stands at `key`."""
-    found = ((one["type"], one.get("loc", ())) for one in details(error))
-    return [InitErrorDetails(type=_under((key, *loc), kind), loc=(), input=None) for kind, loc in found]
-
-
-def _under(keys: tuple[str | int, ...], error: Any) -> PydanticCustomError:
-    context = {"what": str(error), "right": "correct it"} | dict(error.context or {})
-    return PydanticCustomError("spec", "{what}; {right}", context | {"keys": (*keys, *context.get("keys", ()))})

@@ -194,8 +194,8 @@ def _steps(case: Any) -> tuple[float, ...]:
 def _check_step(case: Any, law: Any, h: float) -> None:
     """There are increments of size h."""
     count = round(case.last_time / h)
-    if at_once(law) and hasattr(case, "step_count"):
-        what = "is that of a process whose increments are all made at once, and paths of kind equilibrium are too long"
+    if at_once(law) and not case.at_once:
+        what = "is that of a process whose increments are all made at once, and paths of this kind are too long"
         raise wrong(what, "use another process, or kind: statistics", "noise", "kind")
     if at_once(law) and count * noises(case.model) > _MOST_AT_ONCE:
         what = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"

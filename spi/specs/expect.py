@@ -13,16 +13,13 @@ test functions drops the claims about the others.
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator
 
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
-from .document import every
 from .keys import shown, suggestion, wrong
 
 #: The keys of a spec whose entries claims may be about.
@@ -53,9 +50,7 @@ def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
     """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
     if not isinstance(value, dict):
         return _stated(value, path) if path else {} if value is None else value
-    given = {key: inner for key, inner in value.items() if inner is not None}
-    read = every(_read, ((inner, (*path, key)) for key, inner in given.items()))
-    return dict(zip(given, read, strict=True))
+    return {key: _read(inner, (*path, key)) for key, inner in value.items() if inner is not None}
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
@@ -111,15 +106,15 @@ class _Place(NamedTuple):
 
 
 def claims(case: Any) -> tuple[Claim, ...]:
-    """The claims of a case; raises the error for pydantic about all that is not known."""
+    """The claims of a case; raises the error about the first that is wrong."""
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
-    return tuple(chain.from_iterable(every(partial(_of_scheme, case), case.expect.items())))
+    return tuple(claim for scheme, stated in case.expect.items() for claim in _of_scheme(case, scheme, stated))
 
 
-def _of_scheme(case: Any, scheme: str, stated: Any) -> list[Claim]:
+def _of_scheme(case: Any, scheme: str, stated: Any) -> Iterator[Claim]:
     place = _Place(("expect", scheme))
     if scheme not in case.schemes:
         raise wrong("is not a known scheme", suggestion(scheme, case.schemes), *place.path)
@@ -127,18 +122,16 @@ def _of_scheme(case: Any, scheme: str, stated: Any) -> list[Claim]:
     return _claims(case, scheme, _mapping(stated, right, place), place)
 
 
-def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> list[Claim]:
+def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> Iterator[Claim]:
     scopes = [name for key in case.scoping for name in getattr(case, key)]
     scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
-
-    def read(key: str, value: Any) -> list[Claim]:
+    for key, value in stated.items():
         here = place._replace(path=(*place.path, key))
         if key in case.quantities:
-            return [_claim(case, scheme, key, value, here)]
-        inside = _inside(case, key, scopes, here)
-        return _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
-
-    return list(chain.from_iterable(every(read, stated.items())))
+            yield _claim(case, scheme, key, value, here)
+        else:
+            inside = _inside(case, key, scopes, here)
+            yield from _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
 
 
 def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place:

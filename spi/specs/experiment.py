@@ -26,7 +26,7 @@ from ..models import MODELS
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
-from .document import Document, Faults, Location, SpecError, about, override, text_of
+from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
 from .keys import ABSENT, CaseName, Keys, attempt, key_of, needed_keys, one_of, suggestion
 from .models import COMPLETE, ModelPart, check_overrides, is_another, overridden
@@ -260,24 +260,20 @@ def load(
         raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
-    named, faults = Files(path, files, trusts, added), Faults()
-    context = kinds.context(document.data, overrides)
-    file: Any = None
-    with faults:
-        file = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
-    faults.raise_all()
+    named, context = Files(path, files, trusts, added), kinds.context(document.data, overrides)
+    file: Any = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
     stem = title or Path(path).stem  # which need not be Unicode
     title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    last = _last(partial(kinds.profiles[file.kind].model_validate, context=context), told, overrides, faults)
-    faults.raise_all()
-    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    last: list[Layer] = [(override(told, text), ()) for text in overrides]
+    for layer, _ in last:
+        _valid(partial(kinds.profiles[file.kind].model_validate, context=context), layer.data, [(layer, ())])
+    read = partial(_cases, kinds.cases[file.kind], named, document, owners)
     each = {name: read(above) for name, above in {"": [], **profiles}.items()}
     cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
-    faults.raise_all()
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
@@ -329,49 +325,38 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
     return owners or {"main": ((), title)}
 
 
-def _last(read: Callable[[Any], Any], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
-    """The layers that overrides are; adds to `faults` what is wrong with any of them."""
-    layers: list[Layer] = []
-    for one in overrides:
-        with faults:
-            layer = override(told, one), ()
-            _valid(read, layer[0].data, [layer])
-            layers.append(layer)
-    return layers
-
-
 def _cases(
     case_class: type[BaseCase],
     files: Files,
     file: Document,
     owners: dict[str, Owner],
-    faults: Faults,
     above: Sequence[Layer],
 ) -> tuple[BaseCase, ...]:
-    """The records of all cases of a file, with the layers `above`, but for those with `faults`."""
-    built, read = [], partial(case_class.model_validate, context=files)
+    """The records of all cases of a file, with the layers `above`."""
+    built: list[BaseCase] = []
     for name, (owner, title) in owners.items():
-        with faults:
-            layers: list[Layer] = [(file, ()), (file, owner)]
-            for document, loc in above:
-                by_name = document.at(loc).get("cases", {})
-                if other := next((other for other in by_name if other not in owners), None):
-                    document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
-                layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
-            merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+        layers: list[Layer] = [(file, ()), (file, owner)]
+        for document, loc in above:
+            by_name = document.at(loc).get("cases", {})
+            if other := next((other for other in by_name if other not in owners), None):
+                document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
+            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+        merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+        try:
             check_overrides(layers, merged, files)
-            data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
-            if isinstance(data.get("sweep"), dict):
-                built += _swept(case_class, files, data, layers)
-            else:
-                missing = case_class.model_fields["sweep"].is_required()
-                unread = case_class.swept_in if missing else ()  # where the missing parameter may stand
-                built.append(_valid(read, data, layers, unread))
+        except PydanticCustomError as error:
+            _report({tuple((error.context or {})["keys"]): error.message()}, layers)
+        data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
+        read = partial(case_class.model_validate, context=files)
+        built += _swept(case_class, read, files, data, layers) if _is_swept(data) else [_valid(read, data, layers)]
     if len({case.sweep is None for case in built}) > 1:
-        one = next(case.name for case in built if case.sweep is None)
-        with faults:
-            file.fail(("cases",), f"has '{one}' without sweep beside others with one; sweep all of them, or none")
+        name = next(case.name for case in built if case.sweep is None)
+        file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
+
+
+def _is_swept(data: Mapping[str, Any]) -> bool:
+    return isinstance(data.get("sweep"), dict)
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
@@ -385,30 +370,31 @@ def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
                     document.fail((*place, "compositions", name), "is used nowhere; list it under schemes or remove it")
 
 
-def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layers: Sequence[Layer]) -> list[BaseCase]:
+def _swept(
+    case_class: type[BaseCase],
+    read: Callable[[Any], BaseCase],
+    files: Files,
+    data: dict[str, Any],
+    layers: Sequence[Layer],
+) -> list[BaseCase]:
     """The cases that a swept parameter makes of one; of stability that one, with the others in it."""
-    read = partial(case_class.model_validate, context=files)
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
-    required, keys = case_class.model_fields["sweep"].is_required(), case_class.swept_in
+    required = case_class.model_fields["sweep"].is_required()
     try:
-        known = [key for key in keys if key in case_class.model_fields]
-        versions = sweep.versions(data, known, files, most=1 if required else 2)
+        keys = [key for key in case_class.swept_in if key in case_class.model_fields]
+        versions = sweep.versions(data, keys, files, most=1 if required else 2)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
     if required:
-        found = [_valid(read, version, layers) for version in versions.values()]
-        return [found[0].model_copy(update={"sweep": found[0].sweep._replace(cases=tuple(found))})]
+        cases = [_valid(read, version, layers) for version in versions.values()]
+        return [cases[0].model_copy(update={"sweep": cases[0].sweep._replace(cases=tuple(cases))})]
     attempts = {at: attempt(read, version) for at, version in versions.items()}
-    mistakes = {at: wrong for at, (_, wrong) in attempts.items() if wrong}
-    if mistakes:
-        first = next(iter(mistakes.values()))
-        if len(mistakes) == len(attempts) and all(wrong == first for wrong in mistakes.values()):  # whatever the value
-            _report(first, layers)
+    wrong = {at: mistakes for at, (_, mistakes) in attempts.items() if mistakes}
+    for at, mistakes in wrong.items():
+        if all(wrong.get(other) == mistakes for other in attempts):  # whatever the value
+            _report(mistakes, layers)
         word = next(word for word in data["sweep"] if word != "of")
-        told = [(at, about(*next(iter(wrong.items())))) for at, wrong in mistakes.items()]
-        if len(data["sweep"].keys() - {"of"}) > 1:  # a mistake in one parameter once, not for all values of the other
-            told = [(at, text) for text, at in dict((text, at) for at, text in reversed(told)).items()][::-1]
-        raise SpecError(*(document.message((*top, "sweep", word), f"with {at}: {text}") for at, text in told))
+        document.fail((*top, "sweep", word), f"with {at}: {about(*next(iter(mistakes.items())))}")
     return sweep.apart([case for case, _ in attempts.values()])
 
 
@@ -417,20 +403,16 @@ def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layer
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unread: Sequence[str] = ()) -> Any:
-    """What pydantic reads from `data`, which the layers together make up; SpecError with all that is wrong.
-
-    Of the keys `unread` it cannot be told, since a mistake elsewhere leaves open what they mean.
-    """
+def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer]) -> Any:
+    """The record that pydantic reads from `data`, which the layers together make up; SpecError if it is wrong."""
     record, mistakes = attempt(read, data)
-    told = {loc: message for loc, message in mistakes.items() if loc[:1] == () or loc[0] not in unread}
-    return _report(told, layers) if mistakes else record
+    return _report(mistakes, layers) if mistakes else record
 
 
 def _report(mistakes: dict[Location, str], layers: Sequence[Layer]) -> NoReturn:
-    """Raise the SpecError with all that is wrong with what the layers together make up."""
-    told = []
+    """Raise the SpecError about mistakes in the mapping that the layers together make up."""
+    messages = []
     for loc, message in mistakes.items():
         document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
-        told.append(document.message(top + loc, message))
-    raise SpecError(*told)
+        messages.append(document.message(top + loc, message))
+    raise SpecError(*messages)

@@ -106,7 +106,7 @@ class OfGauss(Keys):
     covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
         if len(given) != 1:
@@ -216,24 +216,25 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
 
 
 def _cholesky(matrix: _MATRIX) -> list[list[float]]:
-    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix."""
+    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix.
+
+    numpy.linalg refuses singular matrices, and its last bits depend on the machine.
+    """
     a = np.array(matrix)
     size = np.abs(a).max()
     if not np.allclose(a, a.T, rtol=1e-12, atol=0.0):
         raise wrong("is not symmetric", "must be", "covariance")
-    d, found = len(a), np.zeros_like(a)
-    for j in range(d):
-        for i in range(j, d):
-            left = float(a[i, j])
-            for k in range(j):
-                left -= float(found[i, k]) * float(found[j, k])
-            if i == j and left > 1e-14 * size:
-                found[j, j] = math.sqrt(left)
-            elif found[j, j] > 0.0:
-                found[i, j] = left / float(found[j, j])
-            elif abs(left) > 1e-12 * size:
-                raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
-    return found.tolist()
+    factor = np.zeros_like(a)
+    for j in range(len(a)):
+        left = a[j:, j].copy()
+        for k in range(j):
+            left -= factor[j:, k] * factor[j, k]
+        if left[0] > 1e-14 * size:
+            factor[j, j] = math.sqrt(left[0])
+            factor[j + 1 :, j] = left[1:] / factor[j, j]
+        elif np.abs(left).max() > 1e-12 * size:
+            raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
+    return factor.tolist()
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -319,7 +320,7 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
@@ -349,7 +350,7 @@ class Stored(Keys):
     case: key_of(str, "name of the case in it; default: the only one") = ABSENT
     scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = self.model_fields_set
         if {"file", "results"} <= given:

@@ -6,22 +6,22 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 import difflib
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
-from functools import cache, partial, reduce
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial, reduce, wraps
 from operator import or_
-from types import UnionType
-from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
 from ..storage.records import RENAMED_KINDS
-from .document import Location, again, details, every
+from .document import Location
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -65,31 +65,18 @@ def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
 # --- keys and numbers ------------------------------------------------------------------------------------------------
 
 
-def _faults_of_keys(data: dict[str, Any], known: dict[str, Any], needed: dict[str, Any]) -> list[InitErrorDetails]:
-    """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
-    unknown = [key for key in data if key not in known]
-    meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
-    faults = [wrong("is not a known key", suggestion(key, known), key) for key in unknown]
-    for key, field in needed.items():
-        if key not in data and key not in meant:
-            faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
-    return [InitErrorDetails(type=fault, loc=(), input=data) for fault in faults]
+def condition(check: Callable[[Any], Any]) -> Any:
+    """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between its keys.
 
-
-def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
-    """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
-
-    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It may return a copy of the
-    record with what it makes of it.  The conditions of a class are tried in the order in which they are
-    defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
-    common with it are left out, so that what depends on a mistake is not reported as another.
+    It may return a copy of the record with what it makes of it.  Conditions are tried once all keys have been read, up
+    to the first that is not met: in the order in which they are defined, those of base classes first.
     """
 
-    def mark(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        check.about = keys  # type: ignore[attr-defined]
-        return check
+    @wraps(check)
+    def checked(record: Any) -> Any:
+        return check(record) or record
 
-    return mark
+    return model_validator(mode="after")(checked)
 
 
 class Keys(pydantic.BaseModel):
@@ -97,43 +84,22 @@ class Keys(pydantic.BaseModel):
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self]) -> Any:
-        """The record; a ValidationError with all that is wrong with its keys, or else between them."""
-        if not isinstance(data, dict):
-            return read(data)
-        allowed = cls.model_config["extra"] == "allow"
-        faults = _faults_of_keys(data, data if allowed else cls.model_fields, needed_keys(cls))
-        try:
-            record = read({key: value for key, value in data.items() if allowed or key in cls.model_fields})
-        except ValidationError as invalid:
-            every = invalid.errors(include_url=False)
-            faults += [again(fault) for fault in every if fault["type"] != "missing" or len(fault["loc"]) > 1]
-        if not faults:
-            record = record._met(faults)
-        if faults:
-            raise ValidationError.from_exception_data(cls.__name__, faults)
-        return record
-
-    def _met(self, faults: list[InitErrorDetails]) -> Any:
-        """The record once its conditions are met; adds to `faults` those that are not."""
-        record, in_doubt = self, set[str]()
-        for name, keys in _conditions(type(self)).items():
-            if in_doubt.isdisjoint(keys):
-                try:
-                    record = getattr(record, name)() or record
-                except (PydanticCustomError, ValidationError) as error:
-                    faults += details(error)
-                    in_doubt.update(keys)
-        return record
+    def _check_keys(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            check_keys(data, data if cls.model_config["extra"] == "allow" else cls.model_fields, needed_keys(cls))
+        return data
 
 
-@cache
-def _conditions(cls: type[Keys]) -> dict[str, tuple[str, ...]]:
-    """The names of the conditions of a class, and the keys that they are about."""
-    named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
-    return {name: method.about for name, method in named if hasattr(method, "about")}
+def check_keys(
+    data: Mapping[str, Any], known: Collection[str], needed: Mapping[str, Any] = MappingProxyType({})
+) -> None:
+    """Raise the error about the first key of a mapping that is not `known`, or else about the first that is missing."""
+    if unknown := next((key for key in data if key not in known), None):
+        raise wrong("is not a known key", suggestion(unknown, known), unknown)
+    if missing := next((key for key in needed if key not in data), None):
+        raise wrong(f"missing key '{missing}'", f"add {missing}: {needed[missing].description}", missing)
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -146,10 +112,8 @@ def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterabl
     known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
 
     def check(data: Any) -> Any:
-        """Where nothing tells which class it is, what is wrong with the keys."""
         if isinstance(data, dict) and key not in data:
-            faults = _faults_of_keys(data, known, {key: Field(description=" or ".join(names))})
-            raise ValidationError.from_exception_data("keys", faults)
+            check_keys(data, known, {key: Field(description=" or ".join(names))})
         return data
 
     return Annotated[reduce(or_, classes), Field(discriminator=key), BeforeValidator(check)]
@@ -255,16 +219,13 @@ NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 def by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-
-    def check(name: str) -> None:
-        if not re.match(NAME, name):
-            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
-
     if isinstance(value, str):
         return {"phi": value}
     if not isinstance(value, dict):
         raise wrong(f"is {shown(value)}", "must be a mapping, as in {phi: y1^2, psi: y2}, or the text of one named phi")
-    every(check, ((name,) for name in value))
+    for name in value:
+        if not re.match(NAME, name):
+            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     return value
 
 

@@ -1,4 +1,4 @@
-"""How ``model`` is read: a built-in model by its name, or one from a file.
+"""The key ``model``: a built-in model by its name, or one from a file.
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
@@ -12,9 +12,9 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
-from operator import or_
+from operator import getitem, or_
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
 import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
@@ -28,7 +28,7 @@ from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from .document import Document, Location, SpecError
 from .files import Files
-from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Models that are Lie-Poisson systems written in YAML: in the spec itself, or in a file that it names.
@@ -52,9 +52,7 @@ KEYS = {**systems.KEYS, **_OTHERS}
 
 def read_system(data: Mapping[str, Any], files: Files) -> Any:
     """The record of the model that is generated of a system; raises the error about a key of `data`."""
-    for key in data:
-        if key not in KEYS:
-            raise wrong("is not a known key", suggestion(key, KEYS), key)
+    check_keys(data, KEYS)
     document = _document(data["system"], files) if "system" in data else None
     whole = overridden(document.data, data) if document else data
     name = _name(whole)
@@ -71,17 +69,14 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
 
 def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:
     """The keys of a system in the file at this path; raises the error about the key ``system``."""
-    found: Mapping[str, Any] = _document(path, files).data
-    return found
+    data: Mapping[str, Any] = _document(path, files).data
+    return data
 
 
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """The keys of a system with those that stand above them."""
-    both = {
-        key: {**below[key], **above[key]}
-        for key in BY_ENTRY
-        if isinstance(below.get(key), dict) and isinstance(above.get(key), dict)
-    }
+    pairs = {key: (below.get(key), above.get(key)) for key in BY_ENTRY}
+    both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
     return {**below, **above, **both}
 
 
@@ -119,23 +114,24 @@ def _document(path: Any, files: Files) -> Document:
     return document
 
 
-def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> Any:
+def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> NoReturn:
     """Raise the error about the key to which one of a definition belongs."""
     what, _, right = str(error).rpartition("; ")
     what, right = (what, right) if what else (right, "correct it")
     keys = tuple(error.keys)
-    if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _found(data, keys):
+    if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _stands_in(data, keys):
         raise wrong(what, right, *keys) from None
     place = document.places.get(keys[: document.depth(keys)], "line 1")
     key = ".".join(str(k) for k in keys if isinstance(k, str))
     raise wrong(f"is {shown(data['system'])}, {place}, {key}: {what}", right, "system") from None
 
 
-def _found(data: Any, keys: tuple[Any, ...]) -> bool:
-    for key in keys:
-        if not isinstance(data, dict | list) or (key not in data if isinstance(data, dict) else key >= len(data)):
-            return False
-        data = data[key]
+def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
+    """Whether `keys` lead to a value."""
+    try:
+        reduce(getitem, keys, data)
+    except (LookupError, TypeError):
+        return False
     return bool(keys)
 
 
@@ -156,8 +152,8 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 def _record(cls: Any, parameters: Keys) -> Any:
     """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
-    if found := fault(model):
-        key, what, right = found
+    if complaint := fault(model):
+        key, what, right = complaint
         raise wrong(what, right, key)
     return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
 
@@ -258,9 +254,9 @@ def is_another(above: Any, below: Any) -> bool:
 
 
 def name_of(model: Any) -> str:
-    """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
+    """The name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, known in MODELS.items() if known is cls), cls.__qualname__)
+    return next((name for name, built_in in MODELS.items() if built_in is cls), cls.__qualname__)
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -271,14 +267,14 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         if systems.variables(model):  # nobody wrote its class, whose name and lines say nothing
-            found = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
-            raise wrong(f"{found}{more}", _remedy(found), "model", *SOURCES)
+            complaint = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
+            raise wrong(f"{complaint}{more}", _remedy(complaint), "model", *SOURCES)
         what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
         raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
 def _remedy(complaint: str) -> str:
-    """What would be right where a system written in YAML fails a generic check."""
+    """Advice where a system written in YAML fails a generic check."""
     if "not finite" in complaint or "cannot be computed" in complaint:
         return "near the initial state the formulas must be finite; take others, or another state"
     if "gradient" in complaint or "hessian" in complaint:
@@ -287,7 +283,7 @@ def _remedy(complaint: str) -> str:
 
 
 def _plain(model: Any) -> dict[str, Any]:
-    """All that decides results: of a model from elsewhere its code too."""
+    """All that decides results, of a model from elsewhere its code too."""
     record = undamped(model)
     code = modules.digest(type(record))
     return {"name": name_of(model), **({"code": code} if code else {}), **record._asdict()}
@@ -304,7 +300,7 @@ _PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.
 _BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
 
 
-#: What JSON Schema says of a name that is not one of theirs.
+#: In the JSON Schema, a name that is none of theirs.
 _NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
 
 
@@ -335,40 +331,37 @@ ModelPart = Annotated[
 
 
 _WORD = re.compile(r"[^\W\d]\w*")
-_ONE_OF = {"parameters": "parameter", "sizes": "size"}
 
 
 def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[str, Any], files: Files) -> None:
-    """SpecError about a parameter or size that a layer adds to a system and that nothing of it names.
+    """Raise the error about a parameter or size that a layer adds to a system and that no formula names.
 
-    `data` is what the layers together make of a case.
+    `data` are the keys of a case, which the layers together make up.
     """
-    whole: dict[str, Any] = {}
-    added: list[tuple[Document, Location, str, list[str]]] = []
-    for document, top in layers:
-        model = document.at(top).get("model")
-        if not isinstance(model, dict):
-            continue
-        if begins := not whole or is_another(model, whole):
-            try:
-                whole, added = dict(system_in_file(model["system"], files)) if "system" in model else {}, []
-            except PydanticCustomError:
-                return  # reading the model reports it
-        for key in BY_ENTRY if "system" in model or not begins else ():
-            known = _names(whole, key)
-            new = [name for name in _names(model, key) if name not in known]
-            added += [(document, (*top, "model", key, name), _ONE_OF[key], known) for name in new]
-        whole = overridden(whole, model)
+    model = data.get("model")
+    if not isinstance(model, dict):
+        return
+    lowest = next(part["model"] for document, top in layers if "model" in (part := document.at(top)))
+    whole: Mapping[str, Any] = model
+    if "system" in model:
+        try:
+            lowest = system_in_file(model["system"], files)
+        except PydanticCustomError:
+            return  # reading the model reports it
+        whole = overridden(lowest, model)
     used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
-    for document, loc, what, known in added:
-        if loc[-1] not in used:
-            right = suggestion(loc[-1], known) if known else "leave it out"
-            document.fail(loc, f"is no {what} of the system, and no formula names it; {right}")
+    for key, what in zip(BY_ENTRY, ("parameter", "size"), strict=True):
+        declared = names_under(key, lowest)
+        for name in names_under(key, model):
+            if name not in declared and name not in used:
+                right = suggestion(name, declared) if declared else "leave it out"
+                raise wrong(f"is no {what} of the system, and no formula names it", right, "model", key, name)
 
 
-def _names(model: Mapping[str, Any], key: str) -> list[str]:
-    found = model.get(key)
-    return list(found) if isinstance(found, dict) else []
+def names_under(key: str, model: Any) -> list[str]:
+    """The names in a mapping of a model that stands under a key."""
+    named = model.get(key) if isinstance(model, dict) else None
+    return list(named) if isinstance(named, dict) else []
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -166,6 +166,11 @@ class Stored(Described):
         return group
 
     @classmethod
+    def facts(cls) -> list[str]:
+        """The names of the fields that hold a number, a text or a tuple of them."""
+        return [field.name for field in cls.described if not (field.is_array or field.is_order or field.is_record)]
+
+    @classmethod
     def of(cls, group: Group) -> Self:
         """The record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))

@@ -323,7 +323,7 @@ def test_expectations_are_those_of_the_weak_study():
 def test_standard_errors_are_those_of_the_paths(monkeypatch):
     keys = {key: value for key, value in PATH.items() if key != "step"}
     for most in (1, 16e6):  # bytes of final states at a time
-        monkeypatch.setattr("spi.api.expecting._BATCH_BYTES", most)
+        monkeypatch.setattr("spi.kinds.blocks.BATCH_BYTES", most)
         functions = {"y1": "y1", "infinite at the start": f"1/(y1 - {INITIAL[0]!r})"}
         found = spi.expectations(BODY, "splitting", functions, steps="1/8", samples=2 * LANES + 3, **keys)
         last = spi.trajectory(BODY, "splitting", samples=2 * LANES + 3, **PATH).y[:, -1, 0].values

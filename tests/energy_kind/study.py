@@ -1,76 +1,55 @@
 """The mean of H(y(T)) over the paths of a scheme, at each step size."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 
-from spi.ensemble.loop import integrated, nested_grid
+from spi.ensemble.loop import Grid
 from spi.ensemble.protocol import hamiltonian
-from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
-from spi.numerics.rng import LANES
-from spi.schemes import typical_ns
+from spi.kinds.blocks import BlocksPlan, lanes_of
+from spi.kinds.plans import each_scheme, reference_grid
+from spi.statistics.accumulators import Array, Sums, joined
 from spi.statistics.estimators import stderr_of_mean
-from spi.storage.records import Part
 
 from .results import Energies
 
-
-class Sums(NamedTuple):
-    """H at the end of some paths."""
-
-    paths: int
-    seconds: float
-    cpu_seconds: float
-    energy: np.ndarray  #: (levels, paths)
-
-    def plus(self, later: "Sums") -> "Sums":
-        joined = np.concatenate((self.energy, later.energy), axis=1)
-        return Sums(
-            self.paths + later.paths, self.seconds + later.seconds, self.cpu_seconds + later.cpu_seconds, joined
-        )
+parts = each_scheme
 
 
-def parts(case: Any) -> list[Part]:
-    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+class EnergySums(Sums):
+    """H at the end of some paths, at each step size."""
 
-
-def plan(case: Any, part: Part) -> "EnergyPlan":
-    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, None)
-    return EnergyPlan(case=case, part=part, grid=times, samples=case.samples)
+    energy: Annotated[Array, joined("level")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyPlan(BlocksPlan):
-    def cost(self) -> Cost:
-        steps = int(self.steps.sum()) * self.samples
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), 8 * self.samples)
+    """The energies of one scheme."""
 
-    def empty(self, number: int) -> Sums:
-        return Sums(0, 0.0, 0.0, np.zeros((len(self.steps), 0)))
+    record = Energies
+    sums = EnergySums
 
-    def most_blocks(self, number: int) -> int:
-        return 64
+    @cached_property
+    def grid(self) -> Grid:
+        return reference_grid(self.case, self.part, self.case.steps)
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        states, _ = integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end)
-        return states.reshape(blocks, len(self.steps), len(self.initial), LANES)
+    def lengths(self, number: int) -> dict[str, int]:
+        return {"level": len(self.steps)}
 
-    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
-        y = np.moveaxis(rows[at], 0, -2).reshape(len(self.steps), len(self.initial), -1)
-        energy = np.array([hamiltonian(self.model, tuple(states)) for states in y])[:, : end - first * LANES]
-        return sums._replace(energy=np.concatenate((sums.energy, energy), axis=1))
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
+        states, _ = self.integrated(first, blocks, end)
+        y = np.moveaxis(lanes_of(states, len(self.initial)), 2, 0)
+        return {"energy": np.asarray(hamiltonian(self.model, tuple(y)))}
 
-    def progress(self, state: State) -> Done:
-        return Done(state.tally().paths, self.samples, float("nan"))
+    def estimates(self, sums: EnergySums) -> dict[str, Any]:
+        energy = sums.energy[:-1]
+        return {
+            "h": np.array(self.case.steps),
+            "energy": energy.mean(axis=1),
+            "energy_stderr": stderr_of_mean(energy),
+        }
 
-    def results(self, state: State) -> Energies:
-        energy = state.total().energy[:-1]
-        return Energies(
-            about=self.description(),
-            h=np.array(self.case.steps),
-            energy=energy.mean(axis=1),
-            energy_stderr=stderr_of_mean(energy),
-            samples=self.samples,
-        )
+
+plan = EnergyPlan.of

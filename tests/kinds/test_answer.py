@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -306,32 +305,6 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     assert points.reached and points.chosen.samples < paths.chosen.samples / 2
     assert points.chosen.samples & (points.chosen.samples - 1) == 0
     assert abs(points.value[0] - exact.value[0]) < 1.5 * points.half[0]
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("schemes: [midpoint]", "has 'midpoint', which needs bounded increments; leave it out"),
-        ("schemes: [ap_splitting]", "ap_splitting"),
-        ("steps: [1]", "steps: has 1 entry, too few to tell the bias from; must have 2 or more, as in "),
-        ("steps: [1/2, 1/3]", "steps: has 0.333333333333, which is not final_time / 1, 2, 4, ..., 32768; the nearest"),
-        ("steps: [2^-8, 2^-9]", "steps: has at most 2^-8; the largest must be at least 2^-6"),
-        ("reference_scheme: splitings", "reference_scheme: is 'splitings'"),
-        ("reference_scheme: midpoint", "reference_scheme: is 'midpoint', which needs bounded increments; leave it out"),
-        ("samples: 100", "samples: is '100'; must be at least 1024"),
-        ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
-        ("step: 1/8", "step: is not a known key; did you mean 'steps'"),
-        ("accuracy: 0", "accuracy"),
-        ("noise: {kind: fractional, hurst: 0.7}", "noise: is given, but this kind of experiment is for Brownian"),
-        ("accuracy: 1e-18", "accuracy: is 1e-18, below what float64 knows of such values"),
-    ],
-)
-def test_mistakes_are_one_line(tmp_path, line, message):
-    spec = tmp_path / "asked.yaml"
-    text = SPEC.replace("accuracy: 2e-2\n", "") if line.startswith("accuracy") else SPEC
-    spec.write_text(f"{text}{line}\n", encoding="utf-8")
-    with pytest.raises(SpecError, match=re.escape(message)):
-        load(spec)
 
 
 WIENER = {"variables": ["q", "p"], "bracket": {"q p": 1}, "hamiltonian": "p", "noises": ["q"], "sigma": [1]}

@@ -210,40 +210,6 @@ def test_a_scheme_with_bounded_increments_stands_in_a_panel_beside_extrapolated_
     assert [(case.extrapolate, case.truncate_noise) for case in found] == [((1,), False), ((0,), True)]
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        (["extrapolate=4"], "extrapolate: is '4'; must be at most 3"),
-        (["extrapolate=[1, 1]"], "extrapolate: has '1' twice; remove one"),
-        (["extrapolate=once"], "extrapolate: is 'once'"),
-        (["extrapolate=1", "steps=[2^-1]"], "extrapolate: has 1, which combines the steps h, 2h; add them to steps"),
-        (["extrapolate=3"], "extrapolate: has 3, which combines the steps h, 2h, 4h, 8h; add them to steps"),
-        (
-            ["extrapolate=1", "schemes=[euler_maruyama, own]", "compositions={own: [noise 1, drift 1]}",
-             "model.sigma=[0, 0, 0]"],
-            "extrapolate: has 1, but theory knows no powers of h in the weak error of 'own'; "
-            "leave out the scheme or extrapolate",
-        ),
-        (
-            ["extrapolate=1", "estimators=[plain]", "truncate_noise=true"],
-            "extrapolate: has 1, which needs powers of h; leave out truncate_noise",
-        ),
-        (
-            ["extrapolate=1", "estimators=[plain]", "reference_scheme=splitting"],
-            "extrapolate: has 1, which measures each scheme with itself; leave out reference_scheme",
-        ),
-        *(
-            (["extrapolate=1", "estimators=[plain]", "schemes=[splitting_symmetric, midpoint]", *more], PANEL)
-            for more in ([], ["truncate_noise=true"])
-        ),
-    ],
-)  # fmt: skip
-def test_bad_values_are_told_in_one_line(keys, message):
-    with pytest.raises(SpecError) as error:
-        case_of(*keys)
-    assert message in str(error.value) and "\n" not in str(error.value)
-
-
 def test_without_the_key_a_spec_is_what_it_was():
     plain, zero, twice = (load(SPEC, overrides=keys) for keys in ([], ["extrapolate=0"], ["extrapolate=2"]))
     assert plain.hash == zero.hash != twice.hash

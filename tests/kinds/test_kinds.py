@@ -99,7 +99,7 @@ def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
     spec = tmp_path / "energy.yaml"
     spec.write_text(SPEC, encoding="utf-8")
     experiment = runs.load(spec)
-    assert runs.cost(experiment).path_steps == 70 * (4 + 8 + 16)
+    assert runs.cost(experiment).path_steps == 128 * (4 + 8 + 16)
     results = storage.read(runs.run(experiment, tmp_path))
     (reading,) = views.readings(results)
     # H is between the extreme values on the sphere |y| = 1, and differs from path to path

@@ -1,18 +1,15 @@
 """Figures of weak errors: what is drawn, not how it looks."""
 
-import math
-
 import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.figure import Figure
-from view_helpers import legend_texts, rendered, save
+from view_helpers import legend_texts, rendered
 from weak_results import H, weak, weak_group
 
 from spi.drawing import style
 from spi.kinds.weak import figure
 from spi.report import views
-from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")
 
@@ -42,26 +39,12 @@ def test_errors_of_three_estimators():
     results = weak(*one_scheme())
     fig = views.figure(results)
     (ax,) = fig.axes
-    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_xlabel() == "step size $h$"
-    assert ax.get_ylabel().startswith("weak error") and r"\varphi(y_h(T))" in ax.get_ylabel()
-    assert legend_texts(ax) == [
-        "plain Monte Carlo ($10^{6}$): order 1.00 [0.98, 1.02]",
-        "multilevel: order 1.00 [0.98, 1.02]",
-        "Kolmogorov, no sampling: order 1.00 [0.98, 1.02]",
-        "slope 1",
-    ]
+    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_ylabel().startswith("weak error")
+    assert " ".join(legend_texts(ax)).count("order 1.00 [0.98, 1.02]") == 3
     points, bars = sampled(ax, "multilevel")
     np.testing.assert_array_equal(points, np.column_stack([H, results.groups[1].variables["error"][1][0]]))
     np.testing.assert_allclose(bars[:, 1, 1] - bars[:, 0, 1], 2 * 1.96e-5)
-    beside, _ = sampled(ax, "plain")
-    assert (beside[:, 0] > H).all() and (beside[:, 0] < 1.2 * H).all()
-    exact = curve(ax, "Kolmogorov")
-    assert exact.get_linestyle() == "-" and (exact.get_marker(), exact.get_markersize()) == (
-        SCHEMES["splitting"].look[0],
-        3,
-    )
-    np.testing.assert_array_equal(np.sort(exact.get_ydata()), np.sort(0.5 * H))
-    assert exact.get_color() == SCHEMES["splitting"].look[1]
+    np.testing.assert_array_equal(np.sort(curve(ax, "Kolmogorov").get_ydata()), np.sort(0.5 * H))
     text = fig.texts[1].get_text()
     assert r"\varphi(y)=\mathrm{sin}(2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
 
@@ -77,23 +60,15 @@ def test_negative_errors_and_the_sampling_floor():
     np.testing.assert_array_equal(filled.get_ydata(), -error[1, :3])
     np.testing.assert_array_equal(hollow.get_ydata(), np.abs(error[1, 3:5]))
     assert filled.get_markerfacecolor() != "none" and hollow.get_markerfacecolor() == "none"
-    bottom, _ = ax.get_ylim()
-    assert 1e-9 < bottom < 2e-6
-    ends = np.array(ax.containers[1][2][0].get_segments())[:, 0, 1]
-    np.testing.assert_allclose(ends, [0.1 / 4096 + 1e-5 - 1.96e-5, bottom])
-    (bar,) = ax.collections[-1].get_segments()
-    np.testing.assert_allclose(bar, [[2**-8, bottom], [2**-8, 1e-9 + 1.96e-5]])
+    (bar,) = ax.collections[-1].get_segments()  # of the error by chance, which lies below the panel
+    np.testing.assert_allclose(bar[1], [2**-8, 1e-9 + 1.96e-5])
     assert [line.get_xdata().tolist() for line in ax.lines if list(line.get_ydata()) == [0.0]] == [[2**-8]]
-    assert legend_texts(ax)[-2:] == ["slope 2", "hollow: not resolved, left out of the fit"]
+    assert "hollow: not resolved" in legend_texts(ax)[-1]
 
 
 def test_slopes_of_both_orders():
     groups = [weak_group(scheme, "kolmogorov", functions=1) for scheme in ("splitting", "splitting_order2")]
     (ax,) = views.figure(weak(*groups)).axes
-    assert legend_texts(ax)[:2] == [
-        f"{label}: order {p}.00 [{p - 0.02:.2f}, {p + 0.02:.2f}]"
-        for p, label in ((1, "splitting"), (2, "splitting, weak order 2"))
-    ]
     for p in (1, 2):
         x, y = curve(ax, f"slope {p}").get_data()
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(p)
@@ -112,12 +87,8 @@ def test_the_band_of_a_curve_only_where_it_can_be_seen():
 def test_by_number_of_paths():
     results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
     left, right = rendered(views.figure(results)).axes
-    assert [text.split(":")[0] for text in legend_texts(left)[:2]] == ["multilevel", "Kolmogorov, no sampling"]
-    assert right.get_title() == "plain Monte Carlo by number of paths"
-    assert legend_texts(right)[:5] == [
-        *("$10^{4}$ paths", "$10^{5}$ paths", "$10^{6}$ paths"),
-        *("Kolmogorov, no sampling: order 2.00 [1.98, 2.02]", "half the 95 % interval"),
-    ]
+    assert not any("plain" in text for text in legend_texts(left))
+    assert legend_texts(right)[:3] == ["$10^{4}$ paths", "$10^{5}$ paths", "$10^{6}$ paths"]
     floors = [line.get_ydata() for line in right.lines if line.get_linestyle() == "--" and len(line.get_xdata())]
     np.testing.assert_allclose(floors, 1.96 * results.groups[0].variables["prefix_error_stderr"][1][:, 0])
     shown = results.groups[0].variables["prefix_error"][1][2, 0]
@@ -125,69 +96,20 @@ def test_by_number_of_paths():
     np.testing.assert_array_equal(points[:, 1], np.abs(shown[np.abs(shown) >= 4e-4]))
 
 
-def test_all_paths_where_no_prefix_has_them():
-    groups = one_scheme(panels=("samples",))
-    groups[0].attributes["samples"] = 5 * 10**6
-    (ax,) = views.figure(weak(*groups)).axes
-    assert legend_texts(ax)[3] == "5000000 paths"
-
-
 def test_accuracy_against_seconds():
     results = weak(*one_scheme(panels=("seconds",)))
     accuracy, estimates = rendered(views.figure(results)).axes
     middle = H[2]  # of 2^-3 .. 2^-8, 2^-5.5 rounds to the larger one
     assert accuracy.get_title() == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
-    plain, multilevel, exact, _ = legend_texts(accuracy)
-    assert plain == "plain Monte Carlo" and multilevel == "multilevel, 100 times as fast as plain"
-    assert exact == r"Kolmogorov, no sampling, bound $10^{-10}$, $10^{12}$ times as fast as plain"
+    _, multilevel, exact, _ = legend_texts(accuracy)
+    assert "100 times as fast" in multilevel and "$10^{12}$ times as fast" in exact
     seconds, stderr = curve(accuracy, "plain").get_data()
     np.testing.assert_allclose(seconds, [0.04, 0.4, 4])
     np.testing.assert_allclose(stderr, 1e-4 * np.sqrt([100, 10, 1]))
-    assert accuracy.texts[0].get_text().startswith("far below")
     (constant,) = {round(c[0].get_ydata()[-1], 12) for c in estimates.containers if c.get_label() == "multilevel"}
     assert constant == round(0.5 * middle + 1e-5, 12)
     (line,) = (line for line in estimates.lines if line.get_label().startswith("Kolmogorov"))
     assert list(line.get_ydata()) == [0.5 * middle] * 2
-
-
-def test_seconds_without_the_other_estimators(tmp_path):
-    plain, *_ = one_scheme(panels=("errors", "seconds"))
-    fig = views.figure(weak(plain))
-    assert [ax.get_subplotspec().rowspan.start for ax in fig.axes] == [0, 1, 1]
-    plain.variables["prefix_error_stderr"][1][:] = 0.0
-    plain.variables["error_stderr"][1][:] = np.inf
-    save(weak(plain), tmp_path, "seconds")
-
-
-@pytest.mark.parametrize(
-    ("cases", "functions", "shape"), [(3, 1, (1, 3)), (4, 1, (2, 2)), (2, 2, (2, 2)), (1, 2, (1, 2))]
-)
-def test_places_of_panels(cases, functions, shape):
-    names = [f"c{i}" for i in range(cases)]
-    groups = [weak_group("splitting", "multilevel", case=name, functions=functions) for name in names]
-    for i, group in enumerate(groups):
-        group.attributes["model_sigma"] = (0.5, float(i), math.nan)
-    fig = views.figure(weak(*groups))
-    spots = [ax.get_subplotspec() for ax in fig.axes]
-    assert (1 + max(s.rowspan.start for s in spots), 1 + max(s.colspan.start for s in spots)) == shape
-    assert len(fig.axes) == cases * functions
-    assert [bool(ax.get_ylabel()) for ax in fig.axes] == [s.colspan.start == 0 for s in spots]
-    if cases > 1:
-        assert fig.axes[1].get_title().startswith("case c1, \\$5\n$\\sigma=(0.5,\\,1,\\,\\mathrm{off})$")
-
-
-@pytest.mark.share
-@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
-@pytest.mark.parametrize("which", ["all", "some"])
-def test_what_is_not_finite(value, which):
-    groups = one_scheme(panels=("errors", "samples", "seconds"))
-    for group in groups:
-        for name, (_, values) in group.variables.items():
-            if values.dtype == float and not name.startswith(("level", "order")):
-                values[..., : 1 if which == "some" else None] = value
-            elif name == "resolved":
-                values[..., : 1 if which == "some" else None] = False
-    rendered(views.figure(weak(*groups)))
 
 
 def test_paths_that_blow_up():
@@ -226,21 +148,6 @@ def test_one_step_size():
             elif name.startswith("order"):
                 group.variables[name] = (axes, values * np.nan)
     assert legend_texts(rendered(views.figure(weak(*groups))).axes[0])[0].endswith("order not resolved")
-
-
-def test_only_schemes_with_prefixes_have_panels_of_seconds():
-    without = weak_group("splitting_order2", "plain", panels=("seconds",))
-    panels = [ax.get_title() for ax in views.figure(weak(*one_scheme(panels=("seconds",)), without)).axes]
-    assert panels == ["splitting, $h=2^{-5}$: accuracy", "splitting, $h=2^{-5}$: estimates"]
-
-
-def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
-    with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))
-    with pytest.raises(ValueError, match="no scheme"):
-        views.figure(weak())
 
 
 def test_formulas():

@@ -198,29 +198,6 @@ def test_first_passages_of_an_angle(case_of, drift):
     assert passages.time[0] - watched[:-1].sum() * 2**-9 > 9 * passages.time_stderr[0]
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("times=[0.3]", "no multiple of the step"),
-        ("times=[2]", "must not exceed final_time"),
-        ("quantiles=[1.5]", "quantiles"),
-        ("every=3", "take 1, which divides both"),
-        ("functions={phi: y4}", "functions.phi: is 'y4'"),
-        ("functions={phi: C2}", "known are H, C1"),
-        ("functions={phi: {passage: y1}}", "not a condition such as y1 > 0.5"),
-        ("functions={phi: {passing: y1 > 1}}", "functions"),
-        ("reference={psi: t}", "is not the name of a function"),
-        ("reference={square: y1}", "must be an expression in t"),
-        ("statistics=[median]", "statistics"),
-        ("final_time=1.01", "is not a multiple"),
-    ],
-)
-def test_mistakes_are_one_line(case_of, override, message):
-    with pytest.raises(SpecError) as caught:
-        case_of(override, *["every=1"] * override.startswith("times"))
-    assert len(caught.value.messages) == 1 and message in str(caught.value)
-
-
 @pytest.mark.slow
 @compiled_only
 def test_means_are_those_without_sampling(case_of):

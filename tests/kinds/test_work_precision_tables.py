@@ -17,16 +17,11 @@ from spi.printing.text import duration
 from spi.report import views
 from spi.storage.records import Results
 
-COLUMNS = """case scheme h error error_stderr resolved casimir_drift nonfinite ns_per_step seconds_per_path
-    seconds_per_path_low seconds_per_path_high order order_low order_high points_in_fit expected_order measure
-    samples"""
-
 
 def test_rows():
     records = views.rows(work_results())
     assert len(records) == 3 * 5 * 9
     first, weak = records[0], records[-1]
-    assert list(first) == COLUMNS.split()
     assert set(weak) == set(first) - {"error_stderr", "casimir_drift", "samples"} | {"error_bound", "estimator"}
     group = work_group("one", "euler_maruyama")
     values = {name: values for name, (_, values) in group.variables.items()}
@@ -34,7 +29,6 @@ def test_rows():
     assert first["seconds_per_path_high"] == values["seconds_per_path_high"][0] and first["h"] == 0.125
     lost = records[45]
     assert lost["nonfinite"] == 512 and lost["casimir_drift"] == math.inf and lost["resolved"] is False
-    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
     assert json.loads(printing.as_json(records))[45]["error"] is None
     bare = work_group("one", "splitting")
     del bare.variables["nonfinite"]

@@ -323,30 +323,6 @@ def test_an_infinite_temperature_is_what_is_there_without(load_text):
     assert load_text(STRONG).hash != plain.hash
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["temperature=0"], r"temperature: is 0, .* for selective decay at the rate gamma take a small one"),
-        (["temperature=warm"], "temperature: is 'warm' .*; must be a number"),
-        (["damping=0.1"], "temperature: is given beside damping, with which no law is stationary"),
-        (
-            ["noise={kind: fractional, hurst: 0.7}"],
-            "temperature: is given beside noise, and friction belongs to Brownian",
-        ),
-        (["model.sigma=[0, 0, 0]"], "temperature: is given to a model without noise"),
-        (["schemes=[ap_splitting]", "eps=0.1"], "schemes: has 'ap_splitting', whose noise is a fast process"),
-        (
-            ["schemes=[splitting_metropolis]", "temperature=inf"],
-            "schemes: has 'splitting_metropolis', which needs a",
-        ),
-    ],
-)
-def test_what_has_no_temperature_is_refused_in_one_line(load_text, overrides, message):
-    with pytest.raises(SpecError, match=message) as refused:
-        load_text(STRONG, *overrides)
-    assert "\n" not in str(refused.value)
-
-
 def test_negative_temperatures_are_for_compact_surfaces(load_text):
     with uncompiled():
         assert [has_compact_surfaces(model) for _, model, _ in MODELS_UNDER_TEST] == [True] * 3 + [False] * 2 + [

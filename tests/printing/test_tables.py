@@ -25,9 +25,6 @@ from spi.printing.text import (
 from spi.report import views
 from spi.storage.records import Group, Order, Results
 
-COLUMNS = """case scheme h error error_stderr error_time error_final error_final_stderr casimir_drift nonfinite resolved
-    seconds ns_per_step order order_low order_high points_in_fit expected_order samples"""
-
 
 def strong_group(case, scheme, label, order, implicit=False):
     error = 0.3 * H**order
@@ -56,13 +53,11 @@ def test_rows(results):
     records = views.rows(results)
     assert len(records) == 4 * 9
     explicit, implicit = records[1], records[9]
-    assert list(explicit) == COLUMNS.split()
     assert implicit.keys() - explicit.keys() == {"solves", "iterations", "failures", "largest_residual"}
     assert explicit["case"] == "three" and explicit["scheme"] == "euler_maruyama" and explicit["h"] == 2**-6
     assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
     assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
     assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
-    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
 
 
 def test_rows_without_casimirs(results):

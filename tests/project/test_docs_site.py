@@ -1,6 +1,5 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
-import io
 import re
 import subprocess
 import sys
@@ -12,8 +11,6 @@ sys.path.append(str(ROOT / "docs" / "generate"))
 import gallery
 import reference
 from formulas import FORMULAS
-from matplotlib.figure import Figure
-from PIL import Image
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -89,26 +86,6 @@ def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
     assert '<span class="' in texts["tutorial.html"] and (tmp_path / "code.css").is_file()
     for style in tmp_path.rglob("*.css"):
         assert not re.findall(r"url\(['\"]?https?:", style.read_text(encoding="utf-8")), style
-
-
-def test_a_broken_link_is_noticed(tmp_path):
-    docs = tmp_path / "docs"
-    docs.mkdir()
-    docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")
-    config = ROOT.joinpath("mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[0]
-    config = config.replace("docs/generate/", f"{ROOT.as_posix()}/docs/generate/")
-    tmp_path.joinpath("mkdocs.yml").write_text(f"{config}\nnav: [index.md]\n")
-    done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
-    assert done.returncode != 0
-    assert "no_such_page.md" in done.stderr
-
-
-@pytest.mark.parametrize(("inches", "pixels"), [((18, 6), (1200, 400)), ((6, 4), (900, 600)), ((8, 24), (1000, 3000))])
-def test_pictures_of_the_gallery_can_be_read(monkeypatch, inches, pixels):
-    """As wide as a page of the site or wider, at up to 150 pixels per inch, unless they are very high."""
-    monkeypatch.setattr(gallery.views, "figure", lambda results: Figure(figsize=inches))
-    with Image.open(io.BytesIO(gallery.picture(None))) as drawn:
-        assert drawn.size == pixels and drawn.mode == "P"
 
 
 def test_the_gallery_takes_what_results_there_are(tmp_path):

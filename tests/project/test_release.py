@@ -7,7 +7,6 @@ import sys
 import tomllib
 
 import bounds
-import pytest
 import yaml
 from documents import ROOT
 from packaging.specifiers import SpecifierSet
@@ -35,15 +34,6 @@ OF_ANOTHER = re.compile(r"pip3? (?:install|download)(?: -[-\w]+)* ['\"]?spi(?![\
 
 def test_nothing_tells_to_install_the_other_program_of_that_name():
     assert [path for path, text in texts() if OF_ANOTHER.search(text)] == []
-
-
-@pytest.mark.parametrize(
-    "wrong", ["pip install spi", "pip install 'spi[dask]'", "pip install -U spi", "pip install spi;"]
-)
-def test_such_advice_would_be_noticed(wrong):
-    assert OF_ANOTHER.search(wrong)
-    for right in (spi.DISTRIBUTION, f"'{spi.DISTRIBUTION}[dask]'", "spi-0.2.0-py3-none-any.whl", "./spi"):
-        assert not OF_ANOTHER.search(f"pip install {right}")
 
 
 def test_name_and_version_are_the_same_everywhere():
@@ -132,14 +122,3 @@ def test_the_page_of_stable_names_lists_all_of_them():
     rows = [line for line in page.splitlines() if line.startswith("|")]
     names, listed = (set(re.findall(r"`(?:spi )?(\w+)`", line.partition(" | ")[0])) for line in rows[2:4])
     assert names == set(spi.__all__) and listed == commands
-
-
-def test_figures_about_other_programs_are_those_of_the_readme():
-    """Which repeats those of docs/performance.md."""
-    readme, why = (" ".join(ROOT.joinpath(*path).read_text(encoding="utf-8").split()) for path in (["README.md"], WHY))
-    for program, said in re.findall(r"(diffrax|torchsde)(?: takes)? (\d+ to \d+)", why):
-        assert re.search(rf"{program}(?: takes)? {said}", readme)
-    assert len(re.findall(r"\d+ to \d+ times", why)) == 2
-
-
-WHY = ["docs", "why.md"]

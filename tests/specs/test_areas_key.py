@@ -54,22 +54,6 @@ def test_who_says_that_areas_are_gaussian():
     assert style.facts(SimpleNamespace(about=about))["areas"] == "Gaussian areas"
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (
-            ["schemes=[splitting]", "areas=gaussian"],
-            "is 'gaussian', but no scheme needs Lévy areas; leave it out, or use ",
-        ),
-        ([*ON[:1], "areas=gausian"], "areas: is 'gausian'"),
-    ],
-)
-def test_where_it_means_nothing(overrides, message):
-    with pytest.raises(SpecError) as error:
-        case_of(*overrides)
-    assert message in str(error.value)
-
-
 def test_strong_errors_are_those_of_given_paths(tmp_path):
     text = SPEC.read_text()
     for kind in ("strong", "work_precision"):

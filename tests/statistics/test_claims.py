@@ -135,10 +135,8 @@ reference_step: 2^-5
 schemes: [splitting, euler_maruyama]
 samples: 70
 """
-IN = "expect:\n  splitting:\n    "  # what follows stands in line 11 of SPEC
 TWO_CASES = "cases: [{name: a, expect: {splitting: {order: 1}}}, {name: b, expect: {splitting: null}}]\n"
 WEAK = SPEC.replace("strong", "weak") + "estimators: [plain, kolmogorov]\nfunctions: {f: y1, g: y2}\n"
-SWEEP = SPEC.replace("kind: strong", "kind: stability\nsweep: {s: [1, 2]}").replace("[2, 1, 2/3]", "[s, 1, 2/3]")
 TRAJECTORY = SPEC.replace("strong", "trajectory").replace("steps: 2^-2 .. 2^-4", "step: 0.25\npanels: [casimirs]")
 TRAJECTORY = TRAJECTORY.replace("reference_step: 2^-5\n", "").replace("samples: 70\n", "")
 
@@ -210,54 +208,6 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
     ]
     with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is not a known scheme"):
         load(SPEC, overrides=["schemes=[splitting]", "expect.euler_maruyama.order=1"])
-
-
-@pytest.mark.parametrize(
-    ("base", "text", "line", "message"),
-    [
-        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is not a known scheme; did you mean 'splitting'?"),
-        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is not a known scheme; known: splitting, euler_maruyama"),
-        (
-            SPEC,
-            IN + "ordr: 1\n",
-            11,
-            "expect.splitting.ordr: is not a known quantity; did you mean 'order'",
-        ),
-        (SPEC, IN + "order: half\n", 11, "expect.splitting.order: is 'half' (unknown word 'half'); must be a number"),
-        (SPEC, IN + "order: [1]\n", 11, "is a list; must be a number such as 1/2"),
-        (SPEC, IN + "order: {a: 1}\n", 11, "is a mapping; must be a number such as 1/2"),
-        (SPEC, IN + "order: 2i\n", 11, "(not a real number)"),
-        (SPEC, IN + "order: at most 1 +- 1\n", 11, "is 'at most 1 +- 1'; must be"),
-        (SPEC, IN + "casimir_drift: 0 +- 1\n", 11, "has no tolerance, because it is judged as at most"),
-        (SPEC, "expect:\n  splitting: 1/2\n", 10, "must be a mapping of quantities, as in splitting: {order: 1/2}"),
-        (SPEC, "expect: 1/2\n", 9, "expect: is '1/2'; must be a mapping"),
-        (SPEC, IN + "up to 2^-3: {order: 1}\n", 11, "is not known for each step size"),
-        (SPEC, IN + "up to x: {error: 1}\n", 11, "has no number (unknown word 'x'); must be like"),
-        (SPEC, IN + "up to 1: 1\n", 11, "is '1'; must be a mapping of quantities"),
-        (SPEC, IN + "eps up to 1: {error: 1}\n", 11, "has no limit 'eps'; known: h"),
-        (SPEC, IN + "plain: {order: 1}\n", 11, "is not a known quantity; known: order"),
-        (WEAK, IN + "plan: {order: 1}\n", 13, "did you mean 'plain'?"),
-        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is not a known quantity"),
-        (TRAJECTORY, IN + "order: 1\n", 10, "is not a known quantity"),
-        (SWEEP, IN + "t up to 1: {finite: 1}\n", 12, "has no limit 't'; known: h, s"),
-        (
-            SPEC,
-            "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n",
-            12,
-            "quick.expect.spliting: is not a known scheme",
-        ),
-        (
-            SPEC,
-            "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n",
-            11,
-            "expect.splitting.ordr: is not a known quantity",
-        ),
-    ],
-)
-def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, message):
-    with pytest.raises(SpecError) as error:
-        load(base + text)
-    assert str(error.value).startswith(f"{tmp_path / 'a.yaml'}:{line}: ") and message in str(error.value)
 
 
 def test_claims_stand_in_the_schema(load):

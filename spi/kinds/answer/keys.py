@@ -52,6 +52,7 @@ class Case(FunctionKeys, BaseCase):
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
+    unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
     scoping: ClassVar = ("functions",)
 
@@ -67,7 +68,7 @@ class Case(FunctionKeys, BaseCase):
         """T."""
         return self.final_time
 
-    @condition("schemes", "model", "compositions")  # in the place of that of all cases, before claims name schemes
+    @condition  # in the place of that of all cases, before claims name schemes
     def _check_names(self) -> Self:
         """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
         if self.schemes:
@@ -75,12 +76,12 @@ class Case(FunctionKeys, BaseCase):
         found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
         return BaseCase._check_names(self.model_copy(update={"schemes": found}))
 
-    @condition("extrapolate")
+    @condition
     def _check_extrapolate(self) -> Self:
         check_distinct(self.extrapolate, "extrapolate")
         return self
 
-    @condition("steps", "final_time", "extrapolate")
+    @condition
     def _check_steps(self) -> Self:
         end, levels = self.final_time, self.step_levels
         for h in self.steps or ():
@@ -101,7 +102,7 @@ class Case(FunctionKeys, BaseCase):
             )
         return self
 
-    @condition("accuracy", "functions", "initial", "model")
+    @condition
     def _check_accuracy(self) -> Self:
         y = np.reshape(np.asarray(self.initial, float), (-1, 1))
         with np.errstate(all="ignore"):
@@ -112,7 +113,7 @@ class Case(FunctionKeys, BaseCase):
             raise wrong(what, f"must be at least {1.5 * least:.1g}", "accuracy")
         return self
 
-    @condition("final_time", "schemes", "reference_scheme", "model")
+    @condition
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_distinct(self.schemes, "schemes")

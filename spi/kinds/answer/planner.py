@@ -19,8 +19,8 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import dimensions_of
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
-from spi.kinds.blocks import Sample
+from spi.ensemble.loop import grid
+from spi.kinds.blocks import Sample, two_steps
 from spi.numerics.rng import ANSWERS, LANES
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.schemes import typical_ns
@@ -44,27 +44,22 @@ SETS = 4 * LEVELS  #: path sets of a scheme
 #: measured, of typical speed.
 PATH_NS, SUM_NS = 25.0, 15.0
 
-#: The quantities of a path set: DIFFERENCE, at the fine step minus at the coarse one, and VALUE, at the fine step on
-#: one path; of a level alone the value only.  From a reference scheme DIFFERENCE is that at the fine step, VALUE how
-#: much less it is than at the coarse one.
-DIFFERENCE, VALUE = range(2)
-
 
 def paths_of_set(case: Any, row: Any, number: int) -> Sample:
-    """Those of path set number `number` of all: of scheme number // SETS, whose row of the table is `row`."""
+    """The paths of set number `number` of all: of scheme number // SETS, whose row of the table is `row`.
+
+    VALUE is that of one path, of a level alone the only quantity.  From a reference scheme DIFFERENCE is that at the
+    fine step, VALUE how much less it is than at the coarse one.
+    """
     own, record = number % SETS, row.record
     level, alone = own % LEVELS, own >= LEVELS  # along points or not
     shape: dict[str, Any] = {"doublings": (0,)}
     weights = [[1.0]]
-    if not alone and has_antithetic_path(record):
-        shape = {"doublings": (1, 1, 0, 0), "reversals": (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)}
-        weights = [[-0.5, -0.5, 0.5, 0.5], [0.0, 0.0, 1.0, 0.0]]
-    elif own >= AGAINST:
-        shape = {"doublings": (1, 0)}
-        weights = [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
+    if own >= AGAINST:
+        shape, weights = two_steps(False)[0], [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
     elif not alone:
-        shape = {"doublings": (1, 0)}
-        weights = [[-1.0, 1.0], [0.0, 1.0]]
+        shape, difference = two_steps(has_antithetic_path(record))
+        weights = [difference, [1.0 * (i == len(difference) // 2) for i in range(len(difference))]]
     steps, h = 2**level, case.final_time / 2.0**level
     records = [record, case.row(case.reference_scheme).record] if own >= AGAINST and case.reference_scheme else [record]
     terms = fourier_terms(case.model, records, h, areas=case.areas)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -26,14 +26,15 @@ from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
 from spi.exact.work import part
 from spi.exact.work import work as working
 from spi.expressions import canonical, functions_of, range_of
-from spi.kinds.blocks import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
 from spi.numerics.rng import LANES
 from spi.printing.text import joined, short
 from spi.schemes import SCHEMES, weak_exponents
-from spi.statistics.estimators import GROUPS, ROUND, weights
-from spi.statistics.tallies import Chunk, sum_of_fields
+from spi.statistics.accumulators import Array, Sums, moments
+from spi.statistics.estimators import ROUND, weights
+from spi.statistics.tallies import Chunk
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Part
 
 from .keys import PILOT_LEVELS, PILOT_SAMPLES, ROUNDING
@@ -43,13 +44,11 @@ from .planner import (
     BEGINNING,
     BIAS_SHARE,
     CHECK_SHARE,
-    DIFFERENCE,
     DONE,
     GLANCE_LEVELS,
     LEVELS,
     PILOTING,
     SETS,
-    VALUE,
     WHOLE,
     Choice,
     Decisions,
@@ -183,11 +182,9 @@ def _mean(p: "AnswerPlan", totals: "Totals", quantity: int) -> tuple[np.ndarray,
 def answer(p: "AnswerPlan", state: State) -> Answer:
     """What is stored."""
     case, extra = p.case, state.extra
-    told: dict[str, Any] = {
-        **p.whole(state),
+    told: dict[str, Any] = p.whole(state) | {
         "functions": tuple(case.functions),
         "formulas": p.formulas,
-        "accuracy": case.accuracy,
         "aim": extra.aim,
         "pilot_seconds": extra.pilot_cpu_seconds,
         "predicted_seconds": extra.predicted_cpu_seconds,
@@ -743,17 +740,10 @@ _SOLVING = "splitting_order2"  # by whose steps the solvers check the limit
 _ORDERS = 4  # powers of h that extrapolation removes, and the next
 
 
-class Totals(NamedTuple):
-    """The sums over some samples of one path set, for F functions."""
+class Totals(Sums):
+    """Sums over some samples of one path set, for F functions."""
 
-    paths: int  #: samples
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    sums: np.ndarray  #: (powers, quantities, F, GROUPS)
-
-    def plus(self, later: "Totals") -> "Totals":
-        """These samples and some later ones."""
-        return sum_of_fields(self, later)
+    sums: Annotated[Array, moments("quantity function", POWERS)]
 
 
 def parts(case: Any) -> list[Part]:
@@ -767,14 +757,12 @@ def remarks(case: Any) -> Iterator[str]:
         yield "`spi answer --dry` runs the pilot and predicts how long it takes"
 
 
-def plan(case: Any, part: Part) -> "AnswerPlan":
-    """The plan of a case."""
-    return AnswerPlan(case=case, part=part)
-
-
 @dataclass(frozen=True, kw_only=True)
 class AnswerPlan(SamplesPlan):
     """The answer of a case."""
+
+    record = Answer
+    sums = Totals
 
     python: tuple[tuple[str, Callable], ...] = ()  #: functions that are no formulas, which stand for these in the case
 
@@ -882,10 +870,9 @@ class AnswerPlan(SamplesPlan):
         """(path sets,) the samples that are wanted for now."""
         return extra.wanted
 
-    def empty(self, number: int) -> Totals:
-        """The totals over no samples."""
-        shape = POWERS, len(self.sets[number].weights), len(self.case.functions), GROUPS
-        return Totals(0, 0.0, 0.0, np.zeros(shape))
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"quantity": len(self.sets[number].weights), "function": len(self.case.functions)}
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block of the scheme; the others are rarely needed."""
@@ -962,3 +949,6 @@ class AnswerPlan(SamplesPlan):
     def results(self, state: State) -> Answer:
         """The answer, from the final state."""
         return answer(self, state)
+
+
+plan = AnswerPlan.of

@@ -14,7 +14,6 @@ from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
-from spi.specs.document import every
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -75,6 +74,7 @@ class Case(BaseCase):
         "order": Sort(EQUAL),
     }
     scoping: ClassVar = ("functions",)
+    at_once: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
     @property
@@ -105,7 +105,7 @@ class Case(BaseCase):
         """The time that does not count."""
         return _BURNT * self.last_time if self.burn_in is None else self.burn_in
 
-    @condition("steps", "step_count", "final_time", "schemes")
+    @condition
     def _check_steps(self) -> Self:
         if (self.step_count is None) == (self.final_time is None):
             if self.step_count is not None:
@@ -127,7 +127,7 @@ class Case(BaseCase):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
 
-    @condition("functions", "final_time", "model")
+    @condition
     def _check_functions(self) -> Self:
         """The case with functions, unless no final time is given."""
         if not self.final_time:
@@ -139,10 +139,11 @@ class Case(BaseCase):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
         functions = self.functions or {"H": "H"}
-        every(check_function, ((self, name, text) for name, text in functions.items()))
+        for name, text in functions.items():
+            check_function(self, name, text)
         return self.model_copy(update={"functions": functions})
 
-    @condition("functions", "burn_in", "spacing", "steps", "final_time", "model")
+    @condition
     def _check_kept(self) -> Self:
         if not self.functions:
             return self
@@ -162,17 +163,18 @@ class Case(BaseCase):
             raise wrong("records more states at a time than fit", right, "spacing")
         return self
 
-    @condition("reference", "functions", "steps", "initial", "model", "temperature")
+    @condition
     def _check_reference(self) -> Self:
         """The case with what is known of each function by its name."""
         if self.reference and not self.functions:
             raise wrong("is for means over time", "give final_time in place of step_count", "reference")
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
-        every(check, ((self, name, known) for name, known in reference.items()))
+        for name, known in reference.items():
+            check(self, name, known)
         return self.model_copy(update={"reference": reference})
 
-    @condition("panels", "functions")
+    @condition
     def _check_panels(self) -> Self:
         """The case with what its figure shows."""
         if not self.panels:

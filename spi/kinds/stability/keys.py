@@ -40,7 +40,7 @@ class Case(FunctionsCase):
         ),
     }
 
-    @condition("sweep")
+    @condition
     def _check_sweep(self) -> Self:
         if self.sweep is None:
             raise wrong("is empty", "must have a parameter and its values, as in sweep: {s: [0.1, 1, 10]}", "sweep")
@@ -48,14 +48,14 @@ class Case(FunctionsCase):
             raise wrong("is not for stability", f"say it by panels, some of {', '.join(PANELS)}", "sweep", "of")
         return self
 
-    @condition("initial")
+    @condition
     def _check_not_zero(self) -> Self:
         drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Listed)
         if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @condition("eps")
+    @condition
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept parameter", "eps")

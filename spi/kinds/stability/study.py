@@ -11,12 +11,11 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import add_reports, empty_report, integrated, nested_grid, paths_of, thread_count
+from spi.ensemble.loop import Grid, thread_count
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, dimension, populations
 from spi.ensemble.random_states import RandomState
@@ -24,10 +23,10 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import SOLVING, can_solve_equation, exact_expectations, seconds_of_equation
 from spi.exact.work import work
 from spi.expressions import as_numpy, canonical, functions_of
-from spi.kinds.blocks import BlocksPlan, reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
-from spi.numerics.rng import LANES
+from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, reference_grid
 from spi.schemes import typical_ns
+from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Description, Part
@@ -38,89 +37,45 @@ from .results import CasimirErrors, Law, Stability
 # The paths of a stability study for one value of the swept parameter: what is watched along them, and its summary.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_MOST_BLOCKS = 64  # of a batch, because of memory
 
+class Paths(Sums):
+    """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
-class Paths(NamedTuple):
-    """What is known of some paths for one value of the swept parameter; the paths stand along the last axes."""
-
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    casimir: np.ndarray  #: (levels, C, paths)
-    square: np.ndarray  #: (levels, paths)
-    smallest: np.ndarray  #: (levels, paths)
-    y: np.ndarray  #: (levels, d, paths)
-    report: np.ndarray  #: (levels, columns)
-
-    def plus(self, later: "Paths") -> "Paths":
-        """These paths and some later ones."""
-        return Paths(
-            paths=self.paths + later.paths,
-            seconds=self.seconds + later.seconds,
-            cpu_seconds=self.cpu_seconds + later.cpu_seconds,
-            report=add_reports(self.report, later.report[np.newaxis]),
-            **_joined(self, {name: getattr(later, name) for name in _OF_PATHS}),
-        )
-
-
-_OF_PATHS = ("casimir", "square", "smallest", "y")
-
-
-def _joined(paths: Paths, later: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The fields of the paths with those of later ones, by name, behind them."""
-    return {name: np.concatenate((getattr(paths, name), values), axis=-1) for name, values in later.items()}
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute, a row for each."""
-
-    extremes: np.ndarray  #: (blocks, levels, C + 2, LANES)
-    states: np.ndarray  #: (blocks, levels, d * LANES or more)
-    report: np.ndarray  #: (blocks, levels, columns)
+    casimir: Annotated[Array, joined("level casimir")]
+    square: Annotated[Array, joined("level")]
+    smallest: Annotated[Array, joined("level")]
+    y: Annotated[Array, joined("level component")]
+    report: Annotated[Array, reports("level")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValuePlan(BlocksPlan):
     """The paths of one scheme for one value of the swept parameter."""
 
+    sums = Paths
+
+    @functools.cached_property
+    def grid(self) -> Grid:
+        """The step sizes of the case and the reference, on the same Brownian paths."""
+        return reference_grid(self.case, self.part, self.case.steps)
+
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Neither other values, nor the test functions, which are functions of the last states."""
         found = super().deciding(number)
         return {key: value for key, value in found.items() if key not in ("sweep", "functions")}
 
-    def empty(self, number: int) -> Paths:
-        """No paths."""
-        levels = len(self.steps)
-        return Paths(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            casimir=np.zeros((levels, len(casimirs(self.model, self.initial)), 0)),
-            square=np.zeros((levels, 0)),
-            smallest=np.zeros((levels, 0)),
-            y=np.zeros((levels, len(self.initial), 0)),
-            report=empty_report(1, levels)[0],
-        )
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        conserved = len(casimirs(self.model, self.initial))
+        return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        return _MOST_BLOCKS
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
+        """The contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
-        what = self.scheme, self.model, self.initial, self.grid, self.stream
-        states, report = integrated(*what, first, blocks, end, observer)
-        return Rows(observer.extremes, states, report)
-
-    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
-        """The paths and those of the rows `at`, of which the first is that of block `first`."""
-        extremes, count = rows.extremes[at], end - first * LANES
-        lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
-        y = paths_of(rows.states[at], len(self.initial))[..., :count]
-        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "smallest": lanes[:, -1], "y": y}
-        return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
+        states, report = self.integrated(first, blocks, end, observer)
+        extremes = observer.extremes
+        watched = {"casimir": extremes[:, :, :-2], "square": extremes[:, :, -2], "smallest": extremes[:, :, -1]}
+        return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
         """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
@@ -214,17 +169,14 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
 
 def _point(case: Any, scheme: str) -> ValuePlan:
     """The paths of one scheme for a case without the swept parameter."""
-    eps = case.eps[0] if case.row(scheme).multiscale else None
-    reference = case.reference_record(eps)
-    schemes = [case.row(scheme, eps).record, reference]
-    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
-    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
-    return ValuePlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
+    return ValuePlan.of(case, Part(scheme, eps=case.eps[0] if case.row(scheme).multiscale else None))
 
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(Plan):
     """One scheme at all step sizes for all values of the swept parameter; the case has the first value itself."""
+
+    record = Stability
 
     points: tuple[ValuePlan, ...]  #: the paths for each value; only models, initial states and eps differ
 
@@ -327,19 +279,9 @@ class StabilityPlan(Plan):
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
         case = self.case
-        return Stability(
-            **self.whole(state),
-            values=np.array(case.sweep.values),
-            h=np.array(case.steps),
-            **self._arrays(state),
-            word=case.sweep.word,
-            functions=tuple(map(canonical, case.expressions)),
-            accurate=case.accurate,
-            samples=case.samples,
-            reference_step=case.reference_step,
-            reference_scheme=case.reference_scheme,
-            panels=case.panels,
-        )
+        named = {"word": case.sweep.word, "functions": tuple(map(canonical, case.expressions))}
+        axes = {"values": np.array(case.sweep.values), "h": np.array(case.steps)}
+        return Stability(**(self.whole(state) | axes | named | self._arrays(state)))
 
     def _arrays(self, state: State) -> dict[str, Any]:
         """All arrays by the names of their fields."""

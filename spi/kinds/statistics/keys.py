@@ -14,7 +14,6 @@ from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
-from spi.specs.document import every
 from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -131,6 +130,13 @@ class Case(BaseCase):
     }
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()
+    distinct: ClassVar = ("panels", "statistics", "quantiles")
+    unsaid: ClassVar[dict[str, Any]] = {
+        **BaseCase.unsaid,
+        **dict.fromkeys(("times", "panels"), ()),
+        **dict.fromkeys(("reference_step", "density"), None),
+        **{"every": 1, "autocorrelation": {}},
+    }
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
     @property
@@ -166,12 +172,12 @@ class Case(BaseCase):
         """The times of the statistics."""
         return self.places * self.stride * self.step
 
-    @condition("step", "schemes")
+    @condition
     def _check_step(self) -> Self:
         check_step(self)
         return self
 
-    @condition("every", "times", "step")
+    @condition
     def _check_times(self) -> Self:
         """The case with its times in their order."""
         check_every(self)
@@ -179,12 +185,13 @@ class Case(BaseCase):
             raise wrong("is given beside times", "leave one of them out", "every")
         return self.model_copy(update={"times": times_on_grid(self, self.step, "the step {}")})
 
-    @condition("functions", "model", "statistics", "bins", "times", "every")
+    @condition
     def _check_functions(self) -> Self:
         """The case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
         functions = self.functions or {name: name for name in names[:4]}
-        every(check_function, ((self, *item, _FUNCTIONAL) for item in functions.items()))
+        for name, entry in functions.items():
+            check_function(self, name, entry, _FUNCTIONAL)
         found = self.model_copy(update={"functions": functions})
         per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + found.fine_bins / 64)
         if len(found.places) * per_time > _MOST_NUMBERS:
@@ -197,12 +204,13 @@ class Case(BaseCase):
         """Bins of equal width in which values are counted: a multiple of those of histograms, 0 if none are needed."""
         return self.bins * max(1, 1024 // self.bins) if {"quantiles", "histogram"} & set(self.statistics) else 0
 
-    @condition("reference", "functions", "times", "every", "step", "initial", "model", "damping")
+    @condition
     def _check_reference(self) -> Self:
-        every(check, ((self, name, known) for name, known in self.reference.items()))
+        for name, known in self.reference.items():
+            check(self, name, known)
         return self
 
-    @condition("reference_step", "step", "schemes")
+    @condition
     def _check_reference_step(self) -> Self:
         if self.reference_step is None:
             return self
@@ -215,23 +223,21 @@ class Case(BaseCase):
         check_step(self.model_copy(update={"step": exact}), "reference_step")
         return self.model_copy(update={"reference_step": exact})
 
-    @condition("autocorrelation", "functions", "times", "every", "step")
+    @condition
     def _check_autocorrelation(self) -> Self:
-        every(self._check_since, self.autocorrelation.items())
+        for name, since in self.autocorrelation.items():
+            self._check_name(name, "autocorrelation", name)
+            self.place(since, "autocorrelation", name)
         return self
 
-    def _check_since(self, name: str, since: float) -> None:
-        self._check_name(name, "autocorrelation", name)
-        self.place(since, "autocorrelation", name)
-
-    @condition("accuracy")
+    @condition
     def _check_accuracy(self) -> Self:
         if self.accuracy is not None:
             right = "name it in the file, without step and samples, or use `spi answer`"
             raise wrong("cannot be asked for here, where step and samples are given", right, "accuracy")
         return self
 
-    @condition("density", "functions", "model", "times", "every", "step")
+    @condition
     def _check_density(self) -> Self:
         """The case with the times of its maps in their order."""
         if self.density is None:
@@ -241,13 +247,14 @@ class Case(BaseCase):
             what = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
             raise wrong(what, "name two functions, as in of: [y1, y2]", "density", "of")
         if of != (SPHERE,):
-            every(self._check_name, ((name, "density", "of", i) for i, name in enumerate(of)))
+            for i, name in enumerate(of):
+                self._check_name(name, "density", "of", i)
             check_distinct(of, "density")
             if len(of) != 2:
                 raise wrong(f"has {len(of)} names", f"must be {SPHERE} or the names of two functions", "density", "of")
         if len(given) > _MOST_MAPS:
             raise wrong(f"has {len(given)} entries", f"must have at most {_MOST_MAPS}", "density", "times")
-        places = every(self.place, ((t, "density", "times", i) for i, t in enumerate(given)))
+        places = [self.place(t, "density", "times", i) for i, t in enumerate(given)]
         times = tuple(self.t[np.unique(places)].tolist())
         return self.model_copy(update={"density": self.density.model_copy(update={"times": times})})
 

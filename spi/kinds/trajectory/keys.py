@@ -9,7 +9,6 @@ from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.models.zeitlin.fields import lattice_of
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_every, check_step, times_on_grid
-from spi.specs.document import every
 from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
@@ -48,6 +47,7 @@ class Case(BaseCase):
     )
 
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
+    unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "times": ()}
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
         "lowest": Sort(AT_LEAST),
@@ -63,19 +63,19 @@ class Case(BaseCase):
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
-    @condition("sweep")
+    @condition
     def _check_sweep(self) -> Self:
         if self.sweep:
             what = "is for results of many paths or of several step sizes, and a trajectory is one path"
             raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
         return self
 
-    @condition("step", "schemes")
+    @condition
     def _check_step(self) -> Self:
         check_step(self)
         return self
 
-    @condition("every", "step")
+    @condition
     def _check_every(self) -> Self:
         check_every(self)
         steps, d = round(self.final_time / self.step), dimension(self.model)
@@ -85,7 +85,7 @@ class Case(BaseCase):
             raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
-    @condition("times", "every", "step")
+    @condition
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
@@ -93,11 +93,9 @@ class Case(BaseCase):
         times = times_on_grid(self, self.every * self.step, "{}, the time between stored states")
         return self.model_copy(update={"times": times})
 
-    @condition("panels", "model")
+    @condition
     def _check_panels(self) -> Self:
-        every(self._check_panel, enumerate(self.panels))
+        for i, panel in enumerate(self.panels):
+            if panel in OF_FIELDS and lattice_of(self.model) is None:
+                raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self
-
-    def _check_panel(self, i: int, panel: str) -> None:
-        if panel in OF_FIELDS and lattice_of(self.model) is None:
-            raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)

@@ -33,12 +33,14 @@ class SampledCase(KeysOfEstimators, FunctionsCase):
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
-    @condition("extrapolate", "schemes", "steps")
+    unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
+
+    @condition
     def _check_extrapolate(self) -> Self:
         check_extrapolate(self)
         return self
 
-    @condition("estimators", "schemes", "steps", "functions", "initial", "model")
+    @condition
     def _check_estimators(self) -> Self:
         check_distinct(self.estimators, "estimators")
         for name in self.estimators if self.functions else ():
@@ -63,7 +65,7 @@ class Case(SampledCase):
     scoping: ClassVar = ("estimators", "functions")
     unless_asked: ClassVar = ("estimators",)
 
-    @condition("prefixes", "estimators")
+    @condition
     def _check_prefixes(self) -> Self:
         for before, n in pairwise(self.prefixes or ()):
             if n <= before:
@@ -72,7 +74,7 @@ class Case(SampledCase):
             raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
-    @condition("panels", "eps", "estimators", "prefixes")
+    @condition
     def _check_panels(self) -> Self:
         if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
             raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.loop import thread_count
 from spi.expressions import canonical, is_step, range_of
-from spi.kinds.plans import Plan
-from spi.schemes import driven, has_theory, weak_exponents
+from spi.kinds.plans import Plan, State
+from spi.schemes import weak_exponents
+from spi.schemes.theory import weak_order
 from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
@@ -55,6 +55,8 @@ def plan(case: Any, part: Part) -> Any:
 class WeakPlan(Plan):
     """The head of every plan of weak errors of one scheme, extrapolated or not."""
 
+    record = WeakErrors
+
     #: Keys of the case that are for other estimators.
     of_others: ClassVar[frozenset[str]] = frozenset()
 
@@ -78,12 +80,7 @@ class WeakPlan(Plan):
     @property
     def expected_order(self) -> float | None:
         """The weak order of the scheme, after extrapolation; None where theory says nothing."""
-        if self.case.noise is not None:
-            return driven.weak_order(self.case.noise, self.row, self.model)
-        if not self.part.extrapolate:
-            return self.row.weak_order if has_theory(self.row, self.model) else None
-        exponents = weak_exponents(self.row, self.model, self.part.extrapolate + 1)
-        return exponents[-1] if exponents else None
+        return weak_order(self.row, self.model, self.part.extrapolate, self.case.noise)
 
     @property
     def reference_share(self) -> float:
@@ -120,23 +117,18 @@ class WeakPlan(Plan):
         lacking = np.where(alike | jumps, bound, 0.0)
         return np.where(alike & ~np.isfinite(width), np.nan, lacking)
 
-    def weak_errors(self, seconds: float, **estimated: Any) -> WeakErrors:
-        """What the estimator estimated, and what all estimators state of a case; `seconds` is the wall-clock time."""
+    def whole(self, state: State) -> dict[str, Any]:
+        """Also the facts that all estimators state of a case."""
         case = self.case
-        return WeakErrors(
-            about=self.description(),
-            functions=tuple(case.functions),
-            h=self.h,
-            formulas=tuple(canonical(e) for e in case.expressions),
-            expected_order=self.expected_order,
-            reference_step=case.reference_step,
-            reference_scheme=case.reference_scheme,
-            panels=case.panels or ("errors",),
-            left_out=left_out(case, self.part.estimator),
-            wall_seconds=seconds,
-            threads=thread_count(),
-            **estimated,
-        )
+        return super().whole(state) | {
+            "functions": tuple(case.functions),
+            "h": self.h,
+            "formulas": tuple(canonical(e) for e in case.expressions),
+            "expected_order": self.expected_order,
+            "panels": case.panels or ("errors",),
+            "left_out": left_out(case, self.part.estimator),
+            "accuracy": None,
+        }
 
 
 _SAME = 1e-12  # relative: values that differ by less differ by rounding

@@ -25,6 +25,7 @@ class Case(SampledCase):
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
+    distinct: ClassVar = ("targets",)
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
 
@@ -33,7 +34,7 @@ class Case(SampledCase):
         """Strong errors are those of paths."""
         return not self.functions
 
-    @condition("functions", "estimators", "extrapolate")
+    @condition
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):

@@ -86,6 +86,8 @@ class _Job(NamedTuple):
 class WorkPlan(Plan):
     """Errors of one scheme, and then the time of a path at each step size."""
 
+    record = WorkPrecision
+
     errors: Any  #: the plan of the strong or weak errors
 
     @property

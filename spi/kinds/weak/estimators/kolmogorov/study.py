@@ -109,16 +109,16 @@ class KolmogorovPlan(WeakPlan):
             notes=found.notes,
         )
         each = zip(error, bound, resolved, strict=True)
-        return self.weak_errors(
-            state.seconds,
-            error=error,
-            resolved=resolved,
-            expectation=combine.combined(found.value),
-            orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
-            unsampled=unsampled,
-            accuracy=self.case.accuracy,
-            cpu_seconds=found.cpu_seconds,
-        )
+        estimated = {
+            "error": error,
+            "resolved": resolved,
+            "expectation": combine.combined(found.value),
+            "orders": tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
+            "unsampled": unsampled,
+            "accuracy": self.case.accuracy,
+            "cpu_seconds": found.cpu_seconds,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:

@@ -31,7 +31,7 @@ from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.scheme_protocol import needs_areas, tosses
-from spi.kinds.blocks import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, HALVES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -44,17 +44,15 @@ from spi.storage.records import Part
 from ...results import Differences, History, Sampled, WeakErrors
 from ...study import WeakPlan, sampled_errors, stderr_of
 from .sums import (
-    DIFFERENCE,
     EQUAL,
     PILOT,
     PRODUCT,
     SHARES,
-    VALUE,
     Combination,
     Decisions,
     Errors,
     LevelSums,
-    Totals,
+    LevelTotals,
     control_of,
     expectations,
     levels_of,
@@ -89,6 +87,8 @@ _LONGEST = 1e9  # seconds of work that a target may ask for
 @dataclass(frozen=True, kw_only=True)
 class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
+
+    sums = LevelTotals
 
     of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
@@ -136,27 +136,22 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """(levels,) the samples that the current allocation wants."""
         return extra.targets * LANES
 
-    def empty(self, number: int) -> Totals:
-        """The totals over no samples."""
-        sums = np.zeros((POWERS, 4 if self.control else 2, len(self.case.functions), GROUPS))
-        return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"quantity": 4 if self.control else 2, "function": len(self.case.functions)}
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, np.ndarray]:
         """The quantities of some blocks of samples, with a control the product as well."""
-        quantities = super().rows(number, first, blocks, end)
-        if not self.control:
-            return quantities
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
-
-    def added(self, sums: Totals, rows: np.ndarray, at: slice, first: int, end: int) -> Totals:
-        """The totals with the quantities `at`, of which the first is that of block `first`."""
-        lost = ~np.isfinite(rows[at, :PRODUCT]).all(axis=(1, 2))
-        return super().added(sums._replace(nonfinite=sums.nonfinite + int(lost.sum())), rows, at, first, end)
+        quantities = super().observe(number, first, blocks, end)["sums"]
+        lost = np.logical_not(np.isfinite(quantities[:, :PRODUCT]).all(axis=(1, 2)))
+        if self.control:
+            with np.errstate(invalid="ignore", over="ignore"):
+                quantities = np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
+        return {"sums": quantities, "nonfinite": lost}
 
     def next_allocation(self, state: State) -> Decisions | None:
         """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
@@ -284,21 +279,20 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         expectation, of_expectation = expectations(self, levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
         work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
-        return self.weak_errors(
-            state.seconds,
-            **fields,
-            expectation=expectation,
-            sampled=Sampled(**sampled, **of_expectation, **work),
-            levels=levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
-            history=History(
+        estimated = fields | {
+            "expectation": expectation,
+            "sampled": Sampled(**sampled, **of_expectation, **work),
+            "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
+            "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
                 error=extra.history_error[..., own],
                 error_stderr=extra.history_error_stderr[..., own],
                 cpu_seconds=extra.history_cpu_seconds,
             ),
-            cpu_seconds=cpu_seconds,
-            accuracy=self.case.accuracy if self.control else None,
-        )
+            "cpu_seconds": cpu_seconds,
+            "accuracy": self.case.accuracy if self.control else None,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
 
     @property
     def coarse(self) -> np.ndarray:
@@ -453,15 +447,14 @@ class DifferencesPlan(MultilevelPlan):
             "samples": int(levels.samples.sum()),
             "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
         }
-        return self.weak_errors(
-            state.seconds,
-            **fields,
-            expectation=order2.expectation + table.mean,
-            sampled=Sampled(**sampled),
+        estimated = fields | {
+            "expectation": order2.expectation + table.mean,
+            "sampled": Sampled(**sampled),
             **{name: getattr(order2, name) for name in ("levels", "history")},
-            differences=table,
-            cpu_seconds=cpu_seconds,
-        )
+            "differences": table,
+            "cpu_seconds": cpu_seconds,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
 
     def _table(self, own: LevelSums, differences: LevelSums) -> Differences:
         """The differences at each step; where halves are in use, what one with the sum of their variances would be."""

@@ -1,18 +1,19 @@
 """The sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
 
 import time
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, grid
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
-from spi.kinds.blocks import Sample
+from spi.kinds.blocks import DIFFERENCE, POWERS, VALUE, Sample, two_steps
 from spi.numerics.rng import LANES, LEVELS
 from spi.schemes.asymptotic import AsymptoticPreserving
+from spi.statistics.accumulators import Array, Sums, counted, moments
 from spi.statistics.estimators import (
     GROUPS,
     PARTS,
@@ -25,7 +26,6 @@ from spi.statistics.estimators import (
     standard_deviation,
 )
 from spi.statistics.intervals import student_factor
-from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
@@ -36,10 +36,9 @@ from ..kolmogorov.study import solution
 # The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: The quantities of which a level has sums: DIFFERENCE, at the coarse step minus at the fine step; VALUE, at the fine
-#: step; CONTROL, the difference of the control, and the PRODUCT of the two only with a control.  The last level, which
-#: has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
-DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
+#: Further quantities of a level with a control: the difference of the control, and the product of the two.  The last
+#: level, which has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
+CONTROL, PRODUCT = 2, 3
 
 
 def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Sample, ...]:
@@ -56,17 +55,15 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
     """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
-    if antithetic:
-        shape = {"doublings": (1, 1, 0, 0), "reversals": (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)}
-        return shape, [[0.5, 0.5, -0.5, -0.5], [0.0, 0.0, 0.5, 0.5]]
     if limit is not None:
-        shape = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
-        return shape, [[1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, -1.0]]
-    return {"doublings": (1, 0)}, [[1.0, -1.0], [0.0, 1.0]]
+        shape: dict[str, Any] = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
+        return shape, [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
+    shape, difference = two_steps(antithetic)
+    return shape, [difference, [max(weight, 0.0) for weight in difference]]
 
 
 def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The same for the last level."""
+    """The paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if antithetic:
         return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
     if limit is not None:
@@ -150,7 +147,7 @@ class Decisions(NamedTuple):
         """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
         began, cpu_began = time.perf_counter(), time.process_time()
         exact = solution(case, control, steps)
-        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
+        differences = (exact.weak_error[:, 1:] - exact.weak_error[:, :-1]).T[::-1]
         return self._replace(
             seconds=self.seconds + time.perf_counter() - began,
             cpu_seconds=self.cpu_seconds + time.process_time() - cpu_began,
@@ -170,18 +167,11 @@ EQUAL = np.full(GROUPS, PARTS)  #: all groups of a level are equally large, so a
 _CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
 
 
-class Totals(NamedTuple):
-    """The sums over some samples of one level, for F test functions."""
+class LevelTotals(Sums):
+    """Sums over some samples of one level, each of which is all paths of the level, for F test functions."""
 
-    paths: int  #: samples, each of them all paths of the level
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    sums: np.ndarray  #: (powers, quantities, F, GROUPS), the quantities as in levels.py
-    nonfinite: int
-
-    def plus(self, later: "Totals") -> "Totals":
-        """These samples and some later ones."""
-        return sum_of_fields(self, later)
+    sums: Annotated[Array, moments("quantity function", POWERS)]  #: the quantities as in :data:`DIFFERENCE` and so on
+    nonfinite: Annotated[Array, counted()]
 
 
 class Moments(NamedTuple):
@@ -255,16 +245,16 @@ class LevelSums(NamedTuple):
             return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
-        """Giles' check |a - b - d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
+        """Giles' check |a - b + d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
 
-        d is the mean difference of a level, b the mean at its fine step, a that at its coarse step from the level
-        above.
+        b is the mean at the fine step of a level, d = b - a the mean difference, and a the mean at the coarse step from
+        the level above.
         """
         moments = self.moments()
         with np.errstate(invalid="ignore", divide="ignore"):
             fine, square = self.means_of_powers()[VALUE][:2]
             sd_fine = np.sqrt(np.maximum(square - fine**2, 0.0) / self.samples.reshape(-1, 1))
-            off = fine[1:] - fine[:-1] - moments.mean[:-1]
+            off = fine[1:] - fine[:-1] + moments.mean[:-1]
             return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + moments.stderr[:-1]))
 
     def variance_rates(self, h: np.ndarray) -> tuple[Order, ...]:
@@ -286,7 +276,7 @@ class LevelSums(NamedTuple):
         each = zip(np.abs(mean).T, np.abs(without).transpose(2, 0, 1), clear, strict=True)
         return LevelTable(
             h=h,
-            mean=mean.T,
+            mean=0.0 - mean.T,  # of the coarse step minus the fine one
             variance=moments.variance[:-1].T,
             kurtosis=moments.kurtosis[:-1].T,
             consistency=self.consistency().T,
@@ -323,9 +313,9 @@ def _variance(m: np.ndarray, beta: np.ndarray) -> np.ndarray:
 class Combination(NamedTuple):
     """Errors at S steps as sums of the differences of levels.
 
-    With d_l = E phi at 2^(l+1) h_ref minus E phi at 2^l h_ref the error of the step 2^k h_ref, measured against h_ref,
-    is d_0 + ... + d_(k-1).  An extrapolated error is R(h) - R(h_ref), R(h) = sum_i w_i E phi(y_{2^i h}), hence another
-    sum of the same differences.
+    With d_l = E phi at 2^l h_ref minus E phi at 2^(l+1) h_ref the error of the step 2^k h_ref, measured against h_ref,
+    is -(d_0 + ... + d_(k-1)).  An extrapolated error is R(h) - R(h_ref), R(h) = sum_i w_i E phi(y_{2^i h}), hence
+    another sum of the same differences.
     """
 
     extrapolation: Extrapolation
@@ -333,7 +323,7 @@ class Combination(NamedTuple):
 
     def errors(self, differences: np.ndarray) -> np.ndarray:
         """The errors (..., F, S) against the reference that differences (..., levels, F) of the levels make."""
-        sums = np.moveaxis(np.cumsum(differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
+        sums = np.moveaxis(np.cumsum(0.0 - differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])
         return errors - (sums[..., :count] * weights[1:]).sum(axis=-1, keepdims=True) if count else errors
@@ -366,7 +356,7 @@ def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]
     largest = differences[:, :1]
     if p.part.extrapolate:
         to_reference, to_steps = p.combination.shares_above()
-        largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+        largest = (to_reference * (0.0 - moments.mean[:-1].T)).sum(axis=1, keepdims=True)
         spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
     else:
         above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
