@@ -8,7 +8,6 @@ import pytest
 from helpers import loop_in_python
 
 from spi import storage
-from spi.schemes.theory import strong_order
 from spi.printing import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
@@ -17,6 +16,7 @@ from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER
 from spi.schemes.stages import flows
+from spi.schemes.theory import strong_order
 from spi.specs import SpecError
 
 TEXT = """\
