@@ -5,9 +5,8 @@ import re
 import shlex
 import shutil
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
 
 import typer
 
@@ -80,14 +79,11 @@ def cache(
         typer.echo(f"{len(old)} old folders, {size}: `spi cache --clear-old` removes them")
 
 
-class Listed(StrEnum):
-    models = "models"
-    schemes = "schemes"
-    experiments = "experiments"
-
-
 def list_(
-    only: Annotated[Listed | None, typer.Argument(metavar="models|schemes|experiments", help="Only these.")] = None,
+    only: Annotated[
+        Literal["models", "schemes", "experiments"] | None,
+        typer.Argument(metavar="models|schemes|experiments", help="Only these."),
+    ] = None,
     folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
 ) -> None:
     """List models, schemes and experiments.
@@ -97,15 +93,15 @@ def list_(
     from ..printing import print_models, print_schemes
 
     invalid: list[str] = []
-    if only in (None, Listed.models):
+    if only in (None, "models"):
         from ..models import MODELS
 
         print_models(MODELS)
-    if only in (None, Listed.schemes):
+    if only in (None, "schemes"):
         from ..schemes import SCHEMES
 
         print_schemes(SCHEMES)
-    if only in (None, Listed.experiments):
+    if only in (None, "experiments"):
         invalid = _list_experiments(folder)
     for problem in invalid:
         tell(f"spi: {problem}")
