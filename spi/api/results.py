@@ -14,13 +14,13 @@ import xarray as xr
 
 from .. import storage
 from ..drawing import as_bytes, style
-from ..kinds import KINDS
 from ..report import views
 from ..running import finding
 from ..statistics import claims
+from ..statistics.claims import quantities
 from ..storage import records
 from ..storage.records import INTERVAL
-from ..storage.stored import by_case
+from ..storage.stored import Description, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -28,8 +28,7 @@ from .specs import as_overrides, check_type, in_python
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
-    from ..drawing import Figure
-    from ..drawing.axes import Axes
+    from ..drawing import Axes, Figure
 
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
@@ -79,7 +78,7 @@ def _lines(arrays: xr.Dataset, quantity: str, x: str) -> Iterator[tuple[str, np.
 
 def dataset_of(group: records.Group) -> xr.Dataset:
     """The arrays of a group with their coordinates; components of states are called as in expressions."""
-    about = records.Description.of(group)
+    about = Description.of(group)
     values = dict(group.coordinates)
     if "component" in values:
         values["component"] = np.array(component_names(about.variables, len(values["component"])))
@@ -143,7 +142,7 @@ class Results:
             words = dict.fromkeys(word for part in self.parts for word in part.split("/"))
             near = difflib.get_close_matches(name, [*words, *self.parts], 1)
             raise KeyError(f"no part {name}; " + (f"did you mean {near[0]}?" if near else f"parts: {self._listed()}"))
-        owners = {(records.Description.of(group).owner, group.attributes["scheme"]) for group in groups}
+        owners = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
         stated = claims.of_text(self.attributes.get("expect"))
         expect = claims.as_text(claim for claim in stated if (claim.case, claim.scheme) in owners)
         return Results(records.Results(self.attributes | {"expect": expect}, groups, self.stored.chunks), self.path)
@@ -210,7 +209,7 @@ class Results:
             expected = {
                 (part.about.variant, part.about.estimator): getattr(part, "expected_order", None) for part in case
             }
-            for fitted in KINDS[self.kind].results.quantities(case):
+            for fitted in quantities(case):
                 if fitted.name in ("order", "uniform_order"):
                     about = fitted.about
                     part = {"case": about.case, "scheme": about.variant, "estimator": about.estimator}

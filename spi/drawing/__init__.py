@@ -29,6 +29,7 @@ def _import_matplotlib() -> None:
 if "matplotlib" not in sys.modules:
     _import_matplotlib()
 
+from matplotlib.axes import Axes as Axes  # noqa: E402
 from matplotlib.figure import Figure as Figure  # noqa: E402 (for those who may not ask matplotlib)
 
 from . import page  # noqa: E402

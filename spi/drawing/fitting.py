@@ -8,7 +8,7 @@ from typing import Any
 from weakref import WeakSet
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
@@ -37,7 +37,7 @@ def settle(fig: Figure) -> None:
         return
     for ax in fig.axes:
         _break_titles(ax)
-        _break_legends(ax)
+    _break_legends(fig)
     engine.execute(fig)
     for ax in fig.axes:
         _break_labels(ax)
@@ -54,24 +54,13 @@ def settle(fig: Figure) -> None:
     _SETTLED.add(fig)
 
 
-def _page_of(artist: Any) -> Any:
-    """The figure, or the part of one, that an artist is drawn in, with a box and dots per inch."""
-    return artist.get_figure(root=False)
-
-
 def _place(ax: Axes) -> tuple[float, float]:
     """The left and the right end, in pixels, of the part of the figure that is the panel's with all its texts."""
-    area = _page_of(ax).bbox
-    place = ax.get_subplotspec()
+    width, place = ax.figure.bbox.width, ax.get_subplotspec()
     if place is None:
-        return area.x0, area.x1
-    left, right = 0.0, 1.0
-    whole = place.get_topmost_subplotspec()
-    for spec in dict.fromkeys((whole, place)):
-        columns, span = spec.get_gridspec().ncols, right - left
-        first, last = spec.colspan.start, spec.colspan.stop
-        left, right = left + span * first / columns, left + span * last / columns
-    return area.x0 + area.width * left, area.x0 + area.width * right
+        return 0.0, width
+    columns = place.get_gridspec().ncols
+    return width * place.colspan.start / columns, width * place.colspan.stop / columns
 
 
 def _break_titles(ax: Axes) -> None:
@@ -80,20 +69,17 @@ def _break_titles(ax: Axes) -> None:
     for title in (child for child in ax.get_children() if isinstance(child, Text) and child not in ax.texts):
         centred = title.get_horizontalalignment() == "center"
         middle = (box.x0 + box.x1) / 2
-        room = 2 * min(middle - left, right - middle) if centred else _page_of(ax).bbox.x1 - box.x0
+        room = 2 * min(middle - left, right - middle) if centred else right - box.x0
         _break(title, room)
 
 
-def _break_legends(ax: Axes) -> None:
-    """Break the entries of a legend that is wider than the place of its panel."""
-    legend = ax.get_legend()
-    if legend is None:
-        return
-    left, right = _place(ax)
-    texts = legend.get_texts()
-    beside = legend.get_window_extent().width - max(text.get_window_extent().width for text in texts)
-    for text in texts:
-        _break(text, _SAFE * (right - left) - beside)
+def _break_legends(fig: Figure) -> None:
+    """Break the entries of a legend that is wider than the figure."""
+    for legend in fig.legends:
+        texts = legend.get_texts()
+        beside = legend.get_window_extent().width - max(text.get_window_extent().width for text in texts)
+        for text in texts:
+            _break(text, _SAFE * fig.bbox.width - beside)
 
 
 def _break_labels(ax: Axes) -> None:
@@ -104,7 +90,7 @@ def _break_labels(ax: Axes) -> None:
 
 def _break(text: Text, room: float) -> None:
     """Break the lines of a text that are longer than `room` pixels where there are spaces."""
-    dots = _page_of(text).dpi
+    dots = text.figure.dpi
     lines = text.get_text().split("\n")
     text.set_text("\n".join(part for line in lines for part in _lines(text, line, 72 * room / dots)))
 
@@ -141,68 +127,40 @@ def _parts(word: str) -> list[str]:
 
 
 def _fit_height(fig: Figure) -> bool:
-    """Give every line of panels the height that it should have; returns whether that changed anything."""
-    parts: Sequence[Any] = fig.subfigs or [fig]
-    lacking = [_fit_lines(part) for part in parts]
-    if max(map(abs, lacking)) < _EXACT:
+    """Give every row of panels the height that it should have; returns whether that changed anything."""
+    rows: dict[int, list[Axes]] = {}
+    grid: Any = None
+    for ax in fig.axes:
+        if (place := ax.get_subplotspec()) is not None:
+            rows.setdefault(place.rowspan.start, []).append(ax)
+            grid = place.get_gridspec()
+    have = [max(_size(ax)[1] for ax in rows[n]) for n in sorted(rows)]
+    want = [max(map(_wanted, rows[n])) for n in sorted(rows)]
+    if abs(lacking := sum(want) - sum(have)) < _EXACT:
         return False
-    if fig.subfigs:
-        heights = [part.bbox.height / fig.dpi + more for part, more in zip(parts, lacking, strict=True)]
-        parts[0]._subplotspec.get_gridspec().set_height_ratios(heights)
+    grid.set_height_ratios(want)
     width, height = fig.get_size_inches()
-    fig.set_size_inches(width, height + sum(lacking))
+    fig.set_size_inches(width, height + lacking)
     return True
-
-
-def _fit_lines(part: FigureBase) -> float:
-    """Share the height of a figure, or of a part of it, among its lines; returns the inches that they lack together."""
-    lines: dict[int, list[tuple[Axes, Any]]] = {}
-    for ax in part.findobj(Axes):
-        place = ax.get_subplotspec()
-        if place is not None:
-            whole = place.get_topmost_subplotspec()
-            inner = place.rowspan.start if whole is not place else 0
-            lines.setdefault(whole.rowspan.start + inner, []).append((ax, whole.get_gridspec()))
-    ratios: dict[int, Any] = {number: line[0][1].get_height_ratios()[number] for number, line in lines.items()}
-    tall = max((ratios[n] for n, line in lines.items() if any(_is_free(ax) for ax, _ in line)), default=1.0)
-    have = {n: max(_size(ax)[1] for ax, _ in line) for n, line in lines.items()}
-    want = {n: max(_wanted(ax, ratios[n] / tall) for ax, _ in line) for n, line in lines.items()}
-    grid = next(iter(lines.values()))[0][1]
-    if len(want) == grid.nrows:
-        # A line with a grid of its own also has titles and labels within that, whose height is given in inches.
-        plain = [n for n, line in lines.items() if not _is_nested(line[0][0])]
-        inches = max((have[n] / ratios[n] for n in plain), default=1.0)
-        shares = [want[n] if n in plain else ratios[n] * inches + want[n] - have[n] for n in range(grid.nrows)]
-        grid.set_height_ratios(shares)
-    return sum(want.values()) - sum(have.values())
 
 
 def _size(ax: Axes) -> tuple[float, float]:
     """Inches of the place of a panel, which one that has a shape of its own need not fill."""
-    box, area = ax.get_position(original=True), _page_of(ax)
-    return box.width * area.bbox.width / area.dpi, box.height * area.bbox.height / area.dpi
+    box, area = ax.get_position(original=True), ax.figure.bbox
+    return box.width * area.width / ax.figure.dpi, box.height * area.height / ax.figure.dpi
 
 
-def _is_nested(ax: Axes) -> bool:
-    """Whether a panel stands in a grid within a line."""
-    place = ax.get_subplotspec()
-    return place is not None and place.get_topmost_subplotspec() is not place
-
-
-def _is_free(ax: Axes) -> bool:
-    """Whether a panel may have any shape."""
-    return ax.name != "3d" and ax.get_aspect() == "auto"
-
-
-def _wanted(ax: Axes, share: Any) -> float:
-    """The inches of height that suit a panel; `share` is its height over that of the highest."""
+def _wanted(ax: Axes) -> float:
+    """The inches of height that suit a panel."""
     width, _ = _size(ax)
-    if not _is_free(ax):
+    if ax.name == "3d":
+        return width
+    if ax.get_aspect() != "auto":
         ax.apply_aspect()
         box = ax.get_window_extent()
-        return width if ax.name == "3d" else width * box.height / box.width
-    label = ax.yaxis.label.get_window_extent().height / _page_of(ax).dpi if ax.get_ylabel() else 0.0
-    return max(min(_SHAPE * width, _TALLEST) * share, label)
+        return width * box.height / box.width
+    label = ax.yaxis.label.get_window_extent().height / ax.figure.dpi if ax.get_ylabel() else 0.0
+    return max(min(_SHAPE * width, _TALLEST), label)
 
 
 def _thin(axis: Any) -> None:
@@ -227,7 +185,7 @@ def _labels(axis: Any) -> list[tuple[float, Text]]:
 
 
 def _touch(axis: Any, labels: list[Text]) -> bool:
-    gap = _GAP / 72 * _page_of(labels[0]).dpi
+    gap = _GAP / 72 * axis.figure.dpi
     boxes = [label.get_window_extent() for label in labels]
     if axis.axis_name == "x":
         return any(one.x1 + gap > other.x0 for one, other in pairwise(sorted(boxes, key=lambda box: box.x0)))

@@ -1,140 +1,77 @@
-"""Lines of panels one under the other, each line with a title and a legend of its own."""
+"""Figures of many panels: their places, letters and titles, and one legend."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+from typing import Any
 
-import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure, FigureBase, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.markers import CARETDOWN, CARETUP
 
-from spi.storage.records import Description
+from . import page, plots, style
 
-from ..statistics.claims import FAILED, INCONCLUSIVE, PASSED, VERDICTS, Verdict
-from . import page, style
-from .axes import LEAST, legend_line
+WIDTHS = {1: 5.0, 2: 4.1, 3: 3.6, 4: 3.2}  #: inches of a panel, by the number side by side
+NARROW = 2.8  # of more than four side by side
+LEAST = 2.1  #: inches of a panel in a paper, where as many stand side by side as fit
+ENTRIES = 8  #: of a legend at most; lines are named at their ends where there are more schemes
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The verdicts on claims in a figure: a few small lines under its panels.
-# ---------------------------------------------------------------------------------------------------------------------
+_COLUMNS = 4  # panels side by side, unless the figure would be too high
+_TALL = 1.25  # height over width of all panels at most, so that with titles it is 1.4
+_FULL = 0.75  # share of the places in rows of groups that are to be filled
+_NAMES = 1.6  # inches for the names of lines at their ends
+_MARGIN = 0.5  # inches to the left of a panel, for its vertical axis
+_BESIDE = 0.45  # inches of a handle of the legend and the room around it
 
-_WORDS = {PASSED: "Claims passed", INCONCLUSIVE: "Claims inconclusive", FAILED: "Claims failed"}
-_COLOURS = {PASSED: "#444444", INCONCLUSIVE: "#8a6d00", FAILED: "#c00000"}
-
-
-def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
-    """Write under a figure which claims passed, are inconclusive or failed; nothing if there are none."""
-    summaries = [(verdict, _summary(verdicts, verdict)) for verdict in VERDICTS]
-    style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in summaries if text))
+Case = tuple[
+    list[str], list[list[plots.Plot]]
+]  #: heading and facts of a case, and groups of panels that belong together
 
 
-def write_note(fig: Figure, text: str) -> None:
-    """Write a warning about the results under a figure, in red; nothing if the text is empty."""
-    style.note_under(fig, [(text, _COLOURS[FAILED])] * bool(text))
-
-
-def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
-    """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
-    counts: dict[str, dict[str, list[bool]]] = {}
-    for verdict in verdicts:
-        label = verdict.found.about._replace(eps=None).label if verdict.found else verdict.claim.scheme
-        counts.setdefault(verdict.claim.text, {}).setdefault(label, []).append(verdict.verdict == wanted)
-    texts = []
-    for claim, schemes in counts.items():
-        whose = [
-            label if all(hits) else f"{label}: {sum(hits)} of {len(hits)}"
-            for label, hits in schemes.items()
-            if any(hits)
-        ]
-        if whose:
-            texts.append(f"{claim} ({'; '.join(whose)})")
-    return ", ".join(texts)
-
-
-Panel = Callable[[Axes], None]  #: draws on an axes
-Entry = tuple[Artist, str]  #: of a legend, a handle and a text
-
-NARROWEST = 5.0  # inches of a figure
-SIDE_BY_SIDE = 3  # panels
-PALEST = 0.62  # of white in the last of several shades
-BLANK: Entry = Line2D([], [], linestyle="none"), " "  # fills a row of a legend
-
-
-class Line(NamedTuple):
-    """Panels side by side."""
-
-    panels: Sequence[Panel]
-    size: tuple[float, float]  #: inches of one panel, with its label and legend
-    title: str = ""
-    legend: Sequence[list[Entry]] = ()  #: under the panels: rows of entries
-    least: float = LEAST  #: inches of the width of a panel in a paper
-    shared: bool = False  #: whether all panels have the same vertical axis, so that it is named once
-
-
-def arranged(title: str, lines: list[Line], facts: list[str]) -> Figure:
-    """The figure of ``lines`` under a title and a line of facts."""
-    if not lines:
+def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
+    """The figure of the panels of each case; ValueError if there are none."""
+    rows = _rows([groups for _, groups in cases])
+    if not rows:
         raise ValueError("the results name no panel that could be drawn")
-    lines = [part for line in side_by_side(lines) for part in _parts(line)]
-    width = page.current().width or max(NARROWEST, *(len(line.panels) * line.size[0] for line in lines))
-    heights = [_height(line, width) for line in lines]
-    fig = Figure()
-    style.dress(fig, width, sum(heights), title, facts)
-    areas = fig.subfigures(len(lines), 1, height_ratios=heights, squeeze=False).flat
-    for area, line in zip(areas, lines, strict=True):
-        _draw(area, line, width)
+    columns = max(map(len, rows))
+    width = page.current().width or columns * WIDTHS.get(columns, NARROW)
+    heights = [max(plot.aspect for plot in row if plot) * width / columns for row in rows]
+    fig = Figure(layout="constrained")  # which colour bars are to know beforehand
+    grid = fig.add_gridspec(len(rows), columns, height_ratios=heights)
+    titles = _Titles(cases if len(cases) > 1 else [], rows, width)
+    axes: list[plots.Axes] = []
+    entries, ends, lines = [], [], 0
+    for i, row in enumerate(rows):
+        above = [1]
+        for j, plot in enumerate(row):
+            if plot is None:
+                continue
+            ax = fig.add_subplot(grid[i, j], projection=plot.projection)
+            own, of_lines = plot.draw(ax)
+            axes.append(ax)
+            entries += own
+            ends.append(of_lines)
+            above.append(titles.write(ax, plot))
+            if plot.shared and j:
+                ax.set_ylabel("")
+                ax.tick_params(labelleft=False)
+        lines += max(above)
+    handles, named = _merged(entries), len(_merged(entries)) > ENTRIES
+    if named:
+        schemes = {end.label for of_lines in ends for end in of_lines}
+        handles = [(handle, text) for handle, text in handles if text not in schemes]
+    else:
+        handles = _with_notes(handles, ends)
+    legend = _legend_rows(handles, width)
+    beside = _NAMES * named if page.current().width is None else 0.0
+    style.dress(fig, width + beside, sum(heights) + 0.17 * (lines + len(legend)) + 0.1, title, facts)
+    most = max(range(len(axes)), key=lambda k: (len(ends[k]), k % columns == columns - 1))
+    for k, (ax, of_lines) in enumerate(zip(axes, ends, strict=True)):
+        plots.write_ends(ax, of_lines, named and k == most, len(axes) > 1 or named)
+    if legend:
+        artists, texts = zip(*(entry for column in zip(*legend, strict=True) for entry in column), strict=True)
+        look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
+        fig.legend(artists, texts, loc="outside lower center", ncols=len(legend[0]), **look)
     return fig
-
-
-def _parts(line: Line) -> list[Line]:
-    """The lines into which a line is divided where the figure has a given width."""
-    columns, size = page.current().panels(len(line.panels), line.size, line.least)
-    if page.current().width is not None:
-        facts = line.title.replace("\n", ",  ").split(",  ")
-        line = line._replace(title="\n".join(style.wrapped(facts, ",  ", "axes.titlesize", columns * size[0])))
-    starts = range(0, len(line.panels), columns)
-    parts = [line._replace(panels=line.panels[i : i + columns], size=size) for i in starts]
-    return [
-        part._replace(title=line.title if part is parts[0] else "", legend=line.legend if part is parts[-1] else ())
-        for part in parts
-    ]
-
-
-def of_cases(
-    title: str,
-    cases: Sequence[Sequence[Any]],
-    facts_of: Callable[[Any], dict[str, str]],
-    lines_of: Callable[[Any, style.Looks], list[Line]],
-) -> Figure:
-    """The figure of the readings of each case in lines of its own, titled where there are several cases.
-
-    `facts_of` a reading stand above, those that all cases share once for all.
-    """
-    looks = style.looks(cases)
-    shared, own = style.split_facts([facts_of(readings[0]) for readings in cases])
-    lines = []
-    for readings, facts in zip(cases, own, strict=True):
-        case_lines = lines_of(readings, looks)
-        if case_lines and len(cases) > 1:
-            width = len(case_lines[0].panels) * case_lines[0].size[0]
-            case_lines[0] = case_lines[0]._replace(title=case_title(readings[0].about, facts, width))
-        lines += case_lines
-    return arranged(title, lines, shared)
-
-
-def even(count: int, most: int) -> int:
-    """The number of panels side by side, at most `most`, that divides `count` panels evenly among lines."""
-    return math.ceil(count / max(1, math.ceil(count / most)))
-
-
-def in_lines(panels: Sequence[Panel], columns: int, size: tuple[float, float], **more: Any) -> list[Line]:
-    """Panels in lines of `columns` each; `more` are fields of each line."""
-    return [Line(panels[i : i + columns], size, **more) for i in range(0, len(panels), max(1, columns))]
 
 
 def check_panels(words: Iterable[str], allowed: Iterable[str]) -> None:
@@ -144,147 +81,123 @@ def check_panels(words: Iterable[str], allowed: Iterable[str]) -> None:
             raise ValueError(f"{word!r} is not a known panel; known panels: {', '.join(allowed)}")
 
 
-def side_by_side(lines: list[Line]) -> list[Line]:
-    """Lines of one panel each, if there are several, in fewer lines, their titles above the panels."""
-    if len(lines) == 1 or any(len(line.panels) != 1 for line in lines):
-        return lines
-    columns = 2 if len(lines) == 4 else min(len(lines), SIDE_BY_SIDE)
-    size = tuple(np.max([line.size for line in lines], axis=0).tolist())
-    panels = [partial(_titled, panel=line.panels[0], title=line.title, room=size[0] - 0.4) for line in lines]
-    parts = [panels[i : i + columns] for i in range(0, len(lines), columns)]
-    return [Line(part, size, legend=lines[-1].legend if part is parts[-1] else ()) for part in parts]
+def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Plot | None]]:
+    """The panels of all cases in rows, at most as high together as a figure may be."""
+    count = sum(len(group) for groups in cases for group in groups)
+    if page.current().width is not None:
+        return _in_rows(cases, page.current().columns(_COLUMNS, LEAST))
+    each = (_in_rows(cases, most) for most in range(_COLUMNS, max(_COLUMNS, count) + 1))
+    return next((rows for rows in each if not rows or _shape(rows) <= _TALL), [])
 
 
-def _titled(ax: Axes, panel: Panel, title: str, room: float) -> None:
-    panel(ax)
-    titles = [line for line in [*title.split("\n"), ax.get_title()] if line]
-    ax.set_title(
-        "\n".join(part for line in titles for part in style.wrapped(line.split(",  "), ",  ", "axes.titlesize", room))
-    )
+def _in_rows(cases: Sequence[list[list[plots.Plot]]], most: int) -> Sequence[Sequence[plots.Plot | None]]:
+    """The panels of all cases, at most `most` in a row; each case begins one, unless cases are few panels."""
+    plots = [[plot for group in groups for plot in group] for groups in cases]
+    longest = max(map(len, plots))
+    if len(cases) == 1:
+        return _matrix(cases[0], most)
+    if longest <= 1:
+        return _even([plot for own in plots for plot in own], most)
+    if longest <= len(cases) <= most:
+        return list(zip_longest(*plots))  # a column for each case
+    return _packed([_matrix(groups, most, wide=True) for groups in cases], most)
 
 
-def _rows(legend: Sequence[list[Entry]], width: float) -> list[list[Entry]]:
-    """The rows of the legend, broken into shorter ones as far as the width demands, all filled up to one length."""
-    for most in range(max(map(len, legend)), 0, -1):
-        rows = [part for row in legend for part in _broken(row, most)]
-        longest = max(map(len, rows))
-        rows = [[*row, *[BLANK] * (longest - len(row))] for row in rows]
-        columns = [
-            max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
-        ]
-        if sum(columns) + 0.65 * longest < width - 0.2:
-            break
+def _packed(cases: Sequence[list[list[plots.Plot]]], most: int) -> list[list[plots.Plot]]:
+    """The rows of all cases, short ones of neighbouring cases joined."""
+    rows: list[list[plots.Plot]] = []
+    for own in cases:
+        if rows and len(own) == 1 and len(rows[-1]) + len(own[0]) <= most:
+            rows[-1] = rows[-1] + own[0]
+        else:
+            rows += own
     return rows
 
 
-def _broken(row: list[Entry], most: int) -> list[list[Entry]]:
-    columns = even(len(row), most)
-    return [row[i : i + columns] for i in range(0, len(row), columns)]
+def _shape(rows: Sequence[Sequence[plots.Plot | None]]) -> float:
+    return sum(max(plot.aspect for plot in row if plot) for row in rows) / max(map(len, rows))
 
 
-def _height(line: Line, width: float) -> float:
-    titles = len(line.title.split("\n")) if line.title else 0
-    legend = 0.12 + legend_line() * len(_rows(line.legend, width)) if line.legend else 0.0
-    return line.size[1] + 0.2 * titles + legend
+def _matrix(groups: list[list[plots.Plot]], most: int, wide: bool = False) -> list[list[plots.Plot]]:
+    """A row for each group of several panels, and single panels together in rows; `wide` rows are as long as can be."""
+    rows: list[list[plots.Plot]] = []
+    single: list[plots.Plot] = []
+    everything = [plot for group in groups for plot in group]
+    if sum(len(group) > 1 for group in groups) < 2 or max(map(len, groups)) < 3:
+        return _even(everything, most, wide)
+    for group in groups:
+        if len(group) == 1:
+            single += group
+            continue
+        rows += _even(single, most) + ([group] if len(group) <= most else _even(group, most))
+        single = []
+    rows += _even(single, most)
+    return rows if len(everything) > _FULL * len(rows) * max(map(len, rows)) else _even(everything, most, wide)
 
 
-def _draw(area: SubFigure, line: Line, width: float) -> None:
-    own = len(line.panels) * line.size[0]
-    inner = area
-    if own < width:
-        spare = (width - own) / 2
-        inner = area.subfigures(1, 3, width_ratios=[spare, own, spare], squeeze=False)[0, 1]
-    axes = list(inner.subplots(1, len(line.panels), squeeze=False).flat)
-    for panel, ax in zip(line.panels, axes, strict=True):
-        panel(ax)
-    if line.shared:
-        for ax in [ax for ax in axes if ax.axison][1:]:
-            ax.set_ylabel("")
-            ax.tick_params(labelleft=False)
-    if line.title:
-        size = page.points("axes.titlesize")
-        area.suptitle(line.title, x=0.015, ha="left", fontsize=size, fontweight="bold")
-    if line.legend:
-        _legend_under(area, _rows(line.legend, width))
+def _even(plots: Sequence[plots.Plot], most: int, wide: bool = False) -> list[list[plots.Plot]]:
+    """Panels in rows of about the same length, at most `most` long."""
+    wanted = most if wide else {4: 2, 5: 3, 6: 3, 9: 3}.get(len(plots), most)
+    columns = max(1, math.ceil(len(plots) / max(1, math.ceil(len(plots) / min(wanted, most)))))
+    return [list(plots[i : i + columns]) for i in range(0, len(plots), columns)]
 
 
-def legend_under_all(fig: Figure, entries: list[Entry], width: float) -> None:
-    """A legend under all panels of a figure of some inches, in as many rows as it needs."""
-    _legend_under(fig, _rows([entries], width))
+class _Titles:
+    """The titles of panels: a letter where there are several, and the heading of each case above its first one."""
+
+    def __init__(self, cases: Sequence[Case], rows: Sequence[Sequence[plots.Plot | None]], width: float) -> None:
+        self.headings = {id(groups[0][0]): heading for heading, groups in cases if groups}
+        self.letters = iter("abcdefghijklmnopqrstuvwxyz" * 9) if sum(map(len, rows)) > 1 else None
+        self.width = width / max(map(len, rows))
+        self.reach: dict[int, float] = {}  # inches of the panels that belong to a heading, by the first of them
+        for row in rows:
+            begins = [k for k, plot in enumerate(row) if id(plot) in self.headings]
+            for k, end in zip(begins, [*begins[1:], len(row)], strict=False):
+                self.reach[id(row[k])] = self.width * (end - k)
+
+    def write(self, ax: plots.Axes, plot: plots.Plot) -> int:
+        """Write the title of a panel; returns the number of its lines."""
+        heading, own = self.headings.get(id(plot), []), plot.title.split("\n") if plot.title else []
+        letter = f"({next(self.letters)})  " if self.letters else ""
+        reach = min(self.reach.get(id(plot), self.width), 1.9 * self.width)  # a longer title would push panels apart
+        lines = _wrapped(heading, reach - _MARGIN)
+        text = "\n".join([*lines, letter + "\n".join(_wrapped(own, self.width - _MARGIN))])
+        ax.set_title(text, loc="left", pad=6 if ax.axison else 15)
+        return 1 + text.count("\n")
 
 
-def _legend_under(area: FigureBase, rows: Sequence[list[Entry]]) -> None:
-    by_column = [entry for column in zip(*rows, strict=True) for entry in column]
-    handles, texts = zip(*by_column, strict=True)
-    look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
-    area.legend(handles, texts, loc="outside lower center", ncols=len(rows[0]), **look)
+def _wrapped(texts: Sequence[str], width: float) -> list[str]:
+    return style.wrapped(texts, ",  ", "axes.titlesize", width)
 
 
-def case_title(about: Description, facts: list[str], width: float) -> str:
-    """The title of a case and its own facts, in lines as wide as its panels."""
-    title = style.plain(about.case_title)
-    return "\n".join(style.wrapped([title, *facts], ",  ", "axes.titlesize", width))
+def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]]) -> list[plots.Entry]:
+    """The entries of a single panel with the notes of its lines; of several an explanation of the numbers there."""
+    if len(ends) == 1:
+        notes = {end.label: f"{text}: {end.note}" for end in ends[0] if end.note for text in [end.label]}
+        return [(handle, notes.get(text, text)) for handle, text in entries]
+    if any(end.note.startswith("order ") for of_lines in ends for end in of_lines):
+        entries.append((Line2D([], [], linestyle="none"), "numbers at lines: fitted orders"))
+    return entries
 
 
-def shade(colour: str, i: int, count: int) -> str:
-    """Number i of ``count`` shades of a colour, from itself to a pale one."""
-    white = PALEST * i / max(count - 1, 1)
-    red, green, blue = ((1 - white) * np.array(to_rgb(colour)) + white).tolist()
-    return to_hex((red, green, blue))
+def _merged(entries: Sequence[plots.Entry]) -> list[plots.Entry]:
+    """The entries of all panels, each text once: lines before marks."""
+    by_text = {text: handle for handle, text in reversed(entries)}
+    merged = [(by_text[text], text) for text in dict.fromkeys(text for _, text in entries)]
+    return sorted(merged, key=lambda entry: isinstance(entry[0], Line2D) and entry[0].get_linestyle() == "None")
 
 
-def spread(count: int, most: int = 4) -> list[int]:
-    """At most `most` of the numbers 0, ..., count - 1, among them the first and the last."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
-
-
-def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    """Mark values above the panel, or NaN, at its upper edge, and values below it, hollow, at its lower edge."""
-    bottom, top = ax.get_ylim()
-    look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
-    look |= {"color": colour, "linestyle": "none"}
-    above, below = ~(y <= top), y < bottom
-    if above.any():
-        ax.plot(x[above], np.ones(above.sum()), marker=CARETUP, **look)
-    if below.any():
-        ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
-
-
-def scheme_entry(about: Description, looks: style.Looks, more: str = "", **look: Any) -> Entry:
-    """An entry of a legend: a scheme, followed by the text `more`."""
-    marker, colour = looks[about.variant]
-    return Line2D([], [], color=colour, marker=marker, **look), style.label(about) + more
-
-
-def mark(marker: str, text: str, **look: Any) -> Entry:
-    """An entry of a legend: a black mark and what it means."""
-    return Line2D([], [], marker=marker, linestyle="none", color="black", **look), text
-
-
-def unresolved(marker: str) -> dict[str, Any]:
-    """The look of a point that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
-    return {"markerfacecolor": "none"} if marker in Line2D.filled_markers else {"alpha": 0.4}
-
-
-def points(
-    ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
-) -> None:
-    """Points within the panel, hollow where they are poor, with bars that end at its lower edge; no bar for NaN."""
-    bottom, top = ax.get_ylim()
-    inside = (values >= bottom) & (values <= top)
-    for chosen, fill in ((inside & ~poor, {}), (inside & poor, unresolved(look["marker"]))):
-        if chosen.any():
-            up = np.where(np.isfinite(half), half, 0.0)[chosen]
-            bars = np.array([np.minimum(up, values[chosen] - bottom), up])
-            ax.errorbar(x[chosen], values[chosen], bars, linestyle="none", elinewidth=0.8, zorder=3, **look | fill)
-
-
-def zero_mark() -> Entry:
-    """The entry of a legend for unresolved points of a difference."""
-    return mark("o", "hollow, or pale crosses: zero within 2 standard errors", markerfacecolor="none")
-
-
-def empty(ax: Axes, text: str) -> None:
-    """An empty panel, with the reason."""
-    ax.set_axis_off()
-    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#777777")
+def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plots.Entry]]:
+    """The entries in as few rows as a figure of some inches has room for, all filled up to one length."""
+    if not entries:
+        return []
+    blank: plots.Entry = Line2D([], [], linestyle="none"), " "
+    for columns in range(len(entries), 0, -1):
+        rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
+        rows[-1] += [blank] * (columns - len(rows[-1]))
+        widths = [
+            max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
+        ]
+        if sum(widths) + (_BESIDE + 0.2) * columns < width - 0.2:
+            break
+    return rows

@@ -73,16 +73,9 @@ class Page(NamedTuple):
         # Letters that the family lacks are taken from one that has them.
         return _SCREEN | _PAPER | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
 
-    def panels(self, wanted: int, size: tuple[float, float], least: float) -> tuple[int, tuple[float, float]]:
-        """The number of panels side by side, and inches of each: `wanted` ones of `size` where there is room.
-
-        In a column there are as many as are at least `least` inches wide, and they fill it unless they are few.
-        """
-        if self.width is None:
-            return wanted, size
-        columns = min(wanted, max(1, int(self.width / least)))
-        width = min(self.width / columns, size[0])
-        return columns, (width, size[1] * min(max(width / size[0], 0.55), 0.75))
+    def columns(self, wanted: int, least: float) -> int:
+        """The number of panels side by side: `wanted`, or as many as are `least` inches wide in a column."""
+        return wanted if self.width is None else min(wanted, max(1, int(self.width / least)))
 
 
 SCREEN = Page()

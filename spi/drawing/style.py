@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable
 from fractions import Fraction
+from functools import cache
 from typing import Any
 
 import matplotlib
@@ -12,10 +13,11 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.mathtext import MathTextParser
 
 from ..schemes import SCHEMES
-from ..storage.records import Description
-from ..storage.stored import Stored
+from ..storage.records import Order
+from ..storage.stored import Description, Stored
 from . import page
 
 Look = tuple[str, str]  #: marker and colour
@@ -39,7 +41,10 @@ SYMBOLS = {
     "nu": r"\nu",
 }
 
-_NOTE = 7  # points
+#: The labels of horizontal axes.
+AXES = {"t": "time $t$", "h": "step size $h$", "n": "number of steps $n$", "lag": "lag $s$"}
+
+_LONG = 60  # letters of a formula that is not shown in a title
 _MOST_ENTRIES = 9  # of a tuple that is shown whole
 _MOST_COMPONENTS = 64  # of a state that is shown
 
@@ -75,6 +80,13 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     return chosen
 
 
+def order_text(order: Order) -> str:
+    """A fitted order with its interval; empty if it is not resolved."""
+    if not math.isfinite(order.order):
+        return ""
+    return f"order {order.order:.2f} [{order.low:.2f}, {order.high:.2f}]".replace("-", "\N{MINUS SIGN}")
+
+
 def label(about: Description, with_eps: bool = True) -> str:
     """The name of the scheme of a reading in mathtext; `about` is its description."""
     text = plain(about.scheme_label)
@@ -83,10 +95,15 @@ def label(about: Description, with_eps: bool = True) -> str:
     return ", ".join([text, *[about.extrapolation] * (about.extrapolate > 0)])
 
 
+def symbol(name: str) -> str:
+    """The symbol of a parameter in mathtext; empty if it has none."""
+    return SYMBOLS.get(name, name if len(name) == 1 else "")
+
+
 def word(name: str) -> str:
     """The label of a parameter on an axis, in mathtext if there is a symbol for it."""
-    symbol = SYMBOLS.get(name, name if len(name) == 1 else None)
-    return f"${symbol}$" if symbol else plain(name.replace("_", " "))
+    named = symbol(name)
+    return f"${named}$" if named else plain(name.replace("_", " "))
 
 
 def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
@@ -118,35 +135,6 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
 def caption(fig: Figure) -> str:
     """The caption of a figure: its title and parameters; formulas as in LaTeX."""
     return str(fig.get_label())
-
-
-def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
-    """Write notes, (text, colour) each, in small letters under the panels of a figure that :func:`dress` made.
-
-    In a paper they belong in the caption.
-    """
-    notes = list(notes)
-    if page.current().width is not None:
-        fig.set_label(" ".join([caption(fig), *(plain(text) for text, _ in notes)]))
-        return
-    width, height = fig.get_size_inches().tolist()
-    lines = [(line, colour) for text, colour in notes for line in wrapped(plain(text).split(), " ", _NOTE, width)]
-    engine = fig.get_layout_engine()
-    if not lines or not isinstance(engine, ConstrainedLayoutEngine):
-        return
-    room = 0.08 + 0.14 * len(lines)
-    taller = height + room
-    top = engine.get()["rect"][3] * height
-    for text in fig.texts:  # which stay where they are, seen from above
-        text.set_y(1 - (1 - text.get_position()[1]) * height / taller)
-    fig.set_size_inches(width, taller)
-    legends = 0.0
-    for legend in fig.legends:  # "outside" of all panels; with an anchor the engine no longer keeps room for it
-        legends = max(legends, legend.get_window_extent().height / fig.dpi + 0.12)
-        legend.set_bbox_to_anchor((0, room / taller, 1, 1 - room / taller), fig.transFigure)
-    engine.set(rect=(0, (room + legends) / taller, 1, (top - legends) / taller))
-    for i, (line, colour) in enumerate(reversed(lines)):
-        fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=_NOTE, color=colour, va="bottom")
 
 
 def wrapped(items: Iterable[str], separator: str, size: str | float, width: float) -> list[str]:
@@ -282,8 +270,48 @@ def formula(text: str, variables: tuple[str, ...] = ()) -> str:
     """A test function, the text of an expression, in mathtext; `variables` are the system's names of y1, y2, ..."""
     text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
     text = re.sub(r"\by(\d+)", lambda match: _component(int(match.group(1)), variables), text)
-    text = re.sub(r"\b([a-z]{2,})\(", lambda match: rf"\mathrm{{{match.group(1)}}}(", text)
+    text = re.sub(r"\bC(\d+)\b", r"C_{\1}", text)
+    text = re.sub(r"(?<![\\{\w])([A-Za-z]{2,}(_[A-Za-z]+)*)", lambda match: _word(match.group(1)), text)
+    text = text.replace("<=", r"\leq ").replace(">=", r"\geq ")
     return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
+
+
+def _word(name: str) -> str:
+    return r"\mathrm{" + name.replace("_", r"\ ") + "}"
+
+
+@cache
+def maths(text: str, variables: tuple[str, ...] = ()) -> str:
+    """An expression or a name set as mathematics, as it is written where that is not possible."""
+    if re.search("[a-z]{2,} ", text):  # a sentence, in which only expressions are set
+        words = text.split()
+        return " ".join(maths(word, variables) if re.search(r"[\d<>=^]", word) else plain(word) for word in words)
+    typeset = f"${formula(text, variables)}$"
+    try:
+        MathTextParser("path").parse(typeset)
+    except ValueError:
+        return plain(text)
+    return typeset
+
+
+def long_title(record: Any, facet: str, place: int) -> str:
+    """The title of the panel of one function: its name and formula, where they are not one."""
+    owner: Any = next((one for one in (record, getattr(record, "averages", None)) if hasattr(one, "functions")), None)
+    texts = getattr(owner, "texts", None) or getattr(owner, "formulas", None)
+    if facet != "function" or texts is None or owner.functions[place] == texts[place] or len(owner.functions) == 1:
+        return ""
+    text = texts[place]
+    return plain(owner.functions[place]) + (f": {maths(text, record.about.variables)}" if len(text) < _LONG else "")
+
+
+def value_of(axis: str, value: float) -> str:
+    """The place along an axis of step sizes or of a parameter, as an equation."""
+    return f"${symbol(axis) or axis}={number(float(value), axis == 'h')}$"
+
+
+def axis_label(record: Any, axis: str) -> str:
+    """The label of a horizontal axis."""
+    return word(record.word) if axis == "value" else AXES.get(axis, axis)
 
 
 def _component(number: int, variables: tuple[str, ...]) -> str:

@@ -7,7 +7,7 @@ there as Any is the kind's own: the class of its keys and the record of its resu
 A new kind is such a folder and a line in KINDS.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,7 +16,6 @@ from spi.storage.records import Part
 if TYPE_CHECKING:  # what takes a while to import
     from spi.drawing import Figure
     from spi.specs import BaseCase
-    from spi.statistics.claims import Quantity
     from spi.storage.stored import Stored
 
     from .plans import Plan
@@ -47,20 +46,9 @@ class ResultsModule(Protocol):
 
     @property
     def Record(self) -> "type[Stored]":
-        """The record, each field with its axes, what it is and its unit; what follows from them are properties."""
+        """The record: of each field axes, text, unit and claim; its tables, rows and remarks; properties."""
 
-    def quantities(self, readings: Sequence[Any]) -> "Iterator[Quantity]":
-        """What a spec may expect of one case, by the names that the ``quantities`` of its keys have."""
-
-
-class TableModule(Protocol):
-    """``table``: results as numbers and text."""
-
-    def rows(self, readings: Sequence[Any]) -> Iterator[dict[str, Any]]:
-        """Flat records of numbers, for JSON and CSV."""
-
-    def show(self, console: Any, heading: str, readings: Sequence[Any]) -> None:
-        """Print the tables of one case to a ``rich.console.Console``."""
+    # rows(readings) -> Iterator[dict[str, Any]] may be added: rows of CSV and JSON beside those of each record
 
 
 class FigureModule(Protocol):
@@ -90,10 +78,9 @@ class Kind(Folder):
     keys: KeysModule
     study: StudyModule
     results: ResultsModule
-    table: TableModule
     figure: FigureModule
 
-    MODULES = ("keys", "study", "results", "table", "figure")
+    MODULES = ("keys", "study", "results", "figure")
 
 
 #: name in a spec file -> kind

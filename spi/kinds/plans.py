@@ -27,8 +27,8 @@ from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
-from spi.storage.records import Description, Group, Part, fits
-from spi.storage.stored import Stored
+from spi.storage.records import Group, Part, fits
+from spi.storage.stored import Description, Stored
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The state of a part: the sums that are computed so far.

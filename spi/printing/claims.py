@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..statistics.claims import FAILED, PASSED, VERDICTS, Quantity, Verdict
-from .text import narrowed, new_table, power_of_two, print_whole, room, short
+from .tables import Cell, Grid
+from .text import narrowed, power_of_two, print_whole, room, short
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 _STYLES = {PASSED: "", FAILED: "bold red"}
 
@@ -19,28 +19,23 @@ def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
     """Print the claims of a case, what came out and the verdict; nothing if there are none."""
     if not verdicts:
         return
-    table = _table(verdicts)
-    if narrowed(console, table) > room(console):
-        table = _table(verdicts, stacked=True)
+    for then in (" ", "\n"):  # intervals and swept values stand in lines of their own where there is no room
+        table = grid(verdicts, then).as_rich()
+        table.columns[1].no_wrap = False
+        if narrowed(console, table) <= room(console):
+            break
     print_whole(console, table)
     console.print()
 
 
-def _table(verdicts: Sequence[Verdict], stacked: bool = False) -> "Table":
-    """The table of claims; if `stacked`, intervals and swept values stand in lines of their own."""
-    from rich.text import Text
-
-    table, then = (
-        new_table("claims", ["scheme", "claim", "result (95 %)", "at", ""], left=5),
-        "\n" if stacked else " ",
-    )
-    for column in table.columns[:2]:
-        column.no_wrap = False
+def grid(verdicts: Sequence[Verdict], then: str = " ") -> Grid:
+    """The table of claims, with `then` before intervals and further swept values."""
+    rows = []
     for one in verdicts:
-        found, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
-        verdict = Text(one.verdict, style=_STYLES.get(one.verdict, "yellow"))
-        table.add_row(*map(Text, (one.subject, one.claim.text, found, at)), verdict)
-    return table
+        result, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
+        verdict = Cell(one.verdict, _STYLES.get(one.verdict, "yellow"))
+        rows.append([*map(Cell, (one.subject, one.claim.text, result, at)), verdict])
+    return Grid("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
 
 
 def _at(one: Verdict) -> str:

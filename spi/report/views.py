@@ -1,14 +1,15 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
-from ..printing.rows import rows_of_group, show_groups
+from ..printing.rows import rows_of, rows_of_group, tables_of_groups
+from ..printing.tables import Cell, Grid, printed, show_items
 from ..printing.text import new_console, printable
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
@@ -45,7 +46,7 @@ def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
 
 def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
     swept: Any = cases[0][0].about.swept
-    quantities = [one for case in cases for one in KINDS[kind].results.quantities(case)]
+    quantities = [one for case in cases for one in claims.quantities(case)]
     known = [curve for curve in curves(quantities, swept.of or cases[0][0].headline) if curve.is_known]
     return Whole(owner, swept.title, [reading for case in cases for reading in case], known)
 
@@ -81,8 +82,7 @@ def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
         raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
     if not stated:
         return []
-    judging = KINDS[results.attributes["kind"]].results
-    return claims.judge(stated, [one for case in by_case(read) for one in judging.quantities(case)])
+    return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
@@ -94,7 +94,8 @@ def rows(results: Results) -> list[dict[str, Any]]:
         return [row for group in results.groups for row in rows_of_group(group)]
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
-    records = list(KINDS[results.attributes["kind"]].table.rows(read))
+    own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
+    records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
     if unfinished := results.attributes.get("unfinished"):
         records = [record | {"unfinished": unfinished} for record in records]
     return [record | printed_claims.columns(record, owners[record["case"]], judged) for record in records]
@@ -117,39 +118,44 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
 
     Of results of an unknown kind all numbers are printed.
     """
-    known = results.attributes.get("kind") in KINDS
-    read = readings(results) if known else []  # before anything is printed: they may not be readable
-    title = results.attributes.get("title")
-    if title and with_title:
+    cases = list(by_cases(results))  # before anything is printed: they may not be readable
+    if (title := results.attributes.get("title")) and with_title:
         console.print(printable(title), style="bold", markup=False)
     if unfinished := results.attributes.get("unfinished"):
         console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
-    if not known:
-        show_groups(console, results.groups)
+    for items, judged in cases:
+        show_items(console, items)
+        printed_claims.show(console, judged)
+
+
+def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
+    """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
+    if results.attributes.get("kind") not in KINDS:
+        yield list(tables_of_groups(results.groups)), []
         return
-    judged, kind = _judged(results, read), results.attributes["kind"]
-    for whole in (found := wholes(kind, read)):
-        sweeps.show(console, "" if whole.title == title else printable(whole.title), whole.curves)
-        printed_claims.show(console, [one for one in judged if one.claim.case == whole.name])
-    cases = [] if found else by_case(read)
+    read, title = readings(results), results.attributes.get("title")
+    judged, swept = _judged(results, read), wholes(results.attributes["kind"], read)
+    for whole in swept:
+        heading = "" if whole.title == title else printable(whole.title)
+        yield list(sweeps.tables(heading, whole.curves)), [one for one in judged if one.claim.case == whole.name]
+    cases = [] if swept else by_case(read)
     for case, case_title in zip(cases, titles(cases), strict=True):
         heading = "" if case_title == title else printable(case_title)
-        KINDS[kind].table.show(console, heading, case)
-        printed_claims.show(console, [one for one in judged if one.claim.case == case[0].about.case])
+        yield list(printed(heading, case)), [one for one in judged if one.claim.case == case[0].about.case]
 
 
 def figure(
     results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
 ) -> "Figure":
-    """The matplotlib figure of results, with the verdicts on their claims under it.
+    """The matplotlib figure of results.
 
     In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
     says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
-    "sans" or an installed TrueType family.  Its title, parameters and claims are then left to the caption,
+    "sans" or an installed TrueType family.  Its title and parameters are then left to the caption,
     see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
     style, width or font.
     """
-    from ..drawing import fitting, layout, page
+    from ..drawing import fitting, page
 
     kind = results.attributes.get("kind")
     if kind not in KINDS:
@@ -161,11 +167,9 @@ def figure(
     if unfinished and style == "paper":
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        told = f"{title} (unfinished)" if unfinished else title
+        told = f"{title} ({unfinished})" if unfinished else title
         over = wholes(kind, read)
         drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
-        layout.write_note(drawn, unfinished or "")
-        layout.write_under(drawn, _judged(results, read))
         if page.current().width is not None:
             fitting.settle(drawn)
         return drawn

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from equilibrium_cases import RIGID, initial_rows, study
 from helpers import compiled_only, printed
+from spi.kinds.equilibrium.table import step_for
 from states import check_going_on, chunks_of, finished, same_numbers
 
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
-from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.means import Series, _order
 from spi.kinds.equilibrium.references import Known, known_laws
 from spi.kinds.equilibrium.results import Equilibrium
-from spi.kinds.equilibrium.table import step_for
 from spi.numerics.rng import LANES
 from spi.report import views
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
+from spi.statistics.claims import quantities
 from spi.storage.records import Order, Part, Results
 
 # fixtures
@@ -154,9 +154,9 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
     fig = views.figure(results)
     assert [ax.get_ylabel() for ax in fig.axes][-2:] == ["|mean $-$ reference|"] * 2
-    told = {one.name: one for one in KINDS["equilibrium"].results.quantities([reading])}
+    told = {one.name: one for one in quantities([reading])}
     assert {"average", "tau", "halves", "deviation"} <= set(told) and "heat_capacity" not in told
-    deviations = [one for one in KINDS["equilibrium"].results.quantities([reading]) if one.name == "deviation"]
+    deviations = [one for one in quantities([reading]) if one.name == "deviation"]
     assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
     assert max(one.value for one in deviations if one.function == "height") > 4.5
     every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))

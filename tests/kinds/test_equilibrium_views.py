@@ -11,7 +11,7 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from view_helpers import GREEN, SCHEMES, edge, legends, lines_of, texts
 
 from spi.kinds.equilibrium import figure
-from spi.kinds.equilibrium.table import chance
+from spi.kinds.equilibrium.results import chance
 from spi.report import views
 
 

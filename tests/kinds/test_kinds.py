@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from spi import storage
-from spi.kinds import KINDS, FigureModule, Kind, ResultsModule, StudyModule, TableModule
+from spi.kinds import KINDS, FigureModule, Kind, StudyModule
 from spi.report import views
 from spi.running import run as runs
 from spi.storage.stored import Stored
@@ -44,23 +44,19 @@ def test_every_kind_has_all_of_its_modules(name):
     assert kind.keys.Case.__doc__
     assert callable(kind.study.parts) and callable(kind.study.plan)
     assert issubclass(kind.results.Record, Stored)
-    assert kind.keys.Case.quantities and callable(kind.results.quantities)
-    assert callable(kind.table.rows) and callable(kind.table.show)
+    assert kind.keys.Case.quantities and kind.results.Record.row_axes
     assert callable(kind.figure.draw)
     with pytest.raises(AttributeError, match="no module 'plots', only keys, study"):
         _ = kind.plots
 
 
-CONTRACT = {"study": StudyModule, "table": TableModule, "figure": FigureModule}
-
-
-CLAIMED = CONTRACT | {"results": ResultsModule}  #: of a kind whose keys name quantities
+CONTRACT = {"study": StudyModule, "figure": FigureModule}
 
 
 def breaches(kind):
     """What modules of a kind do not take as the contract says, and those that do not take the kind's readings."""
     found = []
-    for role, contract in (CLAIMED if kind.keys.Case.quantities else CONTRACT).items():
+    for role, contract in CONTRACT.items():
         module = getattr(kind, role)
         for name, promised in vars(contract).items():
             if inspect.isfunction(promised) and not name.startswith("_"):
@@ -68,14 +64,10 @@ def breaches(kind):
                 if list(inspect.signature(getattr(module, name)).parameters) != expected:
                     found.append(f"{role}.{name} must take {', '.join(expected)}")
     record = kind.results.Record
-    taken = {
-        "table.rows": get_args(kind.table.rows.__annotations__.get("readings")),
-        "table.show": get_args(kind.table.show.__annotations__.get("readings")),
-        "figure.draw": get_args(*get_args(kind.figure.draw.__annotations__["cases"])),
-    }
-    if kind.keys.Case.quantities:
-        taken["results.quantities"] = get_args(kind.results.quantities.__annotations__.get("readings"))
-    return found + [f"{name} does not take the kind's readings" for name, types in taken.items() if types != (record,)]
+    (readings,) = get_args(kind.figure.draw.__annotations__.get("cases")) or (None,)
+    if get_args(readings) != (record,):
+        found.append("figure.draw does not take the kind's readings")
+    return found
 
 
 @pytest.mark.parametrize("name", [*KINDS, "energy"])
@@ -84,15 +76,12 @@ def test_every_kind_keeps_the_contract(name, energy):
 
 
 def test_a_breach_of_the_contract_is_noticed():
-    strong, weak = KINDS["strong"], KINDS["weak"]
+    def draw(title: str, results: Iterable[int]): ...
 
-    def rows(results: Iterable[int]): ...
-
-    table = SimpleNamespace(rows=rows, show=weak.table.show)
-    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "figure")}
-    other = SimpleNamespace(**modules, table=table)
-    foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
-    assert breaches(other) == ["table.rows must take readings", *foreign]
+    modules = {name: getattr(KINDS["strong"], name) for name in ("keys", "study", "results")}
+    other = SimpleNamespace(**modules, figure=SimpleNamespace(draw=draw))
+    wrong = ["figure.draw must take title, cases", "figure.draw does not take the kind's readings"]
+    assert breaches(other) == wrong
 
 
 def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):

@@ -13,8 +13,7 @@ from spi.drawing import style
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, largest_over
-from spi.storage.records import Description
-from spi.storage.stored import by_case
+from spi.storage.stored import Description, by_case
 
 EPS = (1e-2, 1e-3, 1e-4)
 WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another

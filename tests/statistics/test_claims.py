@@ -30,8 +30,8 @@ from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
-from spi.storage.records import Description, Order, Results
-from spi.storage.stored import by_case
+from spi.storage.records import Order, Results
+from spi.storage.stored import Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 
@@ -100,7 +100,7 @@ def test_the_worst_step_size_counts_and_those_beyond_the_limit_do_not():
 
 
 def test_each_estimator_and_function_has_a_verdict_of_its_own():
-    plain, other = ABOUT._replace(estimator="plain"), ABOUT._replace(estimator="multilevel")
+    plain, other = replace(ABOUT, estimator="plain"), replace(ABOUT, estimator="multilevel")
     quantities = [came_out(p, function=f)._replace(about=a) for p, f, a in ((1, "phi", plain), (2, "psi", other))]
     assert [one.verdict for one in judge([claim(1)], quantities)] == [PASSED, FAILED]
     assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [FAILED]
@@ -293,7 +293,7 @@ WHOLE = {
 def quantities_of(kind):
     """All that came out in results made by hand."""
     readings = views.readings(WHOLE[kind])
-    return [one for case in by_case(readings) for one in KINDS[kind].results.quantities(case)]
+    return [one for case in by_case(readings) for one in claims.quantities(case)]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -371,7 +371,7 @@ def whose(one):
 
 
 def came_out_of(kind, readings):
-    return {whose(one): one for one in KINDS[kind].results.quantities(readings)}
+    return {whose(one): one for one in claims.quantities(readings)}
 
 
 def verdicts_on(one, quantities):
@@ -443,10 +443,10 @@ def test_the_largest_deviation_is_that_of_all_times():
     lost = replace(MEANS, mean=np.array([[1.0, 2.0, nan]]), difference=np.array([[0.0, 0.1, nan]]), t=np.arange(3.0))
     lost = replace(lost, difference_stderr=np.array([[0.0, 0.1, nan]]), reference=one, quantiles=None, variance=None)
     lost = replace(lost, since=None, autocorrelation=None, mean_stderr=one)
-    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].results.quantities([lost])}
+    told = {one.name: (one.value, one.lost) for one in claims.quantities([lost])}
     assert told["deviation"] == (1.0, "not finite: 1 of 3 times") and told["mean"][1] == "not finite at the last time"
     at_first = replace(lost, mean=one, difference=0 * one, reference=np.array([[nan, 1.0, 1.0]]))
-    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].results.quantities([at_first])}
+    told = {one.name: (one.value, one.lost) for one in claims.quantities([at_first])}
     assert told["deviation"] == (0.0, "")  # nothing was known at the first time
 
 

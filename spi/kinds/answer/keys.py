@@ -14,7 +14,9 @@ from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
+
+from .results import Answer
 
 #: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
 CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoint",), ("euler_maruyama",))
@@ -53,7 +55,7 @@ class Case(FunctionKeys, BaseCase):
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
     unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
-    quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
+    quantities: ClassVar = claimable(Answer)
     scoping: ClassVar = ("functions",)
 
     @property

@@ -1,12 +1,13 @@
 """What is stored of an answer."""
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, quantity
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.printing.text import human_time, power_of_two, readable, short, with_interval
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 
 class Levels(Described):
@@ -53,10 +54,19 @@ class Answer(Stored):
     """Expectations E phi(y(T)) with what is left of errors, and how they were found."""
 
     headline = ("value",)
+    row_axes = ("function",)
 
     functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))")]
-    half: Annotated[Array, array("function", "half the width of the 95 % interval, the bias included", "value")]
+    value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))", claim="equal")]
+    half: Annotated[
+        Array,
+        array(
+            "function",
+            "half the width of the 95 % interval, the bias included",
+            "value",
+            claim=Claimed("at most", "interval", lost="lost"),
+        ),
+    ]
     bias: Annotated[Array, array("function", "of it the bias at most, or the numerical error", "value")]
     stderr: Annotated[Array, array("function", "standard error of sampling", "value")]
     accuracy: Annotated[float, fact("half the width that was asked for", "value", column=True)]
@@ -75,9 +85,56 @@ class Answer(Stored):
     compared: Compared | None = None
 
     def __str__(self) -> str:
-        from .table import lines  # which imports this module
+        return "\n".join(self.remarks())
 
-        return "\n".join(lines(self))
+    def remarks(self) -> Iterator[str]:
+        """Values with intervals, how they were found, what that took, and what a person should know."""
+        for f, name in enumerate(self.functions):
+            formula = readable(self.formulas[f], self.about.variables)
+            parts = f"of it bias at most {short(self.bias[f])}, sampling {short(self.sampling[f])}"
+            trust = parts if self.chosen else "numerical error, nothing is sampled"
+            expectation = f"E {name} = E {formula}" if formula != name else f"E {name}"
+            answer = f"{with_interval(self.value[f], self.half[f])} (95 %; {trust})"
+            if not np.isfinite(self.half[f]):
+                answer = f"{short(self.value[f])}, not resolved" if np.isfinite(self.value[f]) else "not finite"
+            yield f"{expectation} at t = {self.about.final_time:g}: {answer}"
+        yield f"  {self._method()}"
+        yield f"  {self._cost()}"
+        if self.why:
+            yield f"  {self.why}"
+        for warning in self.warnings:
+            yield f"  warning: {warning}"
+
+    def _method(self) -> str:
+        """The scheme, steps and paths, and the check."""
+        if not (chosen := self.chosen):
+            return "without sampling, by the backward operator"
+        times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
+        steps = f"steps {power_of_two(chosen.largest_step)} to {power_of_two(chosen.smallest_step)}"
+        paths = "quasi-random points" if chosen.points else "paths"
+        by = f" and by {self.compared.reference}" if self.compared and self.compared.agrees else ""
+        check = f"checked at {power_of_two(chosen.smallest_step / 2)}{by}" if chosen.passed else "the check failed"
+        return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} {paths} of the largest; {check}"
+
+    def _cost(self) -> str:
+        """The time that it took, and that the next digit would."""
+        took = f"processor time {human_time(self.cpu_seconds)}"
+        if self.chosen or math.isfinite(self.predicted_seconds):
+            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" * bool(self.chosen)
+            took += f" (predicted {human_time(self.predicted_seconds)}{pilot})"
+        if np.isfinite(self.half).all() and np.isfinite(self.next_digit_seconds):
+            took += f"; the next digit would take about {human_time(self.next_digit_seconds)}"
+        return took
+
+    @derived("function", "half the interval of the value")
+    def value_half(self) -> np.ndarray:
+        """(F,) of the field `half`."""
+        return self.half
+
+    @derived("function", "why no claim about the interval passes")
+    def lost(self) -> np.ndarray:
+        """(F,) of a value that is not finite that this is so; else empty."""
+        return np.where(np.isfinite(self.value), "", "of a value that is not finite")
 
     @property
     def sampling(self) -> np.ndarray:
@@ -86,17 +143,3 @@ class Answer(Stored):
 
 
 Record = Answer
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of answers.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Sequence[Answer]) -> Iterator[Quantity]:
-    """The value of each function with its interval, and half the width of that."""
-    for one in readings:
-        for name, value, half in zip(one.functions, one.value, one.half, strict=True):
-            yield quantity("value", one.about, value, half, name)
-            lost = "" if np.isfinite(value) else "of a value that is not finite"
-            yield quantity("interval", one.about, half, 0.0, name, lost=lost)

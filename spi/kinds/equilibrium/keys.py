@@ -15,10 +15,10 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
 
 from .references import EXACT, FINEST, check
-from .results import BATCHES, OF_FUNCTIONS, PANELS
+from .results import BATCHES, OF_FUNCTIONS, PANELS, Equilibrium
 
 Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
@@ -66,13 +66,7 @@ class Case(BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("growth", "bias"), Sort(EQUAL, per_step=True)),
-        **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
-        **dict.fromkeys(("average", "tau", "heat_capacity", "susceptibility"), Sort(EQUAL, per_step=True)),
-        **dict.fromkeys(("deviation", "halves"), Sort(AT_MOST, per_step=True)),
-        "order": Sort(EQUAL),
-    }
+    quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions",)
     at_once: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}

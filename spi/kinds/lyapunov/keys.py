@@ -16,9 +16,9 @@ from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_step
 from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
 
-from .results import PANELS
+from .results import PANELS, Exponents
 from .study import leaf_dimension
 
 _MOST_TIMES = 8
@@ -56,10 +56,7 @@ class Case(BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("largest_exponent", "exponent_sum", "dimension"), Sort(EQUAL)),
-        "nonfinite": Sort(AT_MOST),
-    }
+    quantities: ClassVar = claimable(Exponents)
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
     unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "pullback": None, "panels": ()}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another

@@ -10,7 +10,9 @@ from spi.ensemble.random_states import Listed, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.keys import Samples, condition, key_of, wrong
 from spi.specs.sweep import POINT, Swept
-from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
+from spi.statistics.claims import claimable
+
+from .results import Stability
 
 #: What the figure can show.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
@@ -32,13 +34,7 @@ class Case(FunctionsCase):
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     swept_in: ClassVar[tuple[str, ...]] = POINT
-    quantities: ClassVar = {
-        **dict.fromkeys(("finite", "positive"), Sort(AT_LEAST, per_step=True)),
-        **dict.fromkeys(
-            ("largest_norm", "error", "casimir_worst", "casimir_median", "law_distance", "failing_fraction"),
-            Sort(AT_MOST, per_step=True),
-        ),
-    }
+    quantities: ClassVar = claimable(Stability)
 
     @condition
     def _check_sweep(self) -> Self:

@@ -29,7 +29,8 @@ from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Description, Part
+from spi.storage.records import Part
+from spi.storage.stored import Description
 
 from .results import CasimirErrors, Law, Stability
 
@@ -253,16 +254,16 @@ class StabilityPlan(Plan):
     def description(self) -> Description:
         """What is integrated, without what differs from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
-        same = {
-            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        differing = {
+            name: None
+            for name in (field.name for field in first.described)
+            if any(getattr(other, name) != getattr(first, name) for other in others)
         }
         alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
-        own = {
-            "case": self.case.name,
-            "variant": self.part.variant,
-            "truncate_noise": same.get("truncate_noise", False),
-        }
-        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
+        own = {"case": self.case.name, "variant": self.part.variant, "parameters": dict(alike)}
+        return replace(
+            first, **differing | own | {"truncate_noise": first.truncate_noise and "truncate_noise" not in differing}
+        )
 
     def so_far(self, state: State) -> State | None:
         """The state of the first values, as many as are complete."""

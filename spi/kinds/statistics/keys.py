@@ -15,11 +15,11 @@ from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
 
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
-from .results import PANELS
+from .results import PANELS, Statistics
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -124,10 +124,7 @@ class Case(BaseCase):
         Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
     ) = pydantic.Field(default=None, exclude=True)
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
-        **dict.fromkeys(("deviation", "nonfinite"), Sort(AT_MOST)),
-    }
+    quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()
     distinct: ClassVar = ("panels", "statistics", "quantiles")

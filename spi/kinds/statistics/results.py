@@ -6,10 +6,12 @@ from typing import Annotated
 import numpy as np
 
 from spi.kinds.blocks import Acceptance
-from spi.statistics.claims import Quantity, lost_among, quantity
+from spi.printing.tables import Column, Table
+from spi.printing.text import decimal, interval_text, short
+from spi.statistics.claims import lost_among
 from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
 SPHERE_SIDES = "y3 / |y|", "longitude"
@@ -19,17 +21,30 @@ SPHERE_SIDES = "y3 / |y|", "longitude"
 PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps")
 
 
-#: Of fewer groups of paths no standard error is told.
+#: Of fewer groups of paths there is no standard error.
 LEAST_GROUPS = 8
+
+_MOST_TIMES = 6  # that a table shows
+
+
+_KNOWN = Claimed("equal", lost="lost")
 
 
 class Quantiles(Described):
     """Quantiles of the paths whose value is finite, by linear interpolation within bins of equal width."""
 
-    level: Annotated[Array, axis("probability of the quantile")]
-    quantile: Annotated[Array, array("function t level", "quantile")]
+    level: Annotated[Array, axis("probability of the quantile", column="{:g}-quantile")]
+    quantile: Annotated[Array, array("function t level", "quantile", claim=_KNOWN)]
     quantile_low: Annotated[Array, array("function t level", "lower end of its 95 % interval, the bin included")]
     quantile_high: Annotated[Array, array("function t level", "upper end of its 95 % interval, the bin included")]
+
+    def __str__(self) -> str:
+        with np.errstate(invalid="ignore", over="ignore"):
+            width = self.quantile_high - self.quantile_low
+        if not np.isfinite(width).any():
+            return "the paths are too few for intervals of quantiles"
+        widest = short(float(width[np.isfinite(width)].max()))
+        return f"intervals of quantiles, one bin on either side included, are at most {widest} wide"
 
 
 class Histogram(Described):
@@ -71,16 +86,44 @@ class DensityMap(Described):
         """Whether the cells are those of a sphere."""
         return self.sides == SPHERE_SIDES
 
+    def __str__(self) -> str:
+        some = self.density > 0
+        relative = np.median(self.stderr[some] / self.density[some]) if some.any() else np.nan
+        rows, columns = self.density.shape[1:]
+        of = "the sphere" if self.is_sphere else " and ".join(self.sides)
+        times = ", ".join(f"{t:.5g}" for t in self.t)
+        errors = f"standard errors of {relative:.0%} in the median" if some.any() else "no path is in any of them"
+        return f"maps of {of} at t = {times} in {rows} x {columns} cells; {errors}"
+
 
 class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
 
     headline = ("mean", "variance", "quantile")
+    row_axes, row_columns = ("function", "t"), ("level", "other")
+    tables = (
+        Table(
+            "function t",
+            [
+                Column("mean", "mean (95 %)", form=".4g"),
+                Column("some", "finite\nshare", form=".7g"),
+                Column("difference", "difference\n(95 %)"),
+                Column("deviations", "in std.\nerrors", form=decimal),
+                Column("variance", "variance (95 %)"),
+                Column("autocorrelation", "autocorrelation (95 %)"),
+                Column("quantile", "{}", over="level", form=".4g", interval=""),
+            ],
+            lines=lambda one: one.shown_places,
+        ),
+    )
 
     functions: Annotated[tuple[str, ...], axis("function", name="function")]
     texts: Annotated[tuple[str, ...], fact("what the functions are")]
     t: Annotated[Array, axis("time", "time")]
-    mean: Annotated[Array, array("function t", "mean over the paths", formula="E phi(y(t))")]
+    mean: Annotated[
+        Array,
+        array("function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")),
+    ]
     mean_stderr: Annotated[Array, array("function t", "standard error of the mean; NaN where it is not known")]
     band: Annotated[
         Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
@@ -89,14 +132,19 @@ class Statistics(Stored):
     mean_high: Annotated[Array | None, array("function t", "upper end of the 95 % interval of the mean")] = None
     finite: Annotated[Array | None, array("function t", "share of the paths whose value is finite")] = None
     passages: Annotated[Passages | None, nested(prefix="passage_")] = None
-    variance: Annotated[Array | None, array("function t", "variance over the paths")] = None
+    variance: Annotated[Array | None, array("function t", "variance over the paths", claim=_KNOWN)] = None
     variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
     covariance: Annotated[Array | None, array("function other t", "covariance of two functions")] = None
     covariance_stderr: Annotated[Array | None, array("function other t", "standard error of the covariance")] = None
     others: Annotated[tuple[str, ...] | None, axis("the other function of a covariance", name="other")] = None
     autocorrelation: Annotated[
         Array | None,
-        array("function t", "of the value at `since` with that at t", formula="Cov(f(s), f(t)) / Var f(s)"),
+        array(
+            "function t",
+            "of the value at `since` with that at t",
+            formula="Cov(f(s), f(t)) / Var f(s)",
+            claim=_KNOWN._replace(where="is_correlated"),
+        ),
     ] = None
     autocorrelation_stderr: Annotated[
         Array | None, array("function t", "standard error of the autocorrelation, NaN before the time it begins at")
@@ -108,12 +156,14 @@ class Statistics(Stored):
     reference: Annotated[
         Array | None, array("function t", "known mean, or mean of the finer paths; NaN where nothing is known")
     ] = None
-    difference: Annotated[Array | None, array("function t", "mean less the reference")] = None
+    difference: Annotated[
+        Array | None, array("function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"))
+    ] = None
     difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
     reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
     acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
     panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
-    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
+    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)", claim="at most")]
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]
     ns_per_step: Annotated[float, fact("time of a step and path, statistics included", "ns")]
@@ -136,71 +186,105 @@ class Statistics(Stored):
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
 
-    @property
+    @derived("function t", "share of the paths whose value is finite, if not all are")
+    def some(self) -> np.ndarray | None:
+        """(F, T) None if all values are finite."""
+        return self.finite_share if (self.finite_share < 1.0).any() else None
+
+    @derived("function t", "deviation from the reference in standard errors", name="deviations")
     def deviation(self) -> np.ndarray | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
             return None
         return in_standard_errors(self.difference, self.difference_stderr)
 
+    @property
+    def shown_places(self) -> Iterator[tuple[int, int]]:
+        """(function, time) of the lines of a table: of few times, of those with a reference if there are any."""
+        for f in range(len(self.functions)):
+            times = np.arange(len(self.t))
+            if self.difference is not None and (there := np.isfinite(self.difference[f])).any():
+                times = times[there]
+            few = np.unique(np.linspace(len(times) - 1, 0, min(len(times), _MOST_TIMES)).round().astype(int))
+            yield from ((f, i) for i in times[few].tolist())
+
+    @derived("function t", "whether the mean is compared with a reference")
+    def is_compared(self) -> np.ndarray:
+        """(F, T) with finer paths it is at all times."""
+        if self.reference is None:
+            return np.zeros(self.mean.shape, bool)
+        return (self.reference_step is not None) | ~np.isnan(self.reference)
+
+    @derived("function", "whether there is an autocorrelation")
+    def is_correlated(self) -> np.ndarray:
+        """(F,) not of every function there is."""
+        return np.zeros(len(self.functions), bool) if self.since is None else ~np.isnan(self.since)
+
+    @derived("function", "why no claim passes about what is at the last time")
+    def lost(self) -> np.ndarray:
+        """(F,) texts, empty of functions with a mean there."""
+        return np.where(np.isfinite(self.mean[:, -1]), "", "not finite at the last time")
+
+    @property
+    def _deviations(self) -> list[np.ndarray]:
+        """(compared times,) of each function the modulus of the deviation, 0 without a difference."""
+        if self.difference is None or self.deviation is None:
+            return [np.zeros(0)] * len(self.functions)
+        values = np.where(self.difference == 0.0, 0.0, np.abs(self.deviation))
+        return [row[at] for row, at in zip(values, self.is_compared, strict=True)]
+
+    @derived(
+        "function",
+        "largest deviation from the reference, in standard errors",
+        claim=Claimed("at most", "deviation", where="is_ever_compared", lost="deviation_lost"),
+    )
+    def largest_deviation(self) -> np.ndarray:
+        """(F,) over all times, without its sign; NaN of functions that are not compared."""
+        return np.array([np.fmax.reduce(values, initial=np.nan) for values in self._deviations])
+
+    @derived("function", "whether the mean is compared with a reference at any time")
+    def is_ever_compared(self) -> np.ndarray:
+        """(F,) bool."""
+        return np.array([values.size > 0 for values in self._deviations])
+
+    @derived("function", "at how many times the deviation is not finite")
+    def deviation_lost(self) -> np.ndarray:
+        """(F,) texts."""
+        return np.array([lost_among(values, "times") for values in self._deviations])
+
+    def remarks(self) -> Iterator[str]:
+        """Values that are not finite, errors that are not known, passages, references, maps and quantiles."""
+        if (self.finite_share < 1.0).any():
+            paths = ", and quantiles are those of these paths" * bool(self.quantiles)
+            yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
+        if np.isnan(self.interval):
+            yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
+        elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():
+            yield "    ± ?: all paths have the same value, which tells no error"
+        if (passages := self.passages) is not None:
+            if np.isfinite(passages.time).any():
+                yield "    in brackets: 95 % intervals of shares by Clopper and Pearson"
+            if passages.between is not None:
+                yield f"    passages are seen at looks only, every {passages.between:.5g}:"
+                yield "        with noise shares are too small, and first times late, by about order 1/2 of that"
+            for f in np.flatnonzero(np.isfinite(passages.time)):
+                half = self.interval * passages.time_stderr[f]
+                mean = interval_text(passages.time[f], (passages.time[f] - half, passages.time[f] + half))
+                yield f"    {self.functions[f]}: mean time, {self.t[-1]:.5g} where it has not come: {mean}"
+        if self.reference_step:
+            source = f"paths on the same noise with h = {self.reference_step:g}, or from what is known"
+            yield f"    differences are from {source}"
+        if (density_map := self.density_map) is not None:
+            yield f"    {density_map}"
+        if (quantiles := self.quantiles) is not None:
+            yield f"    {quantiles}"
+
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["Statistics"]) -> Iterator[str]:
+        """The functions, where these have names."""
+        for name, text in zip(readings[0].functions, readings[0].texts, strict=True):
+            if name != text:
+                yield f"{name}: {text}"
+
 
 Record = Statistics
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of statistics: what they are at the last time, and deviations from what is known.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
-    """For each function what is known at the last time, and the largest deviation; how many paths diverged."""
-    for one in readings:
-        yield quantity("nonfinite", one.about, one.nonfinite)
-        for f, name in enumerate(one.functions):
-            lost = "" if np.isfinite(one.mean[f, -1]) else "not finite at the last time"
-            for which in _told(one, f):
-                value, stderr = getattr(one, which)[f, -1], getattr(one, f"{which}_stderr")[f, -1]
-                known = one.reference[f, -1] if which == "mean" and one.reference is not None else np.nan
-                half = one.interval * stderr if stderr else 0.0
-                found = quantity(which, one.about, value, half, name, expected=known, lost=lost)
-                if which == "mean" and np.isfinite(found.value):
-                    low, high = (float(end[f, -1]) for end in one.mean_ends)
-                    found = found._replace(low=low, high=high)
-                yield found
-            yield from _deviation(one, f)
-            if one.quantiles:
-                yield from _quantiles(one, one.quantiles, f, lost)
-
-
-def _told(one: Statistics, f: int) -> Iterator[str]:
-    """What there is of a function at the last time, be it finite or not."""
-    yield "mean"
-    if one.variance is not None:
-        yield "variance"
-    if one.since is not None and not np.isnan(one.since[f]):
-        yield "autocorrelation"
-    if _compared(one, f)[-1]:
-        yield "difference"
-
-
-def _compared(one: Statistics, f: int) -> np.ndarray:
-    """(T,) at which times the mean of a function is compared; finer paths are to tell it at all of them."""
-    if one.reference is None:
-        return np.zeros(len(one.t), bool)
-    return np.array((one.reference_step is not None) | ~np.isnan(one.reference[f]))
-
-
-def _deviation(one: Statistics, f: int) -> Iterator[Quantity]:
-    """The largest deviation of a function, without its sign, in standard errors, and at how many times it is lost."""
-    at = _compared(one, f)
-    if one.deviation is not None and one.difference is not None and at.any():
-        values = np.where(one.difference[f] == 0.0, 0.0, np.abs(one.deviation[f]))[at]  # no error without a difference
-        largest = np.fmax.reduce(values)
-        yield quantity("deviation", one.about, largest, 0.0, one.functions[f], lost=lost_among(values, "times"))
-
-
-def _quantiles(one: Statistics, known: Quantiles, f: int, lost: str) -> Iterator[Quantity]:
-    """The quantiles of a function at the last time, each as that of ``function, level``."""
-    for i, level in enumerate(known.level.tolist()):
-        value, low, high = (float(each[f, -1, i]) for each in (known.quantile, known.quantile_low, known.quantile_high))
-        yield Quantity("quantile", one.about, value, low, high, f"{one.functions[f]}, {level:g}-quantile", lost=lost)

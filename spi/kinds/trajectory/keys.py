@@ -11,7 +11,9 @@ from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_every, check_step, times_on_grid
 from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
-from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
+from spi.statistics.claims import claimable
+
+from .results import Trajectory
 
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
@@ -48,10 +50,7 @@ class Case(BaseCase):
 
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
     unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "times": ()}
-    quantities: ClassVar = {
-        **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
-        "lowest": Sort(AT_LEAST),
-    }
+    quantities: ClassVar = claimable(Trajectory)
 
     @property
     def last_time(self) -> float:

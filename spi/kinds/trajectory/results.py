@@ -1,13 +1,15 @@
 """The records of trajectories, and the times at which a quantity along a path is not defined."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, lost_among, lost_is_infinite, quantity
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.printing.tables import Column, Table
+from spi.printing.text import power_of_two
+from spi.statistics.claims import lost_among
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 
 class SolverMeans(Described):
@@ -22,6 +24,22 @@ class Trajectory(Stored):
     """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
 
     headline = ("casimir_drift", "hamiltonian_drift")
+    row_axes, row_columns = ("t",), ("component", "casimir")
+    tables = (
+        Table(
+            "",
+            [
+                Column(lambda one: power_of_two(one.step), "step"),
+                Column(lambda one: (len(one.y) - 1) * one.every, "steps"),
+                Column("hamiltonian", "H at the\nend", form=".6g"),
+                Column("casimir_drift", "drift\nof C{}", over="casimir"),
+                Column(lambda one: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
+                Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
+                Column("solver_failures", "solver\nfailures"),
+                Column("solver_iterations_mean", "iterations\na step", form=".1f"),
+            ],
+        ),
+    )
 
     t: Annotated[Array, axis("time", "time")]
     y: Annotated[Array, array("t component", "state", "state", column="y_{}")]
@@ -37,7 +55,14 @@ class Trajectory(Stored):
             "casimir_changes",
         ),
     ] = None
-    casimir_drift: Annotated[tuple[float, ...], fact("largest changes of the Casimirs, but for damping")]
+    casimir_drift: Annotated[
+        tuple[float, ...],
+        fact(
+            "largest changes of the Casimirs, but for damping",
+            axes="casimir",
+            claim=Claimed("at most", infinite=True),
+        ),
+    ]
     nonfinite_from: Annotated[float | None, fact("first time at which y is not finite", "time")] = None
     step: Annotated[float, fact("step size", "time")]
     every: Annotated[int, fact("of how many states one is stored")] = 1
@@ -79,10 +104,34 @@ class Trajectory(Stored):
         """Whether the scheme preserves all Casimirs, as a Poisson map does."""
         return "Poisson structure" in self.preserves
 
-    @property
+    @derived("component", "smallest value of a component", claim=Claimed("at least", lost="lost"))
     def lowest(self) -> np.ndarray:
         """(d,) the smallest value of each component where it is finite; infinite where it never is."""
         return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
+
+    @derived("", "why no claim about the smallest component passes")
+    def lost(self) -> str:
+        """The times at which the state is not finite."""
+        return lost_among(np.abs(self.y).max(axis=1), "times")
+
+    @derived("", "largest change of the Hamiltonian", claim=Claimed("at most", infinite=True))
+    def hamiltonian_drift(self) -> float:
+        """max |H(y_n) - H(y_0)|; NaN where the path diverged."""
+        with np.errstate(invalid="ignore"):
+            return float(np.abs(self.hamiltonian - self.hamiltonian[0]).max())
+
+    def remarks(self) -> Iterator[str]:
+        """The quantities that are not defined along a path which did not diverge."""
+        count = self.casimirs.shape[1]
+        named = {f"C{c + 1 if count > 1 else ''}": self.casimirs[:, c] for c in range(count)}
+        for name, values in {"H": self.hamiltonian, **named}.items():
+            if lost := losses(self, values):
+                yield f"{self.about.label}: {name} is {lost}"
+
+    @derived("", "1 if the path diverged", claim="at most")
+    def nonfinite(self) -> bool:
+        """Whether the path diverged."""
+        return self.nonfinite_from is not None
 
 
 class Losses(NamedTuple):
@@ -115,25 +164,3 @@ def diverged(reading: Trajectory) -> str:
 
 
 Record = Trajectory
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Quantities of trajectories that a spec may expect.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:
-    """max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if the path diverged."""
-    for reading in readings:
-        with np.errstate(invalid="ignore"):
-            change = np.abs(reading.hamiltonian - reading.hamiltonian[0])
-        values = {
-            "hamiltonian_drift": lost_is_infinite(change).max(),
-            "lowest": reading.lowest.min() if np.isfinite(reading.lowest).any() else np.nan,
-            "nonfinite": reading.nonfinite_from is not None,
-        }
-        if reading.casimir_drift:
-            values["casimir_drift"] = lost_is_infinite(np.array(reading.casimir_drift)).max()
-        for name, value in values.items():
-            lost = lost_among(np.abs(reading.y).max(axis=1), "times") if name == "lowest" else ""
-            yield quantity(name, reading.about, value, lost=lost)

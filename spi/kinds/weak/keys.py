@@ -9,9 +9,10 @@ from annotated_types import MinLen
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
 from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
+from spi.statistics.claims import Sort, claimable
 
 from .estimators import ESTIMATORS
+from .results import WeakErrors
 
 #: What the figure can show.
 PANELS = ("errors", "samples", "seconds", "eps")
@@ -56,12 +57,7 @@ class Case(SampledCase):
     prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
 
-    quantities: ClassVar = {
-        **ORDER,
-        "uniform_order": Sort(EQUAL),
-        "expectation": Sort(EQUAL, per_step=True),
-        **dict.fromkeys(("error", "nonfinite", "agreement"), Sort(AT_MOST, per_step=True)),
-    }
+    quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
     scoping: ClassVar = ("estimators", "functions")
     unless_asked: ClassVar = ("estimators",)
 

@@ -203,7 +203,7 @@ class WorkPlan(Plan):
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(
-            about=found.about._replace(estimator=""),
+            about=replace(found.about, estimator=""),
             **{name: getattr(found, name) for name in (*same, "wall_seconds")},
             **of_errors,
             ns_per_step=1e9 * median / steps,

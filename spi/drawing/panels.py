@@ -1,0 +1,388 @@
+"""Panels that a kind declares, drawn from its records: a field, what it is drawn over, and what stands beside it.
+
+    PANELS = {
+        "mean": [CurvePanel("mean", over="t", facet="function", label=r"\\mathrm{{E}}\\,{f}", reference="reference")],
+        "histogram": [HistogramPanel("histogram.density", low="bin_low", width="bin_width")],
+    }
+    draw = Figures(PANELS, facts=("samples", "step"))
+
+Axes, texts and units come from the description of the field (``spi.storage.stored``); its interval from ``X_low`` and
+``X_high``, ``X_half`` or ``X_stderr`` beside the field X; the points that count from the field ``resolved``.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..storage.records import INTERVAL, Order
+from ..storage.stored import Described, Stored
+from . import layout, plots, style
+
+_LINES = 4  # shades of one colour that are told apart
+
+Records = Sequence[Any]
+Looks = style.Looks
+
+
+class Values(NamedTuple):
+    """A field of a record: its values, their intervals, and the names of the axes."""
+
+    owner: Any  #: the record, perhaps a nested one, that has the field
+    name: str
+    values: plots.Array
+    axes: tuple[str, ...]
+    text: str
+    unit: str
+
+    def beside(self, suffix: str) -> plots.Array | None:
+        """The field whose name has a suffix, as ``_stderr``; None if there is none."""
+        found: plots.Array | None = getattr(self.owner, self.name + suffix, None)
+        return found
+
+    def interval(self, factor: float, own: Any = None, record: Any = None) -> tuple[plots.Array, ...]:
+        """The ends of the 95 % intervals, half as wide as `factor` standard errors or as `own`; () without any."""
+        low, high, half, stderr = (self.beside(suffix) for suffix in ("_low", "_high", "_half", "_stderr"))
+        with np.errstate(invalid="ignore", over="ignore"):
+            if own is not None:
+                half = own(record)
+            elif low is not None and high is not None:
+                return low, high
+            elif half is None and stderr is not None:
+                half = factor * stderr
+            return () if half is None else (self.values - half, self.values + half)
+
+
+def values_of(record: Any, field: str, axes: str = "") -> Values | None:
+    """A field such as ``law.distance`` with its axes, or with those given; None where the record has none."""
+    owner, outer, meaning = record, (), None
+    *parents, name = field.split(".")
+    for parent in parents:
+        outer += next((one.meaning.axes for one in owner.described if one.name == parent), ())
+        if (owner := getattr(owner, parent, None)) is None:
+            return None
+    if (values := getattr(owner, name, None)) is None:
+        return None
+    meaning = next((one.meaning for one in owner.described if one.name == name), None)
+    names = tuple(axes.split()) or outer + (meaning.axes if meaning else ())
+    text, unit = (meaning.text, meaning.unit) if meaning else (name.replace("_", " "), "")
+    return Values(owner, name, np.asarray(values, float), names, text, unit)
+
+
+def axis_of(record: Described, name: str) -> plots.Array | None:
+    """The values along an axis of a record or of one nested in it; None if no field describes it."""
+    for field in record.described:
+        inner = getattr(record, field.name)
+        if field.meaning.is_axis and name in (field.name, field.meaning.name) and inner is not None:
+            return np.asarray(inner)
+        if field.is_record and inner is not None and (values := axis_of(inner, name)) is not None:
+            return values
+    return None
+
+
+def names_along(record: Any, axis: str, count: int) -> list[str]:
+    """The name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
+    if axis in ("function", "variable"):
+        return [style.maths(str(name), record.about.variables) for name in np.asarray(axis_of(record, axis)).tolist()]
+    symbols = {"casimir": "C", "number": r"\lambda"}
+    if axis == "component":
+        return style.component_names(record.about, count)
+    symbol = symbols.get(axis, axis)
+    return [f"${symbol}_{{{i + 1}}}$" if count > 1 else f"${symbol}$" for i in range(count)]
+
+
+def scheme_look(record: Stored, looks: Looks, **more: Any) -> dict[str, Any]:
+    """Colour and marker of the scheme of a record."""
+    marker, colour = looks[record.about.variant]
+    return {"color": colour, "marker": marker, "markersize": 5.5} | more
+
+
+class CurvePanel(NamedTuple):
+    """A field over one of its axes, a line for each scheme."""
+
+    field: str
+    over: str
+    facet: str = ""  #: an axis with a panel for each place
+    lines: str = ""  #: an axis with a line, in a shade of its own, for each of a few places
+    label: str = ""  #: of the vertical axis, with {f} for the name along `facet` in mathtext; by default the text
+    x: str = ""  #: label of the horizontal axis
+    axes: str = ""  #: of a property, which has no description
+    at: Mapping[str, Callable[[Any], int | None]] = {}  #: places along other axes; None leaves a record out
+    along: Callable[[Any, int], plots.Array] | None = None  #: the places of the values, instead of those along `over`
+    half: Callable[[Any], plots.Array] | None = None  #: half the intervals, instead of those beside the field
+    factor: Callable[[Any, int], float] = lambda record, place: 1.0
+    reference: str = ""  #: a field with values of theory, over the same axes or fewer
+    reference_name: str = "reference"
+    note: Callable[[Any, int, int], str] = lambda record, place, line: ""  #: at the end of each line
+    slopes: Sequence[float] | Callable[[Records], Sequence[float]] = ()
+    log: bool = False
+    zero: bool = False
+    band: bool | None = None  #: whether the interval is a band; None: of lines over time
+    shared: bool = False  #: whether all facets have one vertical axis
+    top: float = plots.HUGE  #: larger values are only marked
+    modulus: bool = False  #: whether the sign does not count
+    nan_diverged: bool = False  #: whether NaN means that paths diverged
+    look: dict[str, Any] = {}  # noqa: RUF012
+    same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
+    only: Callable[[Any, int], bool] = lambda record, place: True  #: the places along `facet` that are shown
+    then: Callable[[plots.Plot, Records, int], plots.Plot | str] = lambda plot, records, place: plot
+
+    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot | str]:
+        """The panels of one case."""
+        known = [(record, values) for record in records if (values := values_of(record, self.field, self.axes))]
+        known = [
+            (record, values)
+            for record, values in known
+            if np.isfinite(values.values).any() and all(place(record) is not None for place in self.at.values())
+        ]
+        if not known:
+            return
+        first, values = known[0]
+        everything = np.concatenate([values.values.ravel() for _, values in known])
+        if self.same and (everything == everything[0]).all():
+            yield self.same.format(f"{everything[0]:g}")
+            return
+        count = values.values.shape[values.axes.index(self.facet)] if self.facet else 1
+        names = names_along(first, self.facet, count) if self.facet else [""]
+        for place in range(count):
+            if self.only(first, place):
+                plot = self._plot(known, looks, place, names[place])
+                yield self.then(plot, [record for record, _ in known], place)
+
+    def _plot(self, known: Sequence[tuple[Any, Values]], looks: Looks, place: int, name: str) -> plots.Plot:
+        first, values = known[0]
+        drawn = [line for record, found in known for line in self._lines(record, found, looks, place, len(known))]
+        scale = "steps" if self.over == "h" else "log" if self.over == "n" else "linear"
+        own: plots.Draw | None = None
+        if self.over == "value":
+            at = plots.places(np.concatenate([line.x for line in drawn]))
+            drawn, scale = [line._replace(x=at.of(line.x)) for line in drawn], at.scale
+            own = at.dress
+        across, theory = self._theory(known, place)
+        if self.lines:
+            own = _shades(own, first, self.lines)
+        return plots.Plot(
+            [*drawn, *theory],
+            style.long_title(first, self.facet, place),
+            self.x or style.axis_label(first, self.over),
+            self.label.format(f=name.strip("$")) if self.label else style.plain(values.text),
+            scale,
+            self.log,
+            across=across,
+            slopes=self.slopes([record for record, _ in known]) if callable(self.slopes) else self.slopes,
+            zero=self.zero,
+            top=self.top,
+            shared=self.shared and place > 0,
+            own=own,
+        )
+
+    def _lines(self, record: Any, values: Values, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
+        """The lines of one scheme."""
+        x = axis_of(record, self.over) if self.along is None else self.along(record, place)
+        factor = self.factor(record, place)
+        value, *ends = (
+            factor * self._taken(record, array, values.axes, place)
+            for array in (values.values, *values.interval(getattr(record, "interval", INTERVAL), self.half, record))
+        )
+        if self.modulus and ends:
+            half = np.abs(ends[1] - ends[0]) / 2
+            ends = [np.abs(value) - half, np.abs(value) + half]
+        value = np.abs(value) if self.modulus else value
+        poor = ends[0] <= 0 if self.log and ends else np.zeros(value.shape, bool)
+        if (resolved := values_of(record, "resolved")) and resolved.axes == values.axes:
+            poor = self._taken(record, resolved.values, values.axes, place) < 0.5
+        if self.nan_diverged:
+            value = np.where(np.isnan(value), np.inf, value)
+        band = self.over in ("t", "lag") if self.band is None else self.band
+        alone = schemes == 1 and self.over in ("t", "lag")  # a single curve needs no markers, which look like data
+        look, text = (
+            scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look,
+            style.label(record.about),
+        )
+        rows = plots.spread(len(value), _LINES) if self.lines else [0]
+        for i, row in enumerate(rows):
+            mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
+            more = dict(zip(("low", "high"), mine[2:], strict=False)) | {"note": self.note(record, place, row)}
+            own = look | ({"color": plots.shade(str(look["color"]), i, len(rows))} if i else {})
+            yield plots.series(x, mine[0], own, text * (i == 0), poor=mine[1], band=band, **more)
+
+    def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
+        """The part of an array at one place along the facet: (lines, over), or (over,), or a number."""
+        index = tuple(
+            slice(None) if axis in (self.lines, self.over) else place if axis == self.facet else self.at[axis](record)
+            for axis in axes
+        )
+        taken = np.asarray(array)[index]
+        turned = taken.ndim == 2 and axes.index(self.over) < axes.index(self.lines)
+        return taken.T if turned else taken
+
+    def _theory(
+        self, known: Sequence[tuple[Any, Values]], place: int
+    ) -> tuple[list[tuple[float, str]], list[plots.Series]]:
+        """Values of theory: a number for the whole panel, or a line."""
+        *parents, _ = self.field.split(".")
+        for record, _ in known if self.reference else ():
+            theory = values_of(record, ".".join([*parents, self.reference]))
+            if theory is None:
+                continue
+            values = self.factor(record, place) * self._taken(record, theory.values, theory.axes, place)
+            there = np.isfinite(values)
+            if values.ndim == 0 and there:
+                return [(float(values), self.reference_name)], []
+            if values.ndim and there.any():
+                look = plots.THEORY if there.all() else _SOMETIMES
+                return [], [
+                    plots.series(
+                        np.asarray(axis_of(record, self.over))[there], values[there], look, self.reference_name
+                    )
+                ]
+        return [], []
+
+
+def _shades(
+    own: Callable[[Axes], list[plots.Entry]] | None, record: Any, axis: str
+) -> Callable[[Axes], list[plots.Entry]]:
+    """The drawing of `own`, and entries for the places along an axis whose lines differ in shade."""
+    values = np.asarray(axis_of(record, axis))
+    rows = plots.spread(len(values), _LINES)
+    shades = [plots.Line2D([], [], color=plots.shade("#000000", i, len(rows)), linewidth=3) for i in range(len(rows))]
+    entries: list[plots.Entry] = [
+        (handle, style.value_of(axis, values[row])) for handle, row in zip(shades, rows, strict=True) if len(rows) > 1
+    ]
+    return lambda ax: [*(own(ax) if own else []), *entries]
+
+
+_SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
+
+
+def ErrorPanel(field: str, **options: Any) -> CurvePanel:
+    """Moduli of errors against the step size on logarithmic axes, with reference slopes and fitted orders."""
+    given: dict[str, Any] = {"over": "h", "log": True, "modulus": True, "nan_diverged": True} | options
+    return CurvePanel(field, **given)
+
+
+def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
+    """The note of a line: the fitted order in a field, one for all or one for each place along the facet."""
+
+    def note(record: Any, place: int, line: int) -> str:
+        owner = record
+        for name in field.split("."):
+            owner = getattr(owner, name)
+        return style.order_text(owner if isinstance(owner, Order) else owner[place])
+
+    return note
+
+
+class HistogramPanel(NamedTuple):
+    """Densities in cells of equal width, a panel for each function, with the density of theory as a smooth line."""
+
+    field: str
+    low: str  #: the field beside it with the lower ends of the first cells
+    width: str
+    at: Callable[[Any], int | None]  #: the place along the axis that is neither the functions' nor the cells'
+    label: str = "density of ${f}$"
+    exact: str = ""  #: the field with the density of theory
+    only: Callable[[Any, int], bool] = lambda record, place: True
+
+    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
+        """The panels of one case."""
+        known = [(record, values) for record in records if (values := values_of(record, self.field))]
+        known = [(record, values) for record, values in known if self.at(record) is not None]
+        if not known:
+            return
+        first, values = known[0]
+        along = values.axes.index("function")
+        for f, name in enumerate(names_along(first, "function", values.values.shape[along])):
+            if not self.only(first, f):
+                continue
+            lines: list[plots.Series] = []
+            for record, found in known:
+                index: Any = (f, self.at(record)) if along == 0 else (self.at(record), f)
+                lines = [*self._lines(record, found, index, looks), *lines]
+            lines.sort(key=lambda line: line.label == "exact")
+            peak = max(float(np.nanmax(line.y, initial=0.0)) for line in lines)
+            title, label = style.long_title(first, "function", f), self.label.format(f=name.strip("$"))
+            yield plots.Plot(lines, title, name, label, ylim=(0.0, 1.12 * peak or 1.0))
+
+    def _lines(self, record: Any, values: Values, index: Any, looks: Looks) -> Iterator[plots.Series]:
+        """The density of one scheme without the empty cells at both ends, and that of theory."""
+        fields = (values.name, f"{values.name}_stderr", self.exact or values.name)
+        density, stderr, exact = (np.asarray(getattr(values.owner, name))[index] for name in fields)
+        low, width = (getattr(values.owner, name)[index] for name in (self.low, self.width))
+        used = np.flatnonzero((density > 0) | (exact > 0))
+        cells = slice(used[0], used[-1] + 1) if len(used) else slice(None)
+        middle = low + width * (np.arange(len(density)) + 0.5)
+        half = getattr(record, "interval", INTERVAL) * np.nan_to_num(stderr)
+        has_exact = bool(self.exact) and np.isfinite(exact).any()
+        own = {"linestyle": "none", "markersize": 4.0} if has_exact else {"drawstyle": "steps-mid", "marker": ""}
+        look = scheme_look(record, looks) | own
+        yield plots.series(middle[cells], density[cells], look, style.label(record.about), half[cells])
+        if has_exact:
+            yield plots.series(middle[cells], exact[cells], plots.THEORY, "exact")
+
+
+class MapPanel(NamedTuple):
+    """Maps of a nested record with cells, of two quantities or of the sphere, each scheme at each time."""
+
+    field: str  #: the nested record
+    draw: Callable[[Axes, Any, int | None, Records], list[plots.Entry]]  #: of an axes, a record, the map, all records
+    law: str = ""  #: the field of the nested record with a law, which is drawn as map None, and its title
+    law_title: str = ""
+
+    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
+        """A panel for each scheme and time, and one for the law."""
+        known = [record for record in records if getattr(record, self.field) is not None]
+        for record in known:
+            for i, t in enumerate(getattr(record, self.field).t.tolist()):
+                title = f"{style.label(record.about)}, $t={style.number(t)}$"
+                yield plots.Plot(title=title, own=partial(self._own, record, i, known), aspect=0.8)
+        if known and self.law and getattr(getattr(known[0], self.field), self.law) is not None:
+            yield plots.Plot(title=self.law_title, own=partial(self._own, known[0], None, known), aspect=0.8)
+
+    def _own(self, record: Any, i: int | None, known: Records, ax: Axes) -> list[plots.Entry]:
+        return self.draw(ax, record, i, known)
+
+
+class Own(NamedTuple):
+    """Panels that a function of the kind makes, of the records of a case and the looks of schemes.
+
+    It yields panels, lists of panels that belong together in a row, and facts in place of panels.
+    """
+
+    expand: Callable[[Any, Looks], Any]
+
+
+class Figures(NamedTuple):
+    """The figures of a kind: its panels by the words of the key ``panels``."""
+
+    panels: Mapping[str, Sequence[Any]]
+    facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
+
+    def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
+        """The figure of the records of each case."""
+        looks = style.looks(cases)
+        facts = [
+            self.facts(records) if callable(self.facts) else style.facts(records[0], *self.facts) for records in cases
+        ]
+        drawn = [self._groups(records, looks, own) for records, own in zip(cases, facts, strict=True)]
+        shared, own = style.split_facts(facts)
+        headings = [
+            [style.plain(records[0].about.case_title), *texts] for records, texts in zip(cases, own, strict=True)
+        ]
+        return layout.arranged(title, list(zip(headings, drawn, strict=True)), shared)
+
+    def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
+        """The panels of one case, word by word; what is one number everywhere becomes a fact."""
+        words = getattr(records[0], "panels", None) or tuple(self.panels)
+        layout.check_panels(words, self.panels)
+        groups: list[list[plots.Plot]] = []
+        for word in words:
+            for panel in self.panels[word]:
+                drawn = list(panel.expand(records, looks))
+                facts |= {text: text for text in drawn if isinstance(text, str)}
+                groups += [plot for plot in drawn if isinstance(plot, list)]
+                groups.append([plot for plot in drawn if isinstance(plot, plots.Plot)])
+        return [group for group in groups if group]

@@ -1,0 +1,427 @@
+"""One panel of a figure: lines with their 95 % intervals, references, limits, marks at the edges, and its legend."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.lines import Line2D
+from matplotlib.markers import CARETDOWN, CARETUP
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator, ScalarFormatter
+
+from . import page, style
+
+Array = np.ndarray
+Entry = tuple[Artist, str]  #: of a legend: a handle and a text
+Draw = Callable[[Axes], list[Entry]]  #: draws on an axes and returns entries of the legend
+
+HUGE = 1e100  #: a value beyond that would make axes that cannot be drawn
+GREY, PALE = "#777777", 0.55  #: colour of what is no scheme, and opacity of points that are not resolved
+THEORY: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (4, 3)), "zorder": 4}
+
+_MARKS = 12  # along a dense line
+_DENSE = 24  # points from which on a line is dense
+_FAR = 1e3  # an interval that is so many times wider than all resolved values does not widen the axis
+_OUT = 100.0  # heights of a panel by which lines may leave it
+_LINEAR = 20.0  # ratio of the values of a parameter up to which their axis is linear
+_SLOPES = ((0, (5, 2)), (0, (1, 1.5)), "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+_ARROW = Path([(0, 0), (0, -1), (-0.14, -0.72), (0, -1), (0.14, -0.72)], [1, 2, 1, 2, 2])
+_ARROW_SIZE = 26.0  # points, twice the length of the arrow
+
+
+class Series(NamedTuple):
+    """A line of a panel: N values of one scheme along the horizontal axis, with their 95 % intervals."""
+
+    x: Array
+    y: Array
+    look: dict[str, Any]  #: of matplotlib's Line2D: marker, color, linestyle (none for points alone), ...
+    label: str = ""  #: in the legend, the same in all panels of a figure
+    low: Array | None = None  #: ends of the intervals
+    high: Array | None = None
+    poor: Array | None = None  #: bool, whether a value is not resolved by sampling
+    band: bool = False  #: whether the intervals are a band instead of bars
+    note: str = ""  #: a number that belongs to the line in this panel, such as a fitted order
+
+
+def series(x: Any, y: Any, look: dict[str, Any], label: str = "", half: Any = None, **more: Any) -> Series:
+    """A series with intervals of half the width `half`, in the order of x."""
+    with np.errstate(invalid="ignore"):
+        ends = {} if half is None else {"low": y - half, "high": y + half}
+    order = np.argsort(x, kind="stable")
+    arrays = {"x": x, "y": y, "low": None, "high": None, "poor": None} | ends | more
+    arrays |= {
+        name: np.asarray(arrays[name])[order] for name in ("x", "y", "low", "high", "poor") if arrays[name] is not None
+    }
+    return Series(look=look, label=label, **arrays)
+
+
+class End(NamedTuple):
+    """The right end of a line, where its name or a number may stand."""
+
+    height: float  #: in data coordinates
+    label: str
+    note: str
+    colour: str
+
+
+class Plot(NamedTuple):
+    """One panel: its lines and axes; `own` draws more, or all, and returns entries of the legend."""
+
+    series: Sequence[Series] = ()
+    title: str = ""
+    x: str = ""
+    y: str = ""
+    xscale: str = "linear"  #: "steps" for powers of two, or a scale of matplotlib
+    log: bool = False  #: whether the vertical axis is logarithmic
+    xlim: tuple[float, float] | None = None
+    ylim: tuple[float, float] | None = None  #: those of the values if None
+    across: Sequence[tuple[float, str]] = ()  #: values of theory as horizontal lines, and their names
+    slopes: Sequence[float] = ()  #: orders of reference lines
+    zero: bool = False  #: whether a line marks 0
+    top: float = HUGE  #: values beyond do not widen the axis
+    own: Draw | None = None
+    aspect: float = 0.74  #: height over width, with labels
+    projection: str | None = None
+    shared: bool = False  #: whether its vertical axis is that of the panel to the left
+    heading: str = ""  #: the case, above the title
+
+    def draw(self, ax: Axes) -> tuple[list[Entry], list[End]]:
+        """Draw on an axes; returns the entries of its legend and the ends of its lines."""
+        entries: list[Entry] = []
+        if self.series or self.across:
+            self._scale(ax)
+            for line in self.series:
+                entries += _draw(ax, line, self.log)
+            entries += self._references(ax) + self._marks(ax)
+        label = self.y if self.log or not self.series else _scaled(ax, self.y)
+        ax.set(**{name: text for name, text in (("xlabel", self.x), ("ylabel", label)) if text})
+        if self.own:
+            entries += self.own(ax)
+        return entries, [end for line in self.series for end in _ends(ax, line)]
+
+    def _scale(self, ax: Axes) -> None:
+        grid(ax)
+        x = np.concatenate([line.x for line in self.series] or [np.zeros(0)])
+        if self.xscale == "steps":
+            step_axis(ax, x)
+        elif self.xscale != "linear":
+            ax.set_xscale(self.xscale)
+            _plain_ticks(ax, x, self.xlim)
+        if self.log:
+            ax.set_yscale("log", nonpositive="clip")
+        if self.xlim:
+            ax.set_xlim(self.xlim)
+        elif self.xscale == "log" and (x > 0).any():
+            ax.set_xlim(x[x > 0].min() / 1.5, x.max() * 1.5)
+        bounds = self.ylim or (log_limits(self.series, self.top) if self.log else self._linear())
+        if bounds:
+            ax.set_ylim(bounds)
+
+    def _linear(self) -> tuple[float, float] | None:
+        """Limits of all values with their intervals, and of the references."""
+        values = [np.array([value for value, _ in self.across]), np.zeros(int(self.zero))]
+        for line in self.series:
+            good = np.isfinite(line.y) & (np.abs(line.y) < self.top)
+            ends = [end for end in (line.low, line.high) if end is not None]
+            values += [line.y[good], *(end[good] for end in ends)]
+        shown = np.concatenate(values)
+        return room_around(shown[np.isfinite(shown) & (np.abs(shown) < HUGE)])
+
+    def _references(self, ax: Axes) -> list[Entry]:
+        if self.zero:
+            ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
+        for value, _ in self.across:
+            ax.axhline(value, **THEORY)
+        entries: list[Entry] = [(Line2D([], [], **THEORY), name) for _, name in self.across if name]
+        points = [(line.x, line.y, _good(line)) for line in self.series if line.label]
+        shown = [np.column_stack([x, y])[(y > 0) & (y < ax.get_ylim()[1]) & good] for x, y, good in points]
+        cloud = np.concatenate(shown or [np.zeros((0, 2))])
+        for i, order in enumerate(self.slopes if len(cloud) else ()):
+            above = i < len(self.slopes) - 1
+            ratio, ends = cloud[:, 1] / cloud[:, 0] ** order, np.array(ax.get_xlim())
+            factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
+            look: dict[str, Any] = {"linestyle": _SLOPES[i % len(_SLOPES)], "color": GREY, "linewidth": 1.0}
+            text = f"slope {Fraction(order).limit_denominator(100)}"
+            entries += [(line, text) for line in ax.plot(ends, factor * ends**order, zorder=1, label=text, **look)]
+        return entries
+
+    def _marks(self, ax: Axes) -> list[Entry]:
+        """Entries for points that are no ordinary ones."""
+        bottom, top = ax.get_ylim()
+        entries = []
+        if any((~_good(line) & (line.y <= top) & (line.y > 0 if self.log else True)).any() for line in self.series):
+            entries.append(mark("o", "pale: not resolved", alpha=PALE, markerfacecolor="none"))
+        if any(np.isinf(line.y).any() for line in self.series):
+            entries.append(mark(CARETUP, "paths diverged, or beyond the axis"))
+        elif any((line.y > top).any() for line in self.series):
+            entries.append(mark(CARETUP, "beyond the axis"))
+        if any((line.y < bottom).any() for line in self.series):
+            entries.append(mark(CARETDOWN, "0, or below the axis", markerfacecolor="none"))
+        return entries
+
+
+def _good(line: Series) -> Array:
+    return np.ones(len(line.y), bool) if line.poor is None else ~line.poor
+
+
+def _draw(ax: Axes, line: Series, log: bool) -> list[Entry]:
+    """Draw a series within the limits of a panel; returns its entry of the legend."""
+    bottom, top = ax.get_ylim()
+    look = {"linewidth": 1.0, "zorder": 3} | line.look
+    colour, marker = str(look["color"]), look.get("marker") or ""
+    if len(line.x) > _DENSE and marker and look.get("linestyle") != "none":
+        look |= {"markevery": max(1, len(line.x) // _MARKS), "markersize": 4.0}
+    if marker:
+        look |= {"markerfacecolor": "none", "markeredgewidth": 1.1}
+    good, inside, entries = _good(line), (line.y >= bottom) & (line.y <= top), []
+    ax.plot(line.x, np.where(good, _drawable(line.y, bottom, top, log), np.nan), label=line.label or None, **look)
+    if not log and (last := _lost(line, inside)) is not None:
+        ax.plot(line.x[last], line.y[last], marker="X", color=colour, zorder=4)
+        entries = [mark("X", "diverged, or not defined from there on")]
+    if (pale := inside & ~good).any():
+        ax.plot(line.x[pale], line.y[pale], **look | {"marker": marker or ".", "alpha": PALE, "linestyle": "none"})
+    if line.low is not None and line.high is not None:
+        (_band if line.band else _bars)(ax, line, log, colour)
+    if not line.band or not np.isfinite(line.y).all():
+        edge_marks(ax, line.x, line.y, colour)
+    handle = Line2D([], [], **{name: value for name, value in look.items() if name not in ("markevery", "zorder")})
+    return [*([(handle, line.label)] if line.label else []), *entries]
+
+
+def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
+    """Values that a line can go through, also those out of the panel, at a distance that can be drawn."""
+    with np.errstate(all="ignore"):
+        if log:
+            far = (top / bottom) ** 3
+            return np.where(np.isfinite(y) & (y > 0), np.clip(y, bottom / far, top * far), np.nan)
+        far = _OUT * (top - bottom)
+        return np.where(np.isfinite(y), np.clip(y, bottom - far, top + far), np.nan)
+
+
+def _lost(line: Series, inside: Array) -> int | None:
+    """The place from which on a dense line is not finite; None if it ends, or leaves the panel before."""
+    finite = np.flatnonzero(np.isfinite(line.y))
+    last = int(finite[-1]) if len(finite) else len(line.y) - 1
+    return last if len(line.x) > _DENSE and last < len(line.y) - 1 and inside[last] else None
+
+
+def _band(ax: Axes, line: Series, log: bool, colour: str) -> None:
+    low, high = np.asarray(line.low), np.asarray(line.high)
+    there = np.isfinite(low) & np.isfinite(high) & (np.abs(high) < HUGE)
+    low = np.maximum(low, ax.get_ylim()[0]) if log else low
+    ax.fill_between(line.x, low, high, where=there.tolist(), color=colour, alpha=0.22, linewidth=0, zorder=1.5)
+
+
+def _bars(ax: Axes, line: Series, log: bool, colour: str) -> None:
+    """Bars; on a logarithmic axis an arrow of fixed length where an interval reaches 0."""
+    bottom, top = ax.get_ylim()
+    low, high, good = np.asarray(line.low), np.asarray(line.high), _good(line)
+    with np.errstate(invalid="ignore"):
+        bar = np.isfinite(low) & np.isfinite(high) & (high > low) & (high > bottom) & (line.y <= top)
+    open_end = bar & (low <= 0) & log
+    begin = np.where(open_end, np.clip(line.y, bottom, top), np.maximum(low, bottom))
+    for chosen, alpha in ((bar & good, 1.0), (bar & ~good, PALE)):
+        ax.vlines(line.x[chosen], begin[chosen], np.minimum(high, top)[chosen], colour, linewidth=0.8, alpha=alpha)
+    if open_end.any():
+        begin = np.where(line.y < bottom, np.clip(high, bottom, top), line.y)
+        arrow: dict[str, Any] = {"marker": _ARROW, "markersize": _ARROW_SIZE, "markerfacecolor": "none"}
+        ax.plot(line.x[open_end], begin[open_end], color=colour, linestyle="none", zorder=2.5, **arrow)
+
+
+def _ends(ax: Axes, line: Series) -> Iterator[End]:
+    bottom, top = ax.get_ylim()
+    inside = np.flatnonzero((line.y >= bottom) & (line.y <= top) & _good(line))
+    if line.label and inside.size:
+        yield End(float(line.y[inside[-1]]), line.label, line.note, str(line.look["color"]))
+
+
+def edge_marks(ax: Axes, x: Array, y: Array, colour: str) -> None:
+    """Mark values above the panel, or infinite, at its upper edge, and values below it, hollow, at its lower edge."""
+    bottom, top = ax.get_ylim()
+    look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
+    look |= {"color": colour, "linestyle": "none"}
+    left, right = ax.get_xlim()
+    within = (x >= left) & (x <= right)
+    above, below = within & (y > top), within & (y < bottom)
+    if len(y) > _DENSE:  # only where a line leaves the panel first
+        above, below = (np.arange(len(y)) == np.argmax(side) if side.any() else side for side in (above, below))
+    if above.any():
+        ax.plot(x[above], np.ones(above.sum()), marker=CARETUP, **look)
+    if below.any():
+        ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
+
+
+def mark(marker: Any, text: str, **look: Any) -> Entry:
+    """An entry of a legend: a black mark and its meaning."""
+    return Line2D([], [], **{"marker": marker, "linestyle": "none", "color": "black"} | look), text
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Limits, scales and ticks.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def log_limits(lines: Sequence[Series], top: float = HUGE) -> tuple[float, float] | None:
+    """Limits of a logarithmic axis: all values that are resolved, and a part of the intervals of the others."""
+    resolved, floors = [np.zeros(0)], [np.zeros(0)]
+    for line in lines:
+        good, drawable = _good(line), (line.y > 0) & (line.y < top)
+        resolved.append(line.y[good & drawable])
+        half = line.y if line.high is None else 0.25 * (line.high - line.y)
+        floor = np.fmax(line.y, half)[~good]
+        floors.append(floor[(floor > 0) & (floor < top)])
+    values, others = np.concatenate(resolved), np.concatenate(floors)
+    shown = np.concatenate([values, np.minimum(others, _FAR * values.max()) if len(values) else others])
+    return limits(shown) if len(shown) else None
+
+
+def limits(values: Array) -> tuple[float, float]:
+    """Limits of a logarithmic axis: positive values with some room, and at least two whole decades' labels."""
+    low, high = np.log10(values.min() / 2), np.log10(values.max() * 2)
+    while math.floor(high) - math.ceil(low) < 1:
+        low, high = low - 0.05, high + 0.05
+    return 10**low, 10**high
+
+
+def room_around(values: Array) -> tuple[float, float] | None:
+    """Limits of a linear axis: finite values with some room; None without any."""
+    if not values.size:
+        return None
+    room = 0.06 * np.ptp(values) or 0.05 * abs(values[0]) or 1.0
+    return float(values.min() - room), float(values.max() + room)
+
+
+def grid(ax: Axes) -> None:
+    """A pale grid behind the data."""
+    ax.grid(True, which="major", color="#e6e6e6", linewidth=0.6)
+    ax.set_axisbelow(True)
+
+
+def step_axis(ax: Axes, h: Array) -> None:
+    """A logarithmic horizontal axis for step sizes, with ticks at powers of two."""
+    ax.set_xscale("log", base=2)
+    if not h.size:
+        return
+    ax.set_xlim(h.min() / 1.5, h.max() * 1.5)
+    exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
+    every = 1 if len(exponents) <= 5 else 2 if len(exponents) <= 13 else 4
+    powers = (2.0**exponents).tolist()
+    ax.xaxis.set_major_locator(FixedLocator(powers[::-1][::every]))
+    ax.xaxis.set_minor_locator(FixedLocator(powers) if every > 1 else NullLocator())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x, steps=True)}$"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
+    """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
+    low, high = xlim or (x[x > 0].min(initial=1.0), x.max(initial=1.0))
+    if high < 30 * low:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 10 * low else (1, 3)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x)}$"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _scaled(ax: Axes, label: str) -> str:
+    """The label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
+    formatter = ScalarFormatter(useOffset=False)
+    formatter.set_scientific(False)
+    ax.yaxis.set_major_formatter(formatter)
+    largest = max(map(abs, ax.get_ylim()))
+    exponent = math.floor(math.log10(largest)) if largest else 0
+    if -3 < exponent < 4:
+        return label
+    ax.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
+    return rf"{label}  in  $10^{{{exponent}}}$"
+
+
+class Places(NamedTuple):
+    """The places of the values of a parameter on an axis, (V,)."""
+
+    values: Array
+    at: Array
+    scale: str  #: "linear", "log" or "steps"
+
+    def of(self, values: Array) -> Array:
+        """The places of some of the values."""
+        return self.at[np.searchsorted(self.values, values)]
+
+    def dress(self, ax: Axes) -> list[Entry]:
+        """Ticks of a horizontal axis at the values where their places are not the values themselves."""
+        if not np.array_equal(self.values, self.at):
+            ticks(ax.xaxis, self.at, self.values)
+        return []
+
+
+def places(values: Array) -> Places:
+    """Where the values of a parameter stand: as they are, by their logarithms, or in order where neither fits."""
+    values = np.unique(values)
+    if len(values) > 2 and (values > 0).all() and (np.frexp(values)[0] == 0.5).all():
+        return Places(values, values, "steps")
+    sizes = np.abs(values[values != 0])
+    if sizes.size and sizes.max() <= _LINEAR * sizes.min():
+        return Places(values, values, "linear")
+    if (values > 0).all():
+        return Places(values, values, "log")
+    return Places(values, np.arange(len(values), dtype=float), "linear")
+
+
+def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int = 9) -> None:
+    """Ticks at some places, labelled by the values there, at most `room` of them."""
+    order = np.argsort(at)[:: -1 if steps else 1][:: math.ceil(len(at) / room)]
+    shown = values[order].tolist()
+    powers = not steps and all(value > 0 and math.isclose(math.log10(value) % 1, 0) for value in shown)
+    names = [style.power(value) if powers else style.number(value, steps) for value in shown]
+    axis.set_major_locator(FixedLocator(at[order].tolist()))
+    axis.set_minor_locator(NullLocator())
+    axis.set_ticklabels([f"${name}$" for name in names])
+
+
+def write_ends(ax: Axes, ends: Sequence[End], named: bool, noted: bool) -> None:
+    """Write the name of each line, its note, or both at the right of a panel, none on another."""
+    texts = [(end, ": ".join(filter(None, (end.label * named, _short(end.note) * noted)))) for end in ends]
+    texts = sorted((pair for pair in texts if pair[1]), key=lambda pair: pair[0].height)
+    to_axes = ax.transData + ax.transAxes.inverted()
+    x = ax.get_xlim()[1]
+    heights = [float(to_axes.transform((x, end.height))[1]) for end, _ in texts]
+    size = 0.85 * page.points("legend.fontsize")
+    inches = ax.get_position().height * ax.figure.bbox.height / ax.figure.dpi
+    gap = 1.15 * size / 72 / max(inches * 0.8, 0.5)
+    for (end, text), height in zip(texts, _apart(heights, gap), strict=True):
+        place: dict[str, Any] = {"transform": ax.transAxes, "va": "center", "fontsize": size, "color": end.colour}
+        ax.text(1.02, height, text, **place)
+
+
+def _short(note: str) -> str:
+    """A number without its interval: `0.51` of `order 0.51 [0.49, 0.53]`."""
+    return note.removeprefix("order ").split(" [")[0]
+
+
+def _apart(heights: list[float], gap: float) -> list[float]:
+    """Ascending heights moved as little as needed so that neighbours are at least `gap` apart."""
+    shifted = np.array(heights) - gap * np.arange(len(heights))
+    groups: list[list[float]] = []
+    for value in shifted.tolist():
+        groups.append([value])
+        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
+            groups[-2:] = [groups[-2] + groups[-1]]
+    moved = np.array([np.mean(group) for group in groups for _ in group])
+    return (moved + gap * np.arange(len(heights))).tolist()
+
+
+def shade(colour: str, i: int, count: int) -> str:
+    """Number i of ``count`` shades of a colour, from itself to a pale one."""
+    from matplotlib.colors import to_hex, to_rgb
+
+    white = 0.6 * i / max(count - 1, 1)
+    red, green, blue = ((1 - white) * np.array(to_rgb(colour)) + white).tolist()
+    return to_hex((red, green, blue))
+
+
+def spread(count: int, most: int = 4) -> list[int]:
+    """At most `most` of the numbers 0, ..., count - 1, among them the first and the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()

@@ -1,0 +1,258 @@
+"""The figure of trajectories: quantities over time, the phase plane, the sphere, fields and spectra."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.patches import Patch
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from spi.drawing import panels, plots, style
+from spi.models.zeitlin.fields import enstrophy
+
+from .fields import film as film
+from .fields import need_lattice, spectra, vorticities
+from .results import Trajectory
+
+Readings = Sequence[Trajectory]
+
+OUTSIDE, ZERO = "#f6e6e1", "#555555"  #: negative populations, and the line where they begin
+
+#: Colours and lines of the components of one path.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+
+GLASS, NET = "#eef2f6", "#9aa5b1"
+ELEVATION = 22  # degrees, of the eye
+START: dict[str, Any] = {"marker": "*", "color": "black", "markersize": 9, "linestyle": "none"}
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Quantities over time.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def window(curves: Sequence[tuple[Trajectory, np.ndarray]], errors: bool = False) -> tuple[float, float]:
+    """Limits for ``curves``, (reading, values) each, that suit the schemes which preserve something.
+
+    Schemes that preserve nothing and diverging paths may take as much room again on either side;
+    values beyond are cut.  The room is that of the values, or with ``errors`` that of their changes, however small.
+    """
+    finite = [(reading, values) for reading, values in curves if np.isfinite(values).all()]
+    good = [values for reading, values in finite if not reading.preserves_nothing] or [values for _, values in finite]
+    everything = np.concatenate([values[np.isfinite(values)] for _, values in curves])
+    if good:
+        low, high = min(values.min() for values in good), max(values.max() for values in good)
+    else:
+        low, high = np.quantile(everything, [0.1, 0.9]) if everything.size else (0.0, 0.0)
+    tiny = np.finfo(float).eps if errors else 1.0
+    room = (high - low if errors else max(high - low, abs(low), abs(high))) or tiny
+    clipped = np.clip(everything, low - room, high + room)
+    low, high = min(low, clipped.min(initial=low)), max(high, clipped.max(initial=high))
+    least = tiny if errors else 0.1 * max(abs(low), abs(high)) or tiny
+    spare = max(0.06 * (high - low), (least - (high - low)) / 2)
+    return float(low - spare), float(high + spare)
+
+
+def _over_time(
+    readings: Readings, looks: style.Looks, values: Sequence[np.ndarray], label: str, errors: bool = False
+) -> plots.Plot:
+    """A quantity of each path over time."""
+    alone = {"marker": ""} if len(readings) == 1 else {}  # a single curve needs no markers, which look like data
+    lines = [
+        plots.series(one.t, of_path, panels.scheme_look(one, looks, **alone), style.label(one.about))
+        for one, of_path in zip(readings, values, strict=True)
+    ]
+    t = readings[0].t
+    frame = window(list(zip(readings, values, strict=True)), errors)
+    return plots.Plot(lines, x=style.AXES["t"], y=label, xlim=(t[0], t[-1] if len(t) > 1 else t[0] + 1), ylim=frame)
+
+
+def _casimirs(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Each Casimir over time."""
+    for c, name in enumerate(panels.names_along(readings[0], "casimir", readings[0].casimirs.shape[1])):
+        yield _over_time(readings, looks, [one.casimirs[:, c] for one in readings], f"{name}$(y)$")
+
+
+def _casimir_errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The change of each Casimir over time, but for damping."""
+    grown = r"$e^{k\gamma t}$" if "damping" in readings[0].about.parameters else ""
+    for c, name in enumerate(panels.names_along(readings[0], "casimir", readings[0].casimirs.shape[1])):
+        values = [one.casimir_changes[:, c] for one in readings]
+        yield _over_time(readings, looks, values, f"{grown}{name}$(y)-${name}$(y_0)$", errors=True)
+
+
+def _hamiltonian(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The Hamiltonian over time."""
+    yield _over_time(readings, looks, [one.hamiltonian for one in readings], "$H(y)$")
+
+
+def _enstrophy(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The change of the enstrophy over time, relative to that of the first scheme at the start."""
+    need_lattice(readings, "enstrophy")
+    with np.errstate(all="ignore"):
+        values = [enstrophy(one.y) for one in readings]
+        first = float(values[0][0])
+        changes = [of_path / first - 1 if first else of_path for of_path in values]
+    label = "enstrophy  $Z(t)/Z(0)-1$" if first else "enstrophy  $Z(t)$"
+    yield _over_time(readings, looks, changes, label, errors=True)._replace(title=f"$Z(0)={style.number(first)}$")
+
+
+def _components(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """All components over time, a panel for each scheme."""
+    names, pairs = _names(readings), readings[0].about.model in style.COMPLEX
+    frame, t = window([(one, one.y) for one in readings]), readings[0].t
+    for k, one in enumerate(readings):
+        lines = []
+        for i, name in enumerate(names):
+            colour, line = divmod(i, 2) if pairs else (i, i % len(LINES))  # a colour per mode, or per component
+            look = {"color": COLOURS[colour % len(COLOURS)], "linestyle": LINES[line]}
+            lines.append(plots.series(one.t, one.y[:, i], look, name if i < len(COLOURS) else ""))
+        title, ends = style.label(one.about), (t[0], t[-1] if len(t) > 1 else t[0] + 1)
+        yield plots.Plot(lines, title, style.AXES["t"], "components", xlim=ends, ylim=frame, shared=k > 0)
+
+
+def _names(readings: Readings) -> list[str]:
+    return style.component_names(readings[0].about, readings[0].y.shape[1])
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Populations and the phase plane.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _lowest(readings: Readings, component: int) -> float:
+    return min(one.lowest[component] for one in readings)
+
+
+def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plots.Entry]:
+    """Mark where a component is below zero: shaded, or by a line only; `across` names its axes, "x" or "y"."""
+    for axis in across:
+        low = (ax.get_xlim() if axis == "x" else ax.get_ylim())[0]
+        (ax.axvline if axis == "x" else ax.axhline)(0, color=ZERO, linewidth=0.7, zorder=1)
+        if shaded and low < 0:
+            (ax.axvspan if axis == "x" else ax.axhspan)(low, 0, color=OUTSIDE, linewidth=0, zorder=0)
+    return [(Patch(color=OUTSIDE), "negative population")] if shaded and across else []
+
+
+def _populations(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Each component over time, all schemes."""
+    for i, name in enumerate(_names(readings)):
+        plot = _over_time(readings, looks, [one.y[:, i] for one in readings], name)
+        negative = _lowest(readings, i) < 0
+        yield plot._replace(own=(lambda ax: _below_zero(ax, "y", True)) if negative else None)
+
+
+def _phase(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The plane of the first two components, all schemes."""
+    names = _names(readings)
+    if len(names) < 2:
+        raise ValueError("the panel 'phase' needs two components")
+    shaded = "populations" in readings[0].panels
+    frames = [window([(one, one.y[:, i]) for one in readings]) for i in (0, 1)]
+    below = "".join(axis for i, axis in enumerate("xy") if _lowest(readings, i) < 0)
+    lines = [
+        plots.Series(one.y[:, 0], one.y[:, 1], panels.scheme_look(one, looks), style.label(one.about))
+        for one in readings
+    ]
+
+    def own(ax: plots.Axes) -> list[plots.Entry]:
+        ax.plot(*readings[0].y[0, :2], zorder=5, **START)
+        return [(plots.Line2D([], [], **START), "start"), *_below_zero(ax, below, shaded)]
+
+    yield plots.Plot(lines, x=names[0], y=names[1], xlim=frames[0], ylim=frames[1], own=own)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# A path on the sphere through its first point.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _sphere(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The first path whose scheme preserves the sphere, or the first of all."""
+    one = next((one for one in readings if one.preserves_casimirs), readings[0])
+    if one.y.shape[1] != 3:
+        raise ValueError("the panel 'sphere' needs three components")
+    title = f"{style.label(one.about)} on $|y|=|y_0|$"
+    yield plots.Plot(
+        title=title, own=_on_sphere(one.y, _names([one]), looks[one.about.variant][1]), projection="3d", aspect=0.9
+    )
+
+
+def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[Any], list[plots.Entry]]:
+    """A function that draws the path ``y``, (n, 3), on 3-D axes."""
+
+    def own(ax: Any) -> list[plots.Entry]:
+        radius = float(np.linalg.norm(y[0])) or 1.0
+        near = (np.abs(y) < 1.5 * radius).all(axis=1)  # false also where a path is not finite
+        azimuth = _azimuth(y[0], y[near])
+        ax.view_init(ELEVATION, azimuth)
+        ax.set_proj_type("ortho")  # so that the outline of the sphere is a circle
+        ax.computed_zorder = False
+        ax.set_box_aspect((1, 1, 1), zoom=1.0)
+        ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
+        eye = _eye(azimuth)
+        right = np.cross([0.0, 0.0, 1.0], eye) / np.cos(np.radians(ELEVATION))
+        turn = np.linspace(0, 2 * np.pi, 181)
+        circle = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        outline = radius * (circle[0] * right + circle[1] * np.cross(eye, right))
+        ax.add_collection3d(Poly3DCollection([outline], facecolor=GLASS, edgecolor=NET, linewidth=0.8, zorder=1))
+        for latitude in np.radians([-60, -30, 0, 30, 60]):
+            flat = np.hstack([*circle, np.full_like(circle[0], np.tan(latitude))])
+            _two_sided(ax, radius * np.cos(latitude) * flat, eye, NET, 0.4, 2)
+        for longitude in np.radians(range(0, 180, 30)):  # a whole circle through both poles
+            across = circle[0] * [np.cos(longitude), np.sin(longitude), 0]
+            _two_sided(ax, radius * (across + circle[1] * [0, 0, 1]), eye, NET, 0.4, 2)
+        _two_sided(ax, np.where(near[:, None], y, np.nan), eye, colour, 1.0, 3)
+        ax.plot(*y[:1].T, zorder=6, **START)
+        ends = [-radius / 2, 0, radius / 2]  # letters at the corners would lie on one another
+        ax.set(xlabel=names[0], ylabel=names[1], zlabel=names[2], xticks=ends, yticks=ends, zticks=ends)
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.set_major_formatter(lambda x, _: f"{x:.3g}".replace("-", "\N{MINUS SIGN}"))
+            axis.set_pane_color((1, 1, 1, 0))
+            axis.set_tick_params(labelsize=7, pad=-2)
+            axis.labelpad = -7
+        ax.grid(False)
+        return [(plots.Line2D([], [], **START), "start")]
+
+    return own
+
+
+def _eye(azimuth: float) -> np.ndarray:
+    """The direction of the eye."""
+    a, e = np.radians([azimuth, ELEVATION])
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+
+
+def _azimuth(start: np.ndarray, y: np.ndarray) -> int:
+    """The azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
+    return max(
+        (a for a in range(0, 360, 5) if 25 <= a % 90 <= 65),
+        key=lambda a: (start @ _eye(a) > 0.3 * np.linalg.norm(start), (y @ _eye(a) > 0).sum()),
+    )
+
+
+def _two_sided(ax: Any, points: np.ndarray, eye: np.ndarray, colour: str, width: float, zorder: int) -> None:
+    """A line, paler behind the centre as seen from ``eye``; it takes two places in the order of drawing."""
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    whole = np.isfinite(segments).all(axis=(1, 2))
+    front = segments.sum(axis=1) @ eye > 0
+    for chosen, alpha, order in ((whole & ~front, 0.35, zorder), (whole & front, 1.0, zorder + 1)):
+        if chosen.any():
+            look: dict[str, Any] = {"colors": colour, "linewidths": width, "alpha": alpha, "zorder": order}
+            ax.add_collection3d(Line3DCollection(segments[chosen], capstyle="butt" if alpha < 1 else "round", **look))
+
+
+PANELS = {
+    "casimirs": [panels.Own(_casimirs)],
+    "casimir_errors": [panels.Own(_casimir_errors)],
+    "hamiltonian": [panels.Own(_hamiltonian)],
+    "components": [panels.Own(_components)],
+    "populations": [panels.Own(_populations)],
+    "sphere": [panels.Own(_sphere)],
+    "phase": [panels.Own(_phase)],
+    "vorticity": [panels.Own(vorticities)],
+    "spectrum": [panels.Own(spectra)],
+    "enstrophy": [panels.Own(_enstrophy)],
+}
+
+draw = panels.Figures(PANELS, ("step", "path"))
