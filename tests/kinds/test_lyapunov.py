@@ -13,12 +13,13 @@ from states import chunks_of, finished, same_numbers
 
 from spi.ensemble.given import draw_paths
 from spi.kinds.lyapunov import study
-from spi.kinds.lyapunov.results import Exponents, kaplan_yorke, quantities
+from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
 from spi.printing.tables import printed, show_items
 from spi.running.load import load
 from spi.specs import SpecError
+from spi.statistics.claims import quantities
 from spi.storage.records import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"

@@ -55,12 +55,10 @@ class Law(Described):
         return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
 
     @property
-    def farthest(self) -> list[str]:
+    def farthest(self) -> np.ndarray:
         """(S,) the moments whose means are farthest from the exact ones; empty where these are not finite."""
-        return [
-            self.moments[i] * bool(finite)
-            for i, finite in zip(np.abs(self.z).argmax(axis=1), np.isfinite(self.mean_z), strict=True)
-        ]
+        farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
+        return np.where(np.isfinite(self.mean_z), farthest, "")
 
     @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
     def mean_z(self) -> np.ndarray:
