@@ -536,7 +536,7 @@ def flow_places(model):
 
 @trait(int, default=0)
 def phases(model):
-    """How many sines a flow takes at most; 0 if the model does not answer the methods below."""
+    """The largest number of sines that a flow takes; 0 if the model does not answer the methods below."""
 
 
 @method(optional=True)

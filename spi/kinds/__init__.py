@@ -1,8 +1,8 @@
 """The kinds of experiment, one folder each: the only place that lists them.
 
 A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
-needed.  The protocols below say what each of them has to offer.  What stands
-there as Any is the kind's own: the class of its keys and the record of its results.
+needed, with the contents that the protocols below describe.  Any stands there for types of the kind itself: the class
+of its keys and the record of its results.
 
 A new kind is such a folder and a line in KINDS.
 """
@@ -33,12 +33,12 @@ class StudyModule(Protocol):
     """``study``: what is computed."""
 
     def parts(self, case: Any) -> list[Part]:
-        """What is computed one after the other."""
+        """The parts of a case in the order in which they are computed."""
 
     def plan(self, case: Any, part: Part) -> "Plan":
         """One part, ready to run."""
 
-    # remarks(case) -> Iterator[str] may be added: what of a case will not be computed, or not as it was asked for
+    # remarks(case) -> Iterator[str] may be added: warnings about parts of a case that are left out or changed
 
 
 class ResultsModule(Protocol):

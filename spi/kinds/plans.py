@@ -21,7 +21,7 @@ from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, 
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
-from spi.exact.work import Work, told
+from spi.exact.work import Work, reporting_to
 from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
@@ -67,7 +67,7 @@ class State:
                 tick()
 
         try:
-            with told(report):
+            with reporting_to(report):
                 yield
         finally:
             self.work = None

@@ -1,4 +1,4 @@
-"""Sums over paths, declared field by field: each says over which axes it is and how those of two sets of paths are one.
+"""Sums over paths, declared field by field: each with its axes and its reduction.
 
     class StrongSums(Sums):
         squares: Array = by_group("point")
@@ -34,7 +34,7 @@ class Blocks(NamedTuple):
 
 
 class Reduction(NamedTuple):
-    """How a field of the sums is made of the contributions of blocks."""
+    """The way in which contributions of blocks make a field of the sums."""
 
     axes: tuple[str, ...]  #: of the field; lengths are given by name when sums over no paths are made
     with_blocks: Callable[[Array, Array, Blocks], Array]  #: the field with contributions (blocks, ...) added
@@ -118,7 +118,7 @@ def reports(axes: str = "level") -> Any:
     return _declared(
         axes,
         lambda total, rows, at: add_reports(total, rows),
-        lambda one, other: add_reports(one, other[np.newaxis]),
+        lambda earlier, later: add_reports(earlier, later[np.newaxis]),
         behind=(len(REPORT),),
     )
 

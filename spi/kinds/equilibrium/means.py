@@ -82,6 +82,11 @@ class Recorder(NamedTuple):
         return cls(functions, origins, Series.of(case, number), low, width, case.bins)
 
     @property
+    def edges(self) -> Array:
+        """(F, bins + 1) the edges of the bins."""
+        return self.low[:, np.newaxis] + np.outer(self.width, np.arange(self.bins + 1))
+
+    @property
     def lengths(self) -> dict[str, int]:
         """The lengths of the axes of the fields of :class:`Paths` about functions."""
         return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2}
@@ -210,7 +215,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
     with np.errstate(all="ignore"):
         correlation = covariance / covariance[..., :1]
         tau_stderr = tau * np.sqrt(2 * (2 * window + 1) / count)
-    references = known_laws(case, [_edges(recorder) for recorder in recorders])
+    references = known_laws(case, [recorder.edges for recorder in recorders])
     if (at_finest := references.at_finest).any():
         references.value[at_finest], references.error[at_finest] = (
             over["average"][-1, at_finest],
@@ -219,7 +224,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
     orders = [_order(case, references, each, f) for f in range(len(recorders[0].functions))]
     return Averages(
         functions=tuple(case.functions),
-        texts=tuple(function.told for function in recorders[0].functions),
+        texts=tuple(function.label for function in recorders[0].functions),
         temperature=case.temperature,
         spacing=spacing,
         kept=series.kept,
@@ -244,11 +249,6 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
         **_histogram(recorders, totals, case.samples),
         density_exact=references.shares / np.array([recorder.width for recorder in recorders])[..., np.newaxis],
     )
-
-
-def _edges(recorder: Recorder) -> Array:
-    """(F, bins + 1) the edges of the bins."""
-    return recorder.low[:, np.newaxis] + np.outer(recorder.width, np.arange(recorder.bins + 1))
 
 
 def _stderr(estimates: _Estimates) -> Array:
@@ -294,7 +294,7 @@ def _estimates(recorder: Recorder, paths: Paths, samples: int) -> _Estimates:
 
 
 def _order(case: Any, references: Known, each: Sequence[_Estimates], f: int) -> tuple[Order, float]:
-    """The order of the bias of a function in the step size, and C of bias = C h^p.
+    """The order p of the bias of a function in the step size, and C of bias = C h^p.
 
     Where the reference is the mean at the smallest step size, that step size is left out.
     """

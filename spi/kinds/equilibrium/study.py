@@ -32,7 +32,7 @@ from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.blocks import reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS
@@ -51,9 +51,7 @@ _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
 
 
-def parts(case: Any) -> list[Part]:
-    """The parts of a case, one for each scheme, which are run one after the other."""
-    return [Part(scheme) for scheme in case.schemes]
+parts = each_scheme
 
 
 def plan(case: Any, part: Part) -> "EquilibriumPlan":
@@ -194,13 +192,13 @@ class EquilibriumPlan(Plan):
         began, before = time.perf_counter(), int(paths.n)
         stop = self.next_stop(before, number)
         recorder = self.recorders[number] if self.recorders else None
-        looked = recorder is not None and stop > recorder.series.first * recorder.series.stride
-        every = recorder.series.stride if recorder and looked else 0
+        recording = recorder is not None and stop > recorder.series.first * recorder.series.stride
+        every = recorder.series.stride if recorder and recording else 0
         stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
         y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
         paths = paths._replace(n=stop, y=y, report=add_reports(paths.report, report))
         with np.errstate(all="ignore"):
-            if recorder and looked:
+            if recorder and recording:
                 paths = recorder.recorded(paths, recorder.values(stored, before), before, chunk.first, chunk.end)
             if stop in self.records:
                 errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)

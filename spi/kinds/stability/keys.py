@@ -14,14 +14,14 @@ from spi.statistics.claims import claimable
 
 from .results import Stability
 
-#: What the figure can show.
+#: The panels of the figure.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 
 
 class Case(FunctionsCase):
-    """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
+    """Properties of the equation that schemes preserve, for each step size and each value of a parameter."""
 
     sweep: key_of(
         Swept,

@@ -1,6 +1,6 @@
-"""Stability: what schemes keep of the equation where steps are large or parameters extreme.
+"""Stability: properties of the equation that schemes preserve where steps are large or parameters extreme.
 
-For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study stores the
 largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
 fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
@@ -35,7 +35,7 @@ from spi.storage.stored import Description
 from .results import CasimirErrors, Law, Stability
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The paths of a stability study for one value of the swept parameter: what is watched along them, and its summary.
+# The paths of a stability study for one value of the swept parameter: extremes along them, and their summary.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -62,8 +62,8 @@ class ValuePlan(BlocksPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Neither other values, nor the test functions, which are functions of the last states."""
-        found = super().deciding(number)
-        return {key: value for key, value in found.items() if key not in ("sweep", "functions")}
+        without = ("sweep", "functions")
+        return {key: value for key, value in super().deciding(number).items() if key not in without}
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums."""
@@ -79,7 +79,7 @@ class ValuePlan(BlocksPlan):
         return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
-        """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
+        """Statistics over all paths: by the name of a quantity its values at each step (S, ...)."""
         n, first = self.samples, np.abs(self.initial_casimirs(0, self.blocks))[:, : self.samples]
         scale = np.where(first > 0, first, 1.0)
         size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
@@ -116,7 +116,7 @@ def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
 
 
 _PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
-_MOST_SECONDS = 60.0  # that they may take: otherwise they are not known
+_MOST_SECONDS = 60.0  # of solving for true expectations, which are left out where they take longer
 _ACCURACY = 1e-3  # numerical error that they may have
 
 
@@ -124,23 +124,23 @@ _ACCURACY = 1e-3  # numerical error that they may have
 def _true_expectations(
     model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
+    """E phi(y(T)) and its numerical error, (F,) each.
 
-    Typed, because models of two classes may be equal tuples.
+    Cached, because it is the same for all schemes; typed, because models of two classes may be equal tuples.
     """
-    asked = model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY
-    return exact_expectations(*asked, most_seconds=_MOST_SECONDS)
+    phis = functions_of(functions, dimension(model))
+    return exact_expectations(model, initial, final_time, phis, _ACCURACY, most_seconds=_MOST_SECONDS)
 
 
 class Truth(NamedTuple):
     """True expectations of F test functions for each value."""
 
     seconds: float  #: wall clock
-    truth: np.ndarray  #: (values, F), NaN until they are known
+    truth: np.ndarray  #: (values, F), NaN until they are computed
     truth_bound: np.ndarray  #: (values, F), their numerical error
 
     def law(self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray) -> Law:
-        """Expectations of the test functions, of shape (values, levels, F), and how far from the truth they are."""
+        """Expectations of the test functions, (values, levels, F), and their distances from the truth."""
         truth, bound = self.truth, self.truth_bound
         with np.errstate(invalid="ignore"):
             away = np.abs(mean - truth[:, None])
@@ -159,18 +159,16 @@ class Truth(NamedTuple):
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme, whatever its eps if that is what is swept."""
+    """The parts of a case: each scheme, of which eps may be the swept parameter."""
     return [Part(scheme) for scheme in case.schemes]
 
 
 def plan(case: Any, part: Part) -> "StabilityPlan":
     """The plan for one scheme of a case."""
-    return StabilityPlan(case=case, part=part, points=tuple(_point(one, part.scheme) for one in case.sweep.cases))
-
-
-def _point(case: Any, scheme: str) -> ValuePlan:
-    """The paths of one scheme for a case without the swept parameter."""
-    return ValuePlan.of(case, Part(scheme, eps=case.eps[0] if case.row(scheme).multiscale else None))
+    multiscale = case.row(part.scheme).multiscale
+    cases = case.sweep.cases  # one for each value
+    points = [ValuePlan.of(each, Part(part.scheme, eps=each.eps[0] if multiscale else None)) for each in cases]
+    return StabilityPlan(case=case, part=part, points=tuple(points))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,37 +181,37 @@ class StabilityPlan(Plan):
 
     @property
     def first(self) -> ValuePlan:
-        """The paths for the first value, which tell what is the same for all."""
+        """The paths for the first value; step sizes and samples are the same for all values."""
         return self.points[0]
 
     @property
     def has_truth(self) -> bool:
-        """Whether there are test functions, and their true expectations can be found without a scheme."""
-        known = self.case.noise is None and not isinstance(self.initial, RandomState)
-        return bool(self.case.functions) and known and can_solve_equation(self.model)
+        """Whether there are test functions, and their true expectations can be computed without a scheme."""
+        if not self.case.functions or self.case.noise is not None or isinstance(self.initial, RandomState):
+            return False
+        return bool(can_solve_equation(self.model))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
         seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
-        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
+        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # the other schemes have the same
             each = {(point.model, point.initial): point for point in self.points}.values()
             seconds += sum(map(self._seconds_of_truth, each)) * thread_count()
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
     def _seconds_of_truth(self, point: ValuePlan) -> float:
-        """About how many seconds the true expectations for a value take."""
-        functions = functions_of(map(canonical, self.case.expressions), dimension(point.model))
-        asked = point.model, point.initial, self.case.final_time, functions
-        return float(seconds_of_equation(*asked, most_seconds=_MOST_SECONDS))
+        """The seconds that the true expectations for a value take, roughly."""
+        phis, end = functions_of(map(canonical, self.case.expressions), dimension(point.model)), self.case.final_time
+        return float(seconds_of_equation(point.model, point.initial, end, phis, most_seconds=_MOST_SECONDS))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of the paths for a value, what decides these."""
+        """See :meth:`Plan.deciding`; path set `number` has the paths for that value."""
         return super().deciding(None) if number is None else self.points[number].deciding(0)
 
     def initial_extra(self) -> Truth:
-        """No expectation has been found."""
+        """No expectation has been computed."""
         nothing = np.full((len(self.points), len(self.case.functions)), np.nan)
         return Truth(0.0, nothing, nothing)
 
@@ -229,12 +227,12 @@ class StabilityPlan(Plan):
         """One step of one block for each value."""
         return [call for point in self.points for call in point.kernel_calls()]
 
-    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute consecutive chunks of one value, see :class:`~spi.kinds.plans.Plan`."""
-        return self.points[chunks[0].path_set].advance(chunks, known)
+        return self.points[chunks[0].path_set].advance(chunks, started)
 
     def finalise(self, state: State) -> Iterator[Truth]:
-        """Find the true expectations for each value."""
+        """Compute the true expectations for each value."""
         extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
         left = np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ()
         seconds = [self._seconds_of_truth(self.points[i]) for i in left]
@@ -252,7 +250,7 @@ class StabilityPlan(Plan):
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
     def description(self) -> Description:
-        """What is integrated, without what differs from value to value of the swept parameter."""
+        """The description, without the facts that differ from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
         differing = {
             name: None
@@ -267,15 +265,15 @@ class StabilityPlan(Plan):
 
     def so_far(self, state: State) -> State | None:
         """The state of the first values, as many as are complete."""
-        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
-        count = [*complete, False].index(False)
+        complete = [state.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(state.path_sets)]
+        if not (count := [*complete, False].index(False)):
+            return None
         sweep, extra = self.case.sweep, state.extra
         fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])
         case = self.case.model_copy(update={"sweep": fewer})
-        found = state.of(replace(self, points=self.points[:count], case=case)) if count else None
-        if found is not None:
-            found.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
-        return found
+        shorter = state.of(replace(self, points=self.points[:count], case=case))
+        shorter.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
+        return shorter
 
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""

@@ -28,7 +28,7 @@ _NAMES = tuple(FUNCTIONALS)
 _Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
 
 
-def _known(entry: Any) -> Any:
+def _checked(entry: Any) -> Any:
     """An entry of functions as it is; raises the error about a word that is no functional."""
     for word in entry if isinstance(entry, dict) else ():
         if word not in FUNCTIONALS:
@@ -36,7 +36,7 @@ def _known(entry: Any) -> Any:
     return entry
 
 
-_Entry = Annotated[str | _Functional, BeforeValidator(_known)]
+_Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
@@ -77,12 +77,12 @@ class Density(Keys):
 
     @property
     def number(self) -> tuple[int, int]:
-        """Of rows and columns of cells."""
+        """The numbers of rows and columns of cells."""
         return self.cells, self.cells * (2 if self.of == (SPHERE,) else 1)
 
     @property
     def count(self) -> int:
-        """Of cells."""
+        """The number of cells."""
         return self.number[0] * self.number[1]
 
 
@@ -90,7 +90,7 @@ Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinsta
 
 
 class Case(StepCase):
-    """What a system does: statistics over many paths of functions of the state, at many times."""
+    """Statistics over many paths of functions of the state, at many times."""
 
     samples: key_of(Samples, "number of Brownian paths")
     functions: key_of(
@@ -139,18 +139,18 @@ class Case(StepCase):
 
     @property
     def quantile_names(self) -> tuple[str, ...]:
-        """What claims about single quantiles are under."""
+        """The names of single quantiles in claims."""
         return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
     def stride(self) -> int:
-        """Steps between states that are looked at."""
+        """Steps between states that are stored."""
         counts = [round(t / self.step) for t in self.times]
         return reduce(math.gcd, counts, round(self.final_time / self.step)) if self.times else self.every
 
     @property
     def places(self) -> np.ndarray:
-        """Which of the states that are looked at, from 0 on, have statistics."""
+        """The numbers, from 0 on, of those of the stored states that have statistics."""
         if not self.times:
             return np.arange(round(self.final_time / self.step) // self.stride + 1)
         return np.array([round(t / self.step) // self.stride for t in self.times])
@@ -175,12 +175,12 @@ class Case(StepCase):
         functions = self.functions or {name: name for name in names[:4]}
         for name, entry in functions.items():
             check_function(self, name, entry, _FUNCTIONAL)
-        found = self.model_copy(update={"functions": functions})
-        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + found.fine_bins / 64)
-        if len(found.places) * per_time > _MOST_NUMBERS:
-            what = f"gives statistics of {len(functions)} functions at {len(found.places)} times, more than fit"
-            raise wrong(what, "take fewer times, functions or bins", "every")
-        return found
+        case = self.model_copy(update={"functions": functions})
+        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + case.fine_bins / 64)
+        if len(case.places) * per_time > _MOST_NUMBERS:
+            mistake = f"gives statistics of {len(functions)} functions at {len(case.places)} times, more than fit"
+            raise wrong(mistake, "take fewer times, functions or bins", "every")
+        return case
 
     @property
     def fine_bins(self) -> int:
@@ -189,8 +189,8 @@ class Case(StepCase):
 
     @condition
     def _check_reference(self) -> Self:
-        for name, known in self.reference.items():
-            check(self, name, known)
+        for name, reference in self.reference.items():
+            check(self, name, reference)
         return self
 
     @condition
@@ -200,9 +200,10 @@ class Case(StepCase):
         doublings = round(math.log2(self.step / self.reference_step))
         exact = self.step / 2.0**doublings
         if doublings < 1 or abs(exact - self.reference_step) > ROUNDING * self.reference_step:
-            what = f"is {quantity(self.reference_step)}, of which step {quantity(self.step)} is not 2, 4, 8, ... times"
+            fine, step = quantity(self.reference_step), quantity(self.step)
+            mistake = f"is {fine}, of which step {step} is not 2, 4, 8, ... times"
             nearest = self.step / 2.0 ** max(doublings, 1)
-            raise wrong(what, f"the nearest is {quantity(nearest)}", "reference_step")
+            raise wrong(mistake, f"the nearest is {quantity(nearest)}", "reference_step")
         check_step(self.model_copy(update={"step": exact}), "reference_step")
         return self.model_copy(update={"reference_step": exact})
 
@@ -227,8 +228,8 @@ class Case(StepCase):
             return self
         of, given = self.density.of, self.density.times or (float(self.t[-1]),)
         if of == (SPHERE,) and not on_sphere(self.model):
-            what = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
-            raise wrong(what, "name two functions, as in of: [y1, y2]", "density", "of")
+            mistake = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
+            raise wrong(mistake, "name two functions, as in of: [y1, y2]", "density", "of")
         if of != (SPHERE,):
             for i, name in enumerate(of):
                 self._check_name(name, "density", "of", i)
@@ -246,7 +247,7 @@ class Case(StepCase):
             raise wrong(f"is {shown(name)}, not the name of a function", f"known: {', '.join(self.functions)}", *keys)
 
     def place(self, t: float, *keys: str | int) -> int:
-        """Which of the times of the statistics t is; raises the error about `keys` if it is none."""
+        """The number of t among the times of the statistics; raises the error about `keys` if it is none."""
         nearest = int(np.abs(self.t - t).argmin())
         if abs(self.t[nearest] - t) > ROUNDING * max(t, self.step):
             right = f"the nearest is {quantity(float(self.t[nearest]))}"

@@ -14,7 +14,7 @@ from spi.statistics.claims import Sort, claimable
 from .estimators import ESTIMATORS
 from .results import WeakErrors
 
-#: What the figure can show.
+#: The panels of the figure.
 PANELS = ("errors", "samples", "seconds", "eps")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
@@ -25,11 +25,11 @@ NAMES = tuple(ESTIMATORS)
 Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1)]
 
 #: The keys of all estimators, in their order.
-KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(one.keys.Keys for one in reversed(ESTIMATORS.values())))
+KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(each.keys.Keys for each in reversed(ESTIMATORS.values())))
 
 
 class SampledCase(KeysOfEstimators, FunctionsCase):
-    """What the cases have in which expectations are estimated."""
+    """The keys of all cases in which expectations are estimated."""
 
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)

@@ -24,7 +24,7 @@ from .results import WeakErrors, cannot_do
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme with each estimator that can do it, extrapolated or not."""
+    """The parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
     each = [
         Part(scheme, name, eps)
         for scheme, eps in case.runs
@@ -39,7 +39,7 @@ def parts(case: Any) -> list[Part]:
 
 
 def remarks(case: Any) -> Iterator[str]:
-    """What of a case will not be computed, or not as it was asked for."""
+    """Warnings: parts of a case that are left out or changed."""
     for name in case.estimators:
         if schemes := left_out(case, name):
             yield cannot_do(name, schemes)
@@ -53,7 +53,7 @@ def plan(case: Any, part: Part) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class WeakPlan(Plan):
-    """The head of every plan of weak errors of one scheme, extrapolated or not."""
+    """The base of all plans of weak errors of one scheme, extrapolated or not."""
 
     record = WeakErrors
 
@@ -61,13 +61,13 @@ class WeakPlan(Plan):
     of_others: ClassVar[frozenset[str]] = frozenset()
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Nothing of other estimators; its own, and the extrapolation, are told by the part."""
+        """Without the keys of other estimators; the part names its own, and the extrapolation."""
         without = {"estimators", "extrapolate", *self.of_others}
         return {key: value for key, value in super().deciding(number).items() if key not in without}
 
     @property
     def extrapolation(self) -> Extrapolation:
-        """How the values at the steps of the case make those of the results, whose steps are :attr:`h`."""
+        """The combination of values at the steps of the case into those of the results, at the steps :attr:`h`."""
         count = self.part.extrapolate
         exponents = weak_exponents(self.row, self.model, count) if count else None
         return Extrapolation.of(self.case.steps, exponents or ())
@@ -97,17 +97,17 @@ class WeakPlan(Plan):
         """The errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
 
         That is **one** number for all steps, C h_ref^p, with C from the smallest step alone, since at large steps
-        errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors know of it.
+        errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors contain it.
         """
         share = self.reference_share
         return differences + share * differences[..., -1:] if share else differences
 
     def unseen(self, value: np.ndarray, stderr: np.ndarray, samples: np.ndarray | int) -> np.ndarray:
-        """Half the width of an interval (..., F) of what means over so many samples may lack, which none of them shows.
+        """(..., F) half the width of an interval for the part of means over `samples` that no sample shows.
 
-        Where all values are alike that is the share that could differ, by the rule of three, times how far two values
-        of the function can be apart; NaN where that is not known, and 0 where nothing is random.  Functions that are
-        constant but for jumps lack as much where few values differ.
+        Where all values are alike that is the share that could differ, by the rule of three, times the range of the
+        function; NaN where the range is infinite, and 0 where nothing is random.  Functions that are constant but for
+        jumps have the same where few values differ.
         """
         width = np.array([np.ptp(range_of(tree)) if self.is_random else 0.0 for tree in self.case.expressions])
         jumps = np.array([is_step(tree) for tree in self.case.expressions])
@@ -135,14 +135,14 @@ _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 
 def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray | float) -> np.ndarray:
-    """The standard errors of errors by the jackknife, and by what they lack unseen, half the width of an interval."""
+    """The standard errors of errors by the jackknife, with the `unseen` part of them, see :meth:`WeakPlan.unseen`."""
     return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(int(np.count_nonzero(counts))))
 
 
 def sampled_errors(
     h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What is fitted to errors (F, S) by every estimator that samples: fields of WeakErrors, and of Sampled.
+    """The fits to errors (F, S) of every estimator that samples: fields of WeakErrors, and of Sampled.
 
     `without` is (groups, F, S), and `unseen` (F, S) as in :func:`stderr_of`.
     """

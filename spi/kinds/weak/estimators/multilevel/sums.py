@@ -33,7 +33,7 @@ from ...study import stderr_of
 from ..kolmogorov.study import solution
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has.
+# The paths of a multilevel estimator: the steps, reversals and schemes of a sample of each level.
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: Further quantities of a level with a control: the difference of the control, and the product of the two.  The last
@@ -83,11 +83,11 @@ def _level(
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a multilevel estimator has decided: how many samples each level gets, and what came of earlier allocations.
+# The decisions of a multilevel estimator: the samples of each level, and the errors after earlier allocations.
 # ---------------------------------------------------------------------------------------------------------------------
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
-SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
+SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, one for each allocation
 
 
 class Errors(NamedTuple):
@@ -95,18 +95,18 @@ class Errors(NamedTuple):
 
     error: np.ndarray  #: (F, S)
     without: np.ndarray  #: (GROUPS, F, S)
-    counts: np.ndarray  #: (GROUPS,) as good as the paths of each group
-    unseen: np.ndarray  #: (F, S) what they lack unseen, half the width of an interval
+    counts: np.ndarray  #: (GROUPS,) proportional to the paths of each group
+    unseen: np.ndarray  #: (F, S) their unseen part, half the width of an interval
 
 
 class Decisions(NamedTuple):
-    """What is known besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
+    """Results besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
 
     seconds: float  #: wall clock
     cpu_seconds: float
-    allocations: int  #: how many have been made
+    allocations: int  #: number of allocations made
     targets: np.ndarray  #: (levels,) blocks that the current allocation wants
-    used: np.ndarray  #: (levels,) bool, which levels are in the errors, chosen after the pilot where there is a choice
+    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error, chosen after the pilot
     known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
     control_bound: float  #: the largest estimate of their numerical error
     history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
@@ -115,7 +115,7 @@ class Decisions(NamedTuple):
 
     @classmethod
     def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Decisions":
-        """The pilot is wanted, and the expectations of the control, if there is one, are not known."""
+        """The pilot is wanted, and the expectations of the control, if there is one, are not computed."""
         return cls(
             seconds=0.0,
             cpu_seconds=0.0,
@@ -157,14 +157,14 @@ class Decisions(NamedTuple):
 
 
 def control_of(case: Any, record: Any) -> tuple | None:
-    """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
+    """The rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
     solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
     return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
 
 
 EQUAL = np.full(GROUPS, PARTS)  #: all groups of a level are equally large, so any equal counts will do
 
-_CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
+_CLEAR = 4.0  # standard errors from which on a mean difference counts for the rate of means
 
 
 class LevelTotals(Sums):
@@ -175,11 +175,11 @@ class LevelTotals(Sums):
 
 
 class Moments(NamedTuple):
-    """Of each level, all (levels, F)."""
+    """Moments of each level, all (levels, F)."""
 
-    mean: np.ndarray  #: of what is averaged, which with a control is Y - beta (Y_0 - E Y_0)
-    stderr: np.ndarray  #: of the same
-    variance: np.ndarray  #: of the same
+    mean: np.ndarray  #: of Y, with a control of Y - beta (Y_0 - E Y_0)
+    stderr: np.ndarray  #: of that mean
+    variance: np.ndarray  #: of a sample of the same
     kurtosis: np.ndarray  #: of the difference Y itself, at the last level of the value
 
 
@@ -190,11 +190,11 @@ class LevelSums(NamedTuple):
     sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
     nonfinite: np.ndarray  #: (levels,)
     cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
-    known: np.ndarray  #: (levels, F) expectations of the control
-    used: np.ndarray  #: (levels,) bool, which of them are in the errors
+    control: np.ndarray  #: (levels, F) its expectations
+    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error
 
     def only(self, levels: slice) -> "LevelSums":
-        """Those of some levels."""
+        """The totals of some levels."""
         return LevelSums(*(values[levels] for values in self))
 
     @property
@@ -220,14 +220,14 @@ class LevelSums(NamedTuple):
             return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
     def averages(self) -> tuple[np.ndarray, np.ndarray]:
-        """Means of what is averaged at each level, (levels, F), and leave-one-out values (groups, levels, F)."""
+        """The means of :class:`Moments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
         beta, means, withouts = self.beta(), [], []
         for j, (sums, blocks) in enumerate(zip(self.sums, self.blocks, strict=True)):
             mean, without = mean_over_paths(sums[0, DIFFERENCE], _counts(blocks))
             if self.controlled:
                 of_control, control_without = mean_over_paths(sums[0, CONTROL], _counts(blocks))
-                mean = mean - beta[j] * (of_control - self.known[j])
-                without = without - beta[j] * (control_without - self.known[j])
+                mean = mean - beta[j] * (of_control - self.control[j])
+                without = without - beta[j] * (control_without - self.control[j])
             means.append(mean)
             withouts.append(without)
         return np.array(means), np.stack(withouts, axis=1)
@@ -261,14 +261,14 @@ class LevelSums(NamedTuple):
         """The rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
         rates = []
         for f, beta in enumerate(self.beta().T):
-            each = [mean_over_paths(one[:2, :, f], _counts(n)) for one, n in zip(self.sums, self.blocks, strict=True)]
-            value = np.array([_variance(mean, factor) for (mean, _), factor in zip(each, beta, strict=True)])
-            withouts = [_variance(np.moveaxis(one, 0, -1), factor) for (_, one), factor in zip(each, beta, strict=True)]
+            each = [mean_over_paths(s[:2, :, f], _counts(n)) for s, n in zip(self.sums, self.blocks, strict=True)]
+            value = np.array([_variance(mean, b) for (mean, _), b in zip(each, beta, strict=True)])
+            withouts = [_variance(np.moveaxis(without, 0, -1), b) for (_, without), b in zip(each, beta, strict=True)]
             rates.append(fit_order(h, value, np.array(withouts).T, EQUAL, value > 0))
         return tuple(rates)
 
     def table(self, h: np.ndarray, antithetic: bool, control_bound: float) -> LevelTable:
-        """Giles' table of the levels that are differences, and how fast means and variances fall with the steps h."""
+        """Giles' table of the levels that are differences, and the rates of means and variances in the steps h."""
         differences, moments = self.only(slice(-1)), self.moments()
         mean, without = differences.averages()
         clear = (np.abs(mean) > _CLEAR * moments.stderr[:-1]).T
@@ -306,7 +306,7 @@ def _variance(m: np.ndarray, beta: np.ndarray) -> np.ndarray:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How the levels of a multilevel estimator make errors, extrapolated or not, and expectations.
+# Errors, extrapolated or not, and expectations from the levels of a multilevel estimator.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -319,17 +319,17 @@ class Combination(NamedTuple):
     """
 
     extrapolation: Extrapolation
-    below: np.ndarray  #: for each step of the case how many levels lie between it and the reference step
+    below: np.ndarray  #: for each step of the case the number of levels between it and the reference step
 
     def errors(self, differences: np.ndarray) -> np.ndarray:
-        """The errors (..., F, S) against the reference that differences (..., levels, F) of the levels make."""
+        """The errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
         sums = np.moveaxis(np.cumsum(0.0 - differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])
         return errors - (sums[..., :count] * weights[1:]).sum(axis=-1, keepdims=True) if count else errors
 
     def shares(self) -> np.ndarray:
-        """(S, levels) how much of each difference is in the error at each step; 1 or 0 without extrapolation."""
+        """(S, levels) the weights of the differences in the error at each step; 1 or 0 without extrapolation."""
         level = np.arange(self.below.max())
         return self.extrapolation.combined((level[:, np.newaxis] < self.below) * 1.0).T - self._of_reference()
 
@@ -339,7 +339,7 @@ class Combination(NamedTuple):
         return whole, whole - self.shares()
 
     def _of_reference(self) -> np.ndarray:
-        """(levels,) how much of each difference is in R(h_ref) - E phi(y_{h_ref})."""
+        """(levels,) the weights of the differences in R(h_ref) - E phi(y_{h_ref})."""
         return np.array([self.extrapolation.weights[level + 1 :].sum() for level in range(self.below.max())])
 
 

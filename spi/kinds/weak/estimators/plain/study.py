@@ -1,6 +1,6 @@
 """Plain Monte Carlo, as in the paper: E phi(y_h) - E phi(y_ref) on common Brownian paths.
 
-Any number of paths; only sums over groups of them are kept.  Results for the first so many paths come from the same
+Any number of paths; only sums over groups of them are stored.  Results for prefixes of the paths come from the same
 run.  With extrapolation the values of phi at h, 2h, ... are combined path by path, and those at h_ref, 2 h_ref, ...
 likewise, before anything is summed up.
 """
@@ -67,12 +67,12 @@ class PlainPlan(WeakPlan, BlocksPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(L, F): step sizes of the results, references included, and test functions."""
-        return sum(1 + len(one.h) for one in self.by_level), len(self.case.functions)
+        return sum(1 + len(plan.h) for plan in self.by_level), len(self.case.functions)
 
     @property
     def own(self) -> slice:
-        """Where the step sizes of this level of extrapolation and their reference stand among all."""
-        return self.own_among(lambda one: 1 + len(one.h))
+        """The places of the step sizes of this level of extrapolation and of their reference among all."""
+        return self.own_among(lambda plan: 1 + len(plan.h))
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums."""

@@ -26,7 +26,7 @@ class QuasiPlan(PlainPlan):
 
     @property
     def prefixes(self) -> tuple[int, ...]:
-        """None: a number of points that is no power of two is no fair one."""
+        """None: points are evenly spread only in powers of two."""
         return ()
 
     @cached_property
