@@ -1,6 +1,7 @@
 """What the reference makes of texts and of the JSON Schema."""
 
 import sys
+import unicodedata
 
 import pytest
 from documents import ROOT
@@ -51,3 +52,11 @@ def test_texts_are_what_they_were_in_markdown():
     assert words.plain("write <out>, ``a <b>`` and 2*pi*y1; *not*") == "write &lt;out>, `a <b>` and 2\\*pi\\*y1; *not*"
     assert words.table(("a", "b"), [("x|y", "two\n  lines")]) == "| a | b |\n| --- | --- |\n| x\\|y | two lines |\n"
     assert words.table(("a",), []) == ""
+
+
+def test_the_glossary_is_in_alphabetical_order():
+    lines = ROOT.joinpath("docs", "glossary.md").read_text(encoding="utf-8").splitlines()
+    entries = [line.split(" | ")[0].strip("| ") for line in lines if line.startswith("| ")][1:]
+    assert len(entries) > 40
+    plain = [unicodedata.normalize("NFKD", entry).encode("ascii", "ignore").decode().lower() for entry in entries]
+    assert [entry.replace("-", " ") for entry in plain] == sorted(entry.replace("-", " ") for entry in plain)

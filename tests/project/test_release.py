@@ -21,6 +21,10 @@ FOLDERS = ("spi", "docs", "benchmarks", "experiments", ".ci")
 TEXTS = {".py", ".md", ".yaml", ".html", ".ipynb", ".toml", ".cff", ".yml", ".jinja", ""}
 
 
+def text_of(path):
+    return ROOT.joinpath(path).read_text(encoding="utf-8")
+
+
 def texts():
     """Everything that a reader may see, by its path."""
     below = (path for folder in FOLDERS for path in ROOT.joinpath(folder).rglob("*"))
@@ -52,6 +56,9 @@ def test_name_and_version_are_the_same_everywhere():
     assert citation["version"] == spi.__version__
     wheels = {name for _, text in texts() for name in re.findall(r"\w+-[\d.]+-py3-none-any\.whl", text)}
     assert wheels == {f"{spi.DISTRIBUTION.replace('-', '_')}-{spi.__version__}-py3-none-any.whl"}
+    assert re.findall(r"version = \{(.*)\}", ROOT.joinpath("docs", "cite.md").read_text(encoding="utf-8")) == [
+        spi.__version__
+    ]
     changelog = ROOT.joinpath("CHANGELOG.md").read_text(encoding="utf-8")
     assert re.findall(r"^## ([\d.]+)", changelog, re.MULTILINE)[0] == spi.__version__
 
@@ -134,12 +141,27 @@ def test_the_page_of_stable_names_lists_all_of_them():
     assert names == set(spi.__all__) and listed == commands
 
 
-def test_figures_about_other_programs_are_those_of_the_readme():
-    """Which repeats those of docs/performance.md."""
-    readme, why = (" ".join(ROOT.joinpath(*path).read_text(encoding="utf-8").split()) for path in (["README.md"], WHY))
-    for program, said in re.findall(r"(diffrax|torchsde)(?: takes)? (\d+ to \d+)", why):
-        assert re.search(rf"{program}(?: takes)? {said}", readme)
-    assert len(re.findall(r"\d+ to \d+ times", why)) == 2
+def speeds():
+    """The ratios to other programs, as "4 to 19", from the tables of docs/performance.md."""
+    rows = [line.split(" | ") for line in text_of("docs/performance.md").splitlines() if line.startswith("| ")]
+    ratios = {
+        **{peer: [float(x) for row in rows if row[0].startswith(f"| {peer}") for x in row[1:3]] for peer in PEERS},
+        **{name: [float(row[4]) for row in rows if row[1] == name] for name in ("splitting", "Euler-Maruyama")},
+    }
+    return {name: f"{min(each):.0f} to {max(each):.0f}" for name, each in ratios.items()}
 
 
-WHY = ["docs", "why.md"]
+PEERS = ("diffrax", "torchsde")
+
+
+def test_speeds_are_those_of_the_tables():
+    stated = speeds()
+    assert stated["diffrax"] == "4 to 19"
+    for path in ("README.md", "docs/why.md"):
+        text = " ".join(text_of(path).split())
+        for program in PEERS:
+            assert re.search(rf"{program}(?: takes)? {stated[program]}", text), (path, program)
+        assert set(re.findall(r"(\d+ to \d+) times", text)) <= set(stated.values()), path
+    why, page = (" ".join(text_of(f"docs/{name}.md").split()) for name in ("why", "performance"))
+    assert f"{stated['splitting']} times" in why and f"{stated['Euler-Maruyama']} times for Euler-Maruyama" in why
+    assert f"{stated['splitting']} times" in page and f"{stated['Euler-Maruyama']} times" in page
