@@ -14,6 +14,8 @@ from packaging.specifiers import SpecifierSet
 
 import spi
 from spi.cli import app
+from spi.kinds import KINDS
+from spi.running import shipped
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
 FILES = ("README.md", "CONTRIBUTING.md", "Makefile", "pyproject.toml", "CITATION.cff", "mkdocs.yml", "setup.py")
@@ -52,8 +54,10 @@ def test_such_advice_would_be_noticed(wrong):
 
 def test_name_and_version_are_the_same_everywhere():
     assert PROJECT["project"]["name"] == spi.DISTRIBUTION
-    citation = yaml.safe_load(ROOT.joinpath("CITATION.cff").read_text(encoding="utf-8"))
-    assert citation["version"] == spi.__version__
+    citation = yaml.safe_load(text_of("CITATION.cff"))
+    assert citation["version"] == spi.__version__ and citation["license"] == PROJECT["project"]["license"]
+    assert citation["keywords"] == PROJECT["project"]["keywords"] and citation["date-released"].year >= 2026
+    assert citation["preferred-citation"]["url"] == "https://arxiv.org/abs/2111.07387" and citation["abstract"]
     wheels = {name for _, text in texts() for name in re.findall(r"\w+-[\d.]+-py3-none-any\.whl", text)}
     assert wheels == {f"{spi.DISTRIBUTION.replace('-', '_')}-{spi.__version__}-py3-none-any.whl"}
     assert re.findall(r"version = \{(.*)\}", ROOT.joinpath("docs", "cite.md").read_text(encoding="utf-8")) == [
@@ -88,6 +92,21 @@ def test_the_readme_shows_pictures_and_links_elsewhere():
     kept = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", bare)
     assert all(target.startswith(("https://", "#")) and source not in target for _, target in kept)
     assert kept == [link for link in links if not link[1].startswith(source)] and "![" not in bare
+
+
+def test_the_readme_is_short_and_counts_the_experiments():
+    text = text_of("README.md")
+    assert len(text.splitlines()) <= 120
+    assert f"one of {len(shipped.names())} that come with the program" in " ".join(text.split())
+    assert "\nmake demo " in text and "\nmake test " in text
+    kinds = re.findall(r"^\| \[`(\w+)`\]", text, re.MULTILINE)
+    assert sorted(kinds) == sorted(KINDS)
+    spec = re.search(r"```yaml\n(.*?)```", text, re.DOTALL)[1]
+    shown, whole = (
+        yaml.safe_load(spec),
+        yaml.safe_load(shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")),
+    )
+    assert shown == {key: whole[key] for key in shown}
 
 
 # --- what it needs ---------------------------------------------------------------------------------------------------
