@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from .. import storage
-from ..exact.work import Work, told
+from ..exact.work import Work, reporting_to
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
@@ -84,7 +84,7 @@ def _compute(topic: str, source: Source, number: int, chunk: Chunk) -> Any:
             title, *seconds = work
             get_worker().log_event(topic, (number, title, *map(float, seconds)))
 
-    with told(report):
+    with reporting_to(report):
         return compute(source, number, chunk, 1)
 
 

@@ -14,7 +14,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from ..ensemble.loop import limited_threads
-from ..exact.work import Work, told
+from ..exact.work import Work, reporting_to
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
@@ -157,7 +157,7 @@ def _serve(connection: Connection) -> None:
             function, *arguments = connection.recv()
             answer: tuple[Any, Exception | None]
             try:
-                with told(report):
+                with reporting_to(report):
                     answer = function(*arguments), None
             except Exception as error:
                 answer = None, error
