@@ -42,7 +42,7 @@ _NOTES = re.compile(r"(?:^<!-- [a-z ]+: .*? -->\n)*\Z", re.MULTILINE)
 _COMMAND = re.compile(r"(?<![\w/.'\[-])spi +([a-z][^;|&`]*)")
 
 
-LANGUAGES = ("", "latex", "math", "python", "sh", "text", "toml", "yaml")
+LANGUAGES = ("", "bibtex", "latex", "math", "python", "sh", "text", "toml", "yaml")
 
 
 def page_name(page):

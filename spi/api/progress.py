@@ -41,12 +41,11 @@ class Line:
         self._write(f"{self.name}: {_so_far(work) if work else f'{unit} {done / total:.0%}'}")
 
     def _report(self, progress: Progress) -> None:
-        where = f"{progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         if progress.work:
-            self._write(f"{self.name}: {where} {_so_far(progress.work)}")
-            return
-        stderr = "" if math.isnan(progress.stderr) else f", standard error {progress.stderr:.1e}"
-        self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{stderr}")
+            news = [_so_far(progress.work)]
+        else:
+            news = [f"{progress.done / progress.total:.0%}", progress.precision]
+        self._write(f"{self.name}: {progress.place} {', '.join(filter(None, news))}")
 
     def _report_compiling(self, news: Compiling) -> None:
         self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.described}")

@@ -89,7 +89,7 @@ class ProgressLine:
         STOP.check()
         if not self.bar:
             return
-        part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        part = f"{self.name} {progress.place}"
         if progress.work is not None:
             work = progress.work  # in per cent, as what it takes in all becomes known on the way
             total = 100.0 if work.total else None
@@ -98,8 +98,7 @@ class ProgressLine:
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            stderr = "" if math.isnan(progress.stderr) else f"standard error {progress.stderr:.1e}"
-            news = f"{rate}{stderr}".removesuffix(", ")
+            news = f"{rate}{progress.precision}".removesuffix(", ")
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
     def _show(

@@ -3,9 +3,8 @@
 import contextlib
 import shlex
 from collections.abc import Callable, Iterator, Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer.core import TyperCommand
@@ -30,17 +29,6 @@ if TYPE_CHECKING:
 _PAGE = 9.0  # inches of the height of a page's text
 
 
-class Format(StrEnum):
-    table = "table"
-    json = "json"
-    csv = "csv"
-
-
-class Style(StrEnum):
-    screen = "screen"
-    paper = "paper"
-
-
 @run_options()
 def show(
     source: Annotated[
@@ -52,7 +40,7 @@ def show(
         ),
     ] = None,
     results: ResultsFolder = RESULTS,
-    format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
+    format: Annotated[Literal["table", "json", "csv"], typer.Option(help="Output format.")] = "table",
     *,
     options: RunOptions,
 ) -> None:
@@ -73,11 +61,11 @@ def show(
         sums = shlex.quote(path.as_posix())
         tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
     with _about(file):
-        if format is Format.table:
+        if format == "table":
             views.print_tables(stored_results)
         else:
             rows = views.rows(stored_results)
-            typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+            typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
 
 
 def _read(file: Path, trust_code: bool) -> "Results":
@@ -108,8 +96,9 @@ def plot(
     results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: beside the results).")] = None,
     style: Annotated[
-        Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
-    ] = Style.screen,
+        Literal["screen", "paper"],
+        typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
+    ] = "screen",
     width: Annotated[
         str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
     ] = None,
@@ -139,9 +128,9 @@ def plot(
         with _about(path):
             figure = views.figure(stored_results, style, width, font)
         folder, stem = finding.place_of_figures(path)
-        for written in views.save(figure, out or folder, stem if style is Style.screen else f"{stem}_paper"):
+        for written in views.save(figure, out or folder, stem if style == "screen" else f"{stem}_paper"):
             tell(f"wrote {written}")
-        if style is Style.paper:
+        if style == "paper":
             tell(f"caption: {caption(figure)}")
             if (height := figure.get_figheight()) > _PAGE:
                 more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"

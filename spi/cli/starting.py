@@ -5,9 +5,8 @@ import re
 import shlex
 import shutil
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
 
 import typer
 
@@ -80,14 +79,11 @@ def cache(
         typer.echo(f"{len(old)} old folders, {size}: `spi cache --clear-old` removes them")
 
 
-class Listed(StrEnum):
-    models = "models"
-    schemes = "schemes"
-    experiments = "experiments"
-
-
 def list_(
-    only: Annotated[Listed | None, typer.Argument(metavar="models|schemes|experiments", help="Only these.")] = None,
+    only: Annotated[
+        Literal["models", "schemes", "experiments"] | None,
+        typer.Argument(metavar="models|schemes|experiments", help="Only these."),
+    ] = None,
     folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
 ) -> None:
     """List models, schemes and experiments.
@@ -97,15 +93,15 @@ def list_(
     from ..printing import print_models, print_schemes
 
     invalid: list[str] = []
-    if only in (None, Listed.models):
+    if only in (None, "models"):
         from ..models import MODELS
 
         print_models(MODELS)
-    if only in (None, Listed.schemes):
+    if only in (None, "schemes"):
         from ..schemes import SCHEMES
 
         print_schemes(SCHEMES)
-    if only in (None, Listed.experiments):
+    if only in (None, "experiments"):
         invalid = _list_experiments(folder)
     for problem in invalid:
         tell(f"spi: {problem}")
@@ -153,12 +149,15 @@ def new(
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
-    stored = _stored(source)
+    stored: StoredSpec | None = None
     if source is None:
         template = shipped.template("system" if system else "experiment")
         path = shlex.quote(target.as_posix())
         files = {target: template.replace("NAME.yaml", path).replace("NAME", target.stem).encode()}
     else:
+        from ..running.load import STORED, stored_spec
+
+        stored = stored_spec(source) if Path(source).suffix in STORED else None
         files = _copies(source, stored, target)
     written = _write(files, target)
     for file in written:
@@ -177,15 +176,8 @@ def new(
     tell(f"spi: edit it as you like; `spi check {quoted}` estimates the cost, `spi run {quoted}` runs it")
 
 
-def _stored(source: str | None) -> "StoredSpec | None":
-    """The spec in a file of results, which is not run; None where the source is none."""
-    from ..running.load import STORED, stored_spec
-
-    return stored_spec(source) if source is not None and Path(source).suffix in STORED else None
-
-
 def _copies(source: str, stored: "StoredSpec | None", target: Path) -> dict[Path, bytes]:
-    """An experiment and the files that it names, by the paths of their copies."""
+    """An experiment, or the one `stored` in results, which is not run, and its files, by the paths of their copies."""
     from ..running.finding import Wanted
     from ..running.load import load
     from ..specs.files import content

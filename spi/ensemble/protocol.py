@@ -1,6 +1,6 @@
 """The methods and traits of a model; for those of a scheme see ``scheme_protocol.py``.  Read this file first.
 
-The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich form,
+The problem (the paper's eq. (1)): a stochastic Poisson system in Stratonovich form,
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dW_k(t),      H = H_1 + ... + H_p,
 

@@ -11,7 +11,9 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.ensemble import loop
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
+from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import dimension
+from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
@@ -156,6 +158,16 @@ class BlocksPlan(PathsPlan, Blockwise):
             self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, *observer
         )
         return states, report
+
+    def recorded(self, first: int, blocks: int, end: int, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """The states of some blocks at t = 0 and after every so many steps of the largest size, and the reports.
+
+        The states are (blocks, levels * stored, d * LANES), those of one step size behind those of another.
+        """
+        stored, levels = 1 + int(self.steps[0]) // every, len(self.steps)
+        y = np.empty((blocks, levels * stored, len(self.initial) * LANES))
+        y[:, ::stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
+        return y, self.integrated(first, blocks, end, state_recorder(self.grid, y, every))[1]
 
     def stderr(self, sums: Any) -> float:
         """The standard error of the first estimate, while paths are computed."""

@@ -9,7 +9,8 @@ A :class:`Table` has a line for each place along some axes and, for each scheme,
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import groupby, takewhile
+from functools import partial
+from itertools import groupby, takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -86,51 +87,40 @@ class Column(NamedTuple):
     red: float = math.inf  #: numbers, without their sign, above this are worrying
     why: str = ""  #: what such a number means
 
-    def cells(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, "Cells"]:
-        """The cells by heading; along axes that the table lacks the last time or the largest number."""
+    def parts(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, Estimate]:
+        """The numbers by heading; along axes that the table lacks the last time or the largest number."""
         if callable(self.field):
             values = self.field(record, readings)
-            if values is None:
-                return {}
             array = np.asarray(values, object)
-            return {self.heading: self._texts(Estimate(tuple(axes[: array.ndim]), array, array, array), None)}
-        numbers = record.estimate(self.field)
+            numbers = None if values is None else Estimate(tuple(axes[: array.ndim]), array, array, array)
+        else:
+            numbers = record.estimate(self.field)
         if numbers is None:
             return {}
         for axis in [axis for axis in numbers.axes if axis not in (*axes, self.over)]:
             numbers = numbers.without(axis, last if axis in ("t", "n") else _largest)
-        cells = self._texts(numbers, getattr(record, self.resolved) if self.resolved else None)
         if not self.over:
-            return {self.heading: cells}
-        at, names = numbers.axes.index(self.over), places(record, self.over, numbers)
-        rest = tuple(axis for axis in numbers.axes if axis != self.over)
+            return {self.heading: numbers}
+        names = places(record, self.over, [numbers])
         return {
-            self.heading.format(name): Cells(
-                rest, {(*place[:at], *place[at + 1 :]): cell for place, cell in cells.texts.items() if place[at] == i}
-            )
+            self.heading.format(name): numbers.without(self.over, partial(np.take, indices=i))
             for i, name in enumerate(names)
             if name in self.among or not {*names} & {*self.among}
         }
 
-    def _texts(self, numbers: Estimate, resolved: Any) -> "Cells":
-        texts = {}
-        for place, value in np.ndenumerate(numbers.value):
-            if isinstance(value, str):
-                texts[place] = Cell(value)
-                continue
-            ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
-            text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
-            clear = resolved is None or resolved[place]
-            style = "bold red" if abs(value) > self.red else "" if clear else "dim"
-            texts[place] = Cell(text if clear else f"({text})", style)
-        return Cells(numbers.axes, texts)
-
-
-class Cells(NamedTuple):
-    """The cells of a column for one scheme."""
-
-    axes: tuple[str, ...]
-    texts: dict[tuple[int, ...], Cell]
+    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> Cell:
+        """The cell at a place, given by its number along each axis."""
+        place = tuple(at[axis] for axis in numbers.axes)
+        if any(i >= size for i, size in zip(place, numbers.value.shape, strict=True)):
+            return Cell("-")
+        value = numbers.value[place]
+        if isinstance(value, str):
+            return Cell(value)
+        ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
+        text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
+        if self.resolved and not record.get(self.resolved)[place]:
+            return Cell(f"({text})", "dim")
+        return Cell(text, "bold red" if abs(value) > self.red else "")
 
 
 def _largest(values: np.ndarray, axis: int) -> np.ndarray:
@@ -158,59 +148,43 @@ class Table(NamedTuple):
                 yield Cell(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
 
     def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
-        """The table of the records of a case; None where none of its columns has anything."""
+        """The table of the records of a case, without columns in which there is nothing; None if none is left."""
         axes, readings = self.axes.split(), self.of(readings)
-        cells: list[dict[str, Cells]] = [{} for _ in readings]
-        headings: dict[str, None] = {}
+        columns: dict[str, Column] = {}
+        parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:
-            for record, own in zip(readings, cells, strict=True):
-                own |= (more := column.cells(record, readings, axes))
-                headings |= dict.fromkeys(more)
-        texts = {
-            heading: {cell.text for own in cells if heading in own for cell in own[heading].texts.values()}
-            for heading in headings
-        }
-        headings = {heading: None for heading in headings if texts[heading] - {"", "-"}}
-        if not headings:
-            return None
-        shown = [axis for axis in axes if _is_shown(axis, readings, cells)]
+            for record, own in zip(readings, parts, strict=True):
+                own |= (more := column.parts(record, readings, axes))
+                columns |= dict.fromkeys(more, column)
         sections = [
-            list(self._section(record, own, axes, shown, headings))
-            for record, own in zip(readings, cells, strict=True)
-            if own
+            list(self._section(record, own, axes, columns)) for record, own in zip(readings, parts, strict=True) if own
         ]
-        first = [_heading(axis, readings[0]) for axis in shown]
-        left = sum(1 for _ in takewhile(_LEFT.__contains__, shown))
-        return Grid(self.title or title, ("scheme", *first, *headings), sections, left + 1)
+        rows = [row for section in sections for row in section]
+        headings = ["scheme", *(_heading(axis, readings) for axis in axes), *columns]
+        shown = [i for i in range(len(headings)) if not i or any(row[i].text not in ("", "-") for row in rows)]
+        if shown[-1] <= len(axes):
+            return None
+        sections = [[[row[i] for i in shown] for row in section] for section in sections]
+        left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
+        return Grid(self.title or title, [headings[i] for i in shown], sections, sum(i < left for i in shown))
 
     def _section(
-        self,
-        record: Stored,
-        cells: Mapping[str, Cells],
-        axes: Sequence[str],
-        shown: Sequence[str],
-        headings: Iterable[str],
+        self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
     ) -> Iterator[list[Cell]]:
         """The lines of one scheme, with labels where they differ from those of the line above."""
-        named = {axis: places(record, axis, None) for axis in axes}
-        sizes = [len(names) or _size(axis, cells) for axis, names in named.items()]
-        lines = list(np.ndindex(*sizes) if self.lines is None else self.lines(record))
+        names = {axis: places(record, axis, parts.values()) for axis in axes}
+        lines = list(np.ndindex(*map(len, names.values())) if self.lines is None else self.lines(record))
         schemes, whole = record.about.parts(), record.about.subject()
         if len(lines) < len(schemes):
             schemes = [whole if len(whole) <= LABEL else ",\n".join(schemes)]
         before: list[str] = []
-        for number, place in enumerate(lines):
+        for scheme, place in zip_longest(schemes, lines, fillvalue=""):
             at = dict(zip(axes, place, strict=True))
-            labels = [named[axis][at[axis]] if named[axis] else f"C{at[axis] + 1}" for axis in shown]
+            labels = [names[axis][i] for axis, i in at.items()]
             same = next((i for i, label in enumerate(labels) if before[i : i + 1] != [label]), len(labels))
-            row = [Cell(schemes[number] if number < len(schemes) else "")]
-            row += [Cell("" if i < same else label) for i, label in enumerate(labels)]
-            for heading in headings:
-                own = cells.get(heading, _NOTHING)
-                missing = Cell("-" if own.axes else "")
-                row.append(own.texts.get(tuple(at[axis] for axis in own.axes), missing))
-            yield row
             before = labels
+            cells = [columns[name].cell(record, parts[name], at) if name in parts else Cell("") for name in columns]
+            yield [Cell(scheme), *[Cell("")] * same, *map(Cell, labels[same:]), *cells]
 
 
 class Own(NamedTuple):
@@ -221,38 +195,23 @@ class Own(NamedTuple):
 
 #: How the places along an axis are called in tables, and its heading if that is not the name of the axis.
 _PLACES: dict[str, Callable[[Any], str]] = {"h": power_of_two, "level": power_of_two, "t": "{:.5g}".format}
-_LEFT = ("function", "h", "level", "casimir")  # whose columns are left-justified
 _HEADINGS = {"level": "larger\nstep", "casimir": "Cas-\nimir"}
+_LEFT = ("scheme", "function", "h", "level", "casimir")  # whose columns are left-justified
 
 
-def places(record: Stored, axis: str, numbers: Estimate | None) -> list[str]:
-    """The names of the places along an axis; of one without values their numbers from 1 on, where `numbers` has it."""
+def places(record: Stored, axis: str, numbers: Iterable[Estimate]) -> list[str]:
+    """The names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
     if (values := record.get(axis)) is None:
-        count = numbers.value.shape[numbers.axes.index(axis)] if numbers else 0
-        return [str(i + 1) if count > 1 else "" for i in range(count)]
+        count = max((one.value.shape[one.axes.index(axis)] for one in numbers if axis in one.axes), default=0)
+        return [f"C{i}" for i in range(1, count + 1)] if count > 1 else [""]
     label = record.by_name[axis].meaning.label
     form = label.format if label else _PLACES.get(axis, "{:g}".format)
-    return [value if isinstance(value, str) else form(value) for value in values]
+    names = [value if isinstance(value, str) else form(value) for value in values]
+    return [""] if names == ["phi"] else names
 
 
-_NOTHING = Cells((), {})
-
-
-def _size(axis: str, cells: Mapping[str, Cells]) -> int:
-    """The length of an axis without values: 1 where there is nothing along it, so that the other axes have lines."""
-    numbers = (place[own.axes.index(axis)] for own in cells.values() if axis in own.axes for place in own.texts)
-    return max(numbers, default=0) + 1
-
-
-def _is_shown(axis: str, readings: Sequence[Stored], cells: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether an axis has a column: not that of a single Casimir, or of a single function without a name."""
-    if axis == "function":
-        return any(places(record, axis, None) != ["phi"] for record in readings)
-    return axis in readings[0].by_name or max(_size(axis, own) for own in cells) > 1
-
-
-def _heading(axis: str, record: Stored) -> str:
-    return str(getattr(record, "word", axis)) if axis == "value" else _HEADINGS.get(axis, axis)
+def _heading(axis: str, readings: Sequence[Any]) -> str:
+    return readings[0].word if axis == "value" else _HEADINGS.get(axis, axis)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -122,7 +122,8 @@ class Checkpoint:
         """Take the sums of some parts from other specs of the name; say so, and which sums other sources have."""
         samples = {}
         for file in self._files() if lacking else ():
-            if (about := _OF_SHARD.search(file.stem) is None and storage.about_sums(file)) and _same_sources(about):
+            about = None if _OF_SHARD.search(file.stem) else storage.about_sums(file)
+            if about and _same_sources(about):
                 samples[file] = about.get("samples") or 0
         any_merged = False
         for file in sorted(samples, key=samples.__getitem__, reverse=True):

@@ -12,18 +12,18 @@ from ..exact.work import Work, reporting_to
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
-from .workers import MOST_LOSSES, MOST_WORKERS, News, Workers, WorkersLost, compute, processes
+from .workers import MOST_LOSSES, MOST_WORKERS, Workers, WorkersLost, compute, processes
 
 _GONE = "the scheduler of the Dask cluster does not answer any more"
 
 
-class Dask:
+class Dask(Workers):
     """The workers of a Dask cluster, one thread each."""
 
     def __init__(self, client: Any) -> None:
+        super().__init__()
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
-        self.reports: list[News] = []
         self.topic = f"spi {client.id}"
         client.subscribe_topic(self.topic, self._heard)
 
@@ -48,11 +48,6 @@ class Dask:
             raise WorkersLost.over_a_chunk(error.allowed_failures + 1) from None
         except CancelledError:
             raise WorkersLost(_GONE) from None
-
-    def news(self) -> list[News]:
-        """The reports since the last call."""
-        reports, self.reports = self.reports, []
-        return reports
 
     def machines(self) -> set[str]:
         """The machines of its workers, at the moment."""

@@ -81,6 +81,16 @@ class Progress(NamedTuple):
     parts: int
     work: Work | None = None  #: without paths that goes on
 
+    @property
+    def place(self) -> str:
+        """The part among all, as in ``2/3 main splitting``."""
+        return f"{self.number + 1}/{self.parts} {self.case} {self.part}"
+
+    @property
+    def precision(self) -> str:
+        """The standard error in words; empty before there is one."""
+        return "" if math.isnan(self.stderr) else f"standard error {self.stderr:.1e}"
+
 
 class Watch(NamedTuple):
     """Callbacks during a run."""

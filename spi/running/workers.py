@@ -11,7 +11,7 @@ from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from typing import Any, Protocol
+from typing import Any
 
 from ..ensemble.loop import limited_threads
 from ..exact.work import Work, reporting_to
@@ -46,45 +46,53 @@ class WorkersLost(RuntimeError):
 News = tuple[int, Work]
 
 
-class Workers(Protocol):
-    """Several processes, here or elsewhere; each method raises WorkersLost if they are gone for good."""
+class Workers:
+    """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
+
+    def __init__(self) -> None:
+        self.reports: list[News] = []  #: of work without paths
 
     @property
     def size(self) -> int:
         """The number of chunks that are computed at once."""
+        raise NotImplementedError
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere, again where its process is lost."""
+        raise NotImplementedError
 
     def result(self, future: Future) -> Any:
         """The result of a future that is done."""
+        return future.result()
 
     def news(self) -> list[News]:
         """The reports of work without paths since the last call."""
+        reports, self.reports = self.reports, []
+        return reports
 
     def check(self) -> None:
         """Called when nothing was done for a while."""
 
     def machines(self) -> set[str]:
         """The ``storage.machine`` of all machines but this one on which they are."""
+        return set()
 
 
-class Processes:
+class Processes(Workers):
     """Worker processes on this machine, among which its processors are shared out.
 
     A thread hands a chunk to an idle process and waits at its pipe, whose end says that the process was killed.
     """
 
-    result = staticmethod(Future.result)
-    machines = staticmethod(set[str])  #: none but this one
+    size: int = 0
 
     def __init__(self, size: int) -> None:
+        super().__init__()
         self.size = size
         self.threads = max(1, processors() // size)
         self.executor = ThreadPoolExecutor(size)
         self.processes: list[SpawnProcess] = []  #: all that were started
         self.idle: list[Connection] = []
-        self.reports: list[News] = []
         self.closed = False
         self.lock = threading.Lock()
 
@@ -92,19 +100,11 @@ class Processes:
         """Have a chunk computed by one of them."""
         return self.executor.submit(self.answer, compute, source, number, chunk, self.threads, plan=number)
 
-    def news(self) -> list[News]:
-        """The reports since the last call."""
-        reports, self.reports = self.reports, []
-        return reports
-
-    def check(self) -> None:
-        """A process that is lost ends its pipe at once."""
-
     def answer(self, *call: Any, plan: int = 0) -> Any:
         """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
-                connection = self.idle.pop() if self.idle else self._start()
+                connection = self._taken()
                 connection.send(call)
                 while isinstance(answer := connection.recv(), Work):
                     self.reports.append((plan, answer))
@@ -128,17 +128,20 @@ class Processes:
             process.join()
         self.executor.shutdown(cancel_futures=True)
 
-    def _start(self) -> Connection:
-        """The pipe to a new process."""
-        context = get_context("spawn")
-        connection, theirs = context.Pipe()
-        with self.lock, theirs:
+    def _taken(self) -> Connection:
+        """The pipe to a process that is idle, or new."""
+        with self.lock:
             if self.closed:
                 raise EOFError
-            process = context.Process(target=_serve, args=(theirs,), daemon=True)
-            process.start()
+            if self.idle:
+                return self.idle.pop()
+            context = get_context("spawn")
+            connection, theirs = context.Pipe()
+            with theirs:
+                process = context.Process(target=_serve, args=(theirs,), daemon=True)
+                process.start()
             self.processes.append(process)
-        return connection
+            return connection
 
 
 def _serve(connection: Connection) -> None:

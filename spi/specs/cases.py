@@ -22,6 +22,7 @@ from .checks import (
     check_count,
     check_distinct,
     check_schemes,
+    check_step,
     dyadic,
     wrong_scheme,
 )
@@ -299,6 +300,24 @@ class BaseCase(Keys):
     @condition
     def _check_expect(self) -> None:
         _ = self.claims
+
+
+class StepCase(BaseCase):
+    """A case whose paths have one step size."""
+
+    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
+    step: key_of(Positive, "step size h", "time")
+    schemes: key_of(Schemes, "a list of schemes")
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
+    @condition
+    def _check_step(self) -> None:
+        check_step(self)
 
 
 class ErrorCase(BaseCase):

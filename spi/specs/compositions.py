@@ -75,7 +75,8 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", "name") from None
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__qualname__, __base__=Told, **fields).model_validate(data)
-    stated = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
+    orders = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
+    stated: dict[str, Any] = {key: math.nan if value is None else value for key, value in orders.items()}
     return Scheme(
         record=cls(**{key: getattr(keys, key) for key in fields}),
         label="",
@@ -83,7 +84,7 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         reference=f"{data['name']} in {data['python']}",
         look=("", ""),
         work=10.0,
-        **{key: math.nan if value is None else value for key, value in stated.items()},
+        **stated,
     )
 
 

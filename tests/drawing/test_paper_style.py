@@ -72,16 +72,6 @@ def test_no_text_lies_on_another(what, width, font):
     assert alike_without_colours(fig) == []
 
 
-def test_overlapping_texts_are_noticed():
-    fig = views.figure(errors(1), style="paper")
-    fig.text(0.5, 0.5, "one")
-    fig.text(0.51, 0.5, "two")
-    fig.text(0.99, 0.5, "too far to the right")
-    found = collisions(fig)
-    assert "'one' lies on 'two'" in found and "'one' lies on panel 0" in found
-    assert "'too far to the right' is cut off" in found
-
-
 def test_notes_stay_within_a_figure_for_a_screen_at_any_resolution():
     """Letters are fitted to pixels, and lines of them are then longer than their outlines."""
     fig = views.figure(work_results())
@@ -111,13 +101,6 @@ def test_title_and_parameters_are_the_caption():
 def test_what_is_no_style(style, width, font, message):
     with pytest.raises(ValueError, match=message):
         page.named(style, width, font)
-
-
-def test_curves_that_differ_by_their_colours_only_are_noticed():
-    fig = views.figure(errors(1), style="paper")
-    fig.axes[0].plot(H, H, "o-", color="tab:red", label="one")
-    fig.axes[0].plot(H, 2 * H, "o-", color="tab:purple", label="two")  # as light as the red
-    assert alike_without_colours(fig) == ["'one' and 'two'"]
 
 
 def test_schemes_and_their_variants_need_no_colours():

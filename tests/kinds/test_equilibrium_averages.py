@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from equilibrium_cases import RIGID, initial_rows, study
 from helpers import compiled_only, printed
-from spi.kinds.equilibrium.table import step_for
 from states import check_going_on, chunks_of, finished, same_numbers
 
 from spi.ensemble.increments import brownian
@@ -18,7 +17,7 @@ from spi.ensemble.protocol import hamiltonian
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.means import Series, _order
 from spi.kinds.equilibrium.references import Known, known_laws
-from spi.kinds.equilibrium.results import Equilibrium
+from spi.kinds.equilibrium.results import Equilibrium, step_for
 from spi.numerics.rng import LANES
 from spi.report import views
 from spi.running import shipped

@@ -47,10 +47,8 @@ def test_printed_long_times():
 def test_printed_long_times_of_two_casimirs_and_none():
     text = printed(equilibrium(equilibrium_group("splitting", casimirs=2, law=False)))
     assert text.count("C1") == text.count("C2") == 3 and "stationary law" not in text
-    assert (
-        lines_of(printed(equilibrium(equilibrium_group("splitting", casimirs=0))), "splitting")[0][1:]
-        == ["0"] + ["-"] * 5
-    )
+    none = printed(equilibrium(equilibrium_group("splitting", casimirs=0)))
+    assert lines_of(none, "splitting")[0][1:] == ["0"] and "rms" not in none
 
 
 def test_long_times():
@@ -116,7 +114,7 @@ def test_lost_everywhere():
     fig = views.figure(equilibrium(group))
     assert len(fig.axes) == 3 + 4 + 4
     assert any("paths diverge at every" in text for legend in legends(fig) for text in legend)
-    assert "nan" in printed(equilibrium(group))
+    assert "not finite" in printed(equilibrium(group))
 
 
 def test_statistics_of_a_reading():

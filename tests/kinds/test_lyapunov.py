@@ -12,11 +12,13 @@ from scipy import stats
 from states import chunks_of, finished, same_numbers
 
 from spi.ensemble.given import draw_paths
-from spi.kinds.lyapunov import study, table
-from spi.kinds.lyapunov.results import Exponents, kaplan_yorke, quantities
+from spi.kinds.lyapunov import study
+from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
+from spi.printing.tables import printed, show_items
 from spi.running.load import load
+from spi.statistics.claims import quantities
 from spi.storage.records import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -179,10 +181,10 @@ def test_where_the_energy_drifts_no_stationary_law_is_said_to_be_known(case_of):
     assert np.abs(found.energy - found.t / 2).max() < 4.5 * found.energy_stderr[-1]
     assert abs(found.energy_change - 4) < 4.5 * found.energy_change_stderr and not found.is_stationary
     text = io.StringIO()
-    table.show(Console(file=text, width=300), "A", [found])
+    show_items(Console(file=text, width=300), printed("A", [found]))
     assert "no stationary law was found, so that exponents are no limit: the mean of H goes from" in text.getvalue()
     body = results_of(case_of("final_time=2"))
-    table.show(Console(file=(text := io.StringIO()), width=300), "A", [body])
+    show_items(Console(file=(text := io.StringIO()), width=300), printed("A", [body]))
     assert body.is_stationary and "no stationary law" not in text.getvalue()
 
 

@@ -14,12 +14,13 @@ import spi
 from spi.exact import kolmogorov
 from spi.expressions import functions_of
 from spi.kinds.statistics.estimates import simultaneous
-from spi.kinds.statistics.results import Statistics, quantities
+from spi.kinds.statistics.results import Statistics
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
+from spi.statistics.claims import quantities
 
 
 @pytest.fixture

@@ -60,7 +60,7 @@ def test_printed_summary(results):
     assert "1.000 [0.980, 1.020]         1      5   1.610000e-1 ± 1e-10" in text  # an order, through 5 step sizes
     assert "2.000 [1.980, 2.020]         2" in text
     # 1.5 / 10^4.5 = 4.74e-5, and 4 s (1e-4 / 4.74e-5)^2 = 17.8 s; multilevel is better than that already
-    assert text.count("4.7e-5      18 s") == 2 and re.search(r"4.00 s +4.7e-5 +- ", text)
+    assert text.count("4.7e-5      18 s") == 3 and re.search(r"4.00 s +4.7e-5 +- ", text)
     assert text.count("lacks h_ref/h = 25 % of the finest error (order 1), which is added to all errors") == 1
     assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2), which is added to all errors" in text
     assert "splitting, kolmogorov: degree 40\n" in text

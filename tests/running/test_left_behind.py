@@ -107,13 +107,13 @@ def test_no_process_outlives_one_that_is_killed(tmp_path, kind):
             pytest.fail("the process lives after 5 seconds")
 
 
-class Losing:
+class Losing(workers.Workers):
     """Workers of which each is lost, but for the first few chunks."""
 
     size = 1
-    result = staticmethod(Future.result)
 
     def __init__(self, good=0):
+        super().__init__()
         self.good = good
 
     def submit(self, source, number, chunk):
@@ -127,9 +127,6 @@ class Losing:
 
     def machines(self):
         return {"another"}
-
-    def news(self):
-        return []
 
 
 def die():

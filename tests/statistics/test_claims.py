@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from equilibrium_results import averages_group, equilibrium, equilibrium_group
+from filled_results import filled
 from helpers import printed
 from rich.console import Console
 from stability_results import predators, stability, stability_group
@@ -20,7 +21,6 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.kinds.answer.results import Answer
 from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.statistics.results import Quantiles, Statistics
 from spi.printing import as_csv, as_json
@@ -242,22 +242,6 @@ MEANS = Statistics(
     samples=10,
     ns_per_step=1.0,
 )
-ANSWER = Answer(
-    about=Description.of(strong_group("splitting")),
-    functions=("phi",),
-    formulas=("y1",),
-    value=np.array([2.0]),
-    half=np.array([0.5]),
-    bias=np.array([0.1]),
-    stderr=np.array([0.2]),
-    accuracy=0.5,
-    aim=0.5,
-    reached=True,
-    why="",
-    cpu_seconds=1.0,
-    predicted_seconds=1.0,
-    next_digit_seconds=100.0,
-)
 EXPONENTS = Exponents(
     about=Description.of(strong_group("splitting")),
     number=np.array([1, 2]),
@@ -285,7 +269,7 @@ WHOLE = {
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
     "equilibrium": equilibrium(*map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
-    "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
+    "answer": Results({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
     "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
 }
 

@@ -55,9 +55,10 @@ class Law(Described):
         return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
 
     @property
-    def farthest(self) -> list[str]:
-        """(S,) the moments whose means are farthest from the exact ones."""
-        return [self.moments[i] for i in np.abs(np.nan_to_num(self.z)).argmax(axis=1)]
+    def farthest(self) -> np.ndarray:
+        """(S,) the moments whose means are farthest from the exact ones; empty where these are not finite."""
+        farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
+        return np.where(np.isfinite(self.mean_z), farthest, "")
 
     @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
     def mean_z(self) -> np.ndarray:
@@ -216,7 +217,7 @@ class Equilibrium(Stored):
                 Column("nonfinite", "di-\nverged", red=0),
                 Column("casimir_rms", "rms error\nat the end"),
                 Column("casimir_worst", "worst"),
-                Column("growth", "growth of rms,\nexponent (95 %)", form=".2f", interval="[]"),
+                Column("growth", "growth of rms,\nexponent (95 %)", form=".2f", interval="[]", missing="not fitted"),
                 Column("bias", "bias/step", interval=""),
                 Column("bias_deviation", "in std.\nerrors", form=decimal),
             ],
@@ -225,7 +226,7 @@ class Equilibrium(Stored):
             "h",
             [
                 Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
-                Column("mean_z", "largest |z|\nof the means", form=".1f"),
+                Column("mean_z", "largest |z|\nof the means", form=".1f", missing="not finite"),
                 Column(lambda one, _: one.law and one.law.farthest, "of"),
             ],
             title="stationary law",

@@ -2,7 +2,6 @@
 
 from typing import Annotated, ClassVar, Literal, Self
 
-import pydantic
 from annotated_types import Ge, Le
 
 from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, large
@@ -13,9 +12,9 @@ from spi.expressions import parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.models.delegation import undamped
 from spi.numerics.rng import STEPS_PER_TOSS
-from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_step
-from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
+from spi.specs.cases import StepCase
+from spi.specs.checks import ROUNDING
+from spi.specs.keys import Keys, Samples, condition, entries_in, key_of, quantity, shown, wrong
 from spi.statistics.claims import claimable
 
 from .results import PANELS, Exponents
@@ -36,12 +35,9 @@ class Pullback(Keys):
     of: key_of(tuple[str, ...], _FORMULAS) = ()
 
 
-class Case(BaseCase):
+class Case(StepCase):
     """Lyapunov exponents of the flow on the Casimir surface, along many paths."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
     warm_up: key_of(NonNegative, "time after which exponents are averaged", "time") = 0.0
     exponents: key_of(
@@ -54,17 +50,11 @@ class Case(BaseCase):
     panels: key_of(
         tuple[Literal[PANELS], ...], f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
     ) = ()
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = claimable(Exponents)
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
-    unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "pullback": None, "panels": ()}
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"pullback"}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "pullback": None, "panels": ()}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
 
     @property
     def count(self) -> int:
@@ -80,10 +70,9 @@ class Case(BaseCase):
         return surface and RandomState(surface.typical, Uniform(surface), {"law": "uniform_on_surface"})
 
     @condition
-    def _check_step(self) -> Self:
+    def _check_model(self) -> Self:
         if large(self.model):
             raise wrong("has states that are arrays", "take a model with components, such as sine_euler", "model")
-        check_step(self)
         if any(self.row(name).multiscale or memory_size(self.row(name).record, self.model) for name in self.schemes):
             raise wrong("has a scheme that keeps more than the state", "use one such as splitting_symmetric", "schemes")
         return self

@@ -12,9 +12,9 @@ from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
-from spi.specs.cases import CLIP, BaseCase
+from spi.specs.cases import StepCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
-from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
+from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.statistics.claims import claimable
 
 from .estimates import SPHERE, on_sphere
@@ -89,12 +89,9 @@ class Density(Keys):
 Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinstance(value, str) else value)]
 
 
-class Case(BaseCase):
+class Case(StepCase):
     """Statistics over many paths of functions of the state, at many times."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
     functions: key_of(
         PathFunctions,
@@ -119,7 +116,6 @@ class Case(BaseCase):
         Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
     ) = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     accuracy: key_of(
         Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
     ) = pydantic.Field(default=None, exclude=True)
@@ -129,17 +125,12 @@ class Case(BaseCase):
     unless_asked: ClassVar = ()
     distinct: ClassVar = ("panels", "statistics", "quantiles")
     unsaid: ClassVar[dict[str, Any]] = {
-        **BaseCase.unsaid,
+        **StepCase.unsaid,
         **dict.fromkeys(("times", "panels"), ()),
         **dict.fromkeys(("reference_step", "density"), None),
         **{"every": 1, "autocorrelation": {}},
     }
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"reference"}
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
@@ -168,11 +159,6 @@ class Case(BaseCase):
     def t(self) -> np.ndarray:
         """The times of the statistics."""
         return self.places * self.stride * self.step
-
-    @condition
-    def _check_step(self) -> Self:
-        check_step(self)
-        return self
 
     @condition
     def _check_times(self) -> Self:

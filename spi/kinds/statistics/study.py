@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.loop import Grid, thread_count
-from spi.ensemble.observer import add_moments, count_values, state_recorder
-from spi.ensemble.random_states import RandomState, block_states
+from spi.ensemble.observer import add_moments, count_values
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
 from spi.kinds.plans import Cost, KernelCall, each_scheme, path_grid
@@ -162,10 +162,7 @@ class StatisticsPlan(BlocksPlan):
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
         """The states of some blocks, (blocks, levels * stored, d * LANES), level after level, and reports."""
-        y = np.empty((blocks, self.columns.levels * self.columns.stored, len(self.initial) * LANES))
-        y[:, :: self.columns.stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
-        recorder = state_recorder(self.grid, y, self.case.stride)
-        _, report = self.integrated(first, blocks, end, recorder)
+        y, report = self.recorded(first, blocks, end, self.case.stride)
         return y, report[:, 0, :SUMMED]
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:

@@ -1,7 +1,7 @@
 """Strong errors: how far the paths of a scheme at step h are from its own paths at the reference step.
 
-The error at h is sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2) over the grid of h, as in Theorem thm-general; the value at
-the final time is stored as well.  The reference is the scheme itself, as in the paper, or one scheme for all
+The error at h is sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2) over the grid of h, as in the paper's Theorem 2; the
+value at the final time is stored as well.  The reference is the scheme itself, as in the paper, or one scheme for all
 (``reference_scheme``), which shows whether schemes have the same limit.
 """
 

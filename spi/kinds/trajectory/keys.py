@@ -5,11 +5,11 @@ from typing import Annotated, ClassVar, Literal, Self
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.ensemble.protocol import NonNegative, dimension
 from spi.models.zeitlin.fields import lattice_of
-from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import check_every, check_step, times_on_grid
-from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
+from spi.specs.cases import StepCase
+from spi.specs.checks import check_every, times_on_grid
+from spi.specs.keys import condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
 from spi.statistics.claims import claimable
 
@@ -30,15 +30,11 @@ _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
 
 
-class Case(BaseCase):
+class Case(StepCase):
     """One path of each scheme, all on the same Brownian path."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     times: key_of(
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
@@ -48,14 +44,9 @@ class Case(BaseCase):
         default=None, exclude=True
     )
 
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
-    unsaid: ClassVar = {**BaseCase.unsaid, "every": 1, "times": ()}
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times"}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "times": ()}
     quantities: ClassVar = claimable(Trajectory)
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
 
     @property
     def steps_stored(self) -> int:
@@ -67,11 +58,6 @@ class Case(BaseCase):
         if self.sweep:
             what = "is for results of many paths or of several step sizes, and a trajectory is one path"
             raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
-        return self
-
-    @condition
-    def _check_step(self) -> Self:
-        check_step(self)
         return self
 
     @condition

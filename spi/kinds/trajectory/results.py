@@ -31,8 +31,8 @@ class Trajectory(Stored):
             [
                 Column(lambda one, _: power_of_two(one.step), "step"),
                 Column(lambda one, _: (len(one.y) - 1) * one.every, "steps"),
-                Column("hamiltonian", "H at the\nend", form=".6g"),
-                Column("casimir_drift", "drift\nof C{}", over="casimir"),
+                Column("hamiltonian", "H at the\nend", form=".6g", missing="nan"),
+                Column("casimir_drift", "drift\n{}", over="casimir"),
                 Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
                 Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
                 Column("solver_failures", "solver\nfailures"),
