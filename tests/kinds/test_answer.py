@@ -395,6 +395,19 @@ def test_seconds_are_kept_whatever_the_tails_are():
         assert found.aim == found.half[0]
 
 
+@compiled_only
+@pytest.mark.slow
+@pytest.mark.parametrize(("sigma", "initial"), [([0.7, 0.4], [1, 0.5, -0.3]), ([1, 1], [1, 2, 3])])
+def test_seconds_are_kept_where_solving_is_tried(sigma, initial):
+    """Steps of refinements are 120 to 1016, which the first of them tells, and samples have what solving leaves."""
+    model = {"name": "maxwell_bloch", "sigma": sigma}
+    state = answered(model, "abs(y3 - 0.3)", initial, 3, accuracy=1e-9, sampling=False, seconds=2.0)
+    plan, extra = state.plan, state.extra
+    sampled = sum(plan.costs[number] * tally.paths for number, tally in state.tallies.items())
+    assert len(extra.efforts) and set(extra.efforts) <= {56.0, 120.0, 248.0, 504.0, 1016.0}
+    assert 0.2 < study.solved_seconds(plan, extra) + sampled <= 1.5 * 2.0
+
+
 def answered(model, function, initial, final_time, **keys):
     """The final state of a question."""
     data = {"kind": "answer", "model": model, "functions": function, "accuracy": 1e-4, "sampling": True, **keys}

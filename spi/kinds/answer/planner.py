@@ -441,6 +441,7 @@ class Decisions(NamedTuple):
     solving: int  #: whether it is solved for, see :mod:`.solving`
     refined: np.ndarray  #: (refinements, F) expectations without sampling
     uncertain: np.ndarray  #: (refinements, F) of it what each refinement has of its own
+    efforts: np.ndarray  #: (refinements,) that each of them took
     solving_seconds: float  #: predicted, of typical speed; NaN before
     sampling_seconds: float
 
@@ -464,6 +465,7 @@ class Decisions(NamedTuple):
             solving=int(not sampling),
             refined=np.zeros((0, functions)),
             uncertain=np.zeros((0, functions)),
+            efforts=np.zeros(0),
         )
 
     @property
