@@ -577,10 +577,10 @@ class AnswerPlan(SamplesPlan):
         wanted = extra.wanted.copy()
         wanted[number] = PILOT_SAMPLES
         if extra.compared:
-            stderr = np.nan_to_num(self.compared(state).stderr.max())  # of as many paths as in a pilot
+            stderr = float(np.nan_to_num(self.compared(state).stderr.max()))  # of as many paths as in a pilot
             most = max(self.seconds_left(extra) - float(self.costs @ wanted), 0.0) / self.cost_of(number)
             needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
-            wanted[number] = max(whole_blocks(min(needed, most), ROUND), 2 * PILOT_SAMPLES)
+            wanted[number] = max(whole_blocks(np.array(min(needed, most)), ROUND), 2 * PILOT_SAMPLES)
         return extra._replace(wanted=wanted, compared=level)
 
     # -----------------------------------------------------------------------------------------------------------------
@@ -649,7 +649,7 @@ class AnswerPlan(SamplesPlan):
         reaches = sampled.aim <= self.case.accuracy and math.isfinite(sampled.work)
         sampling = sampled.work if reaches else math.inf
         spent = self.solved_seconds(extra)
-        both = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
+        both: dict[str, Any] = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
         if _goes_on(ahead, sampling, self.case.seconds - spent):
             return extra._replace(solving=SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
         if not reaches and (solution.bound <= sampled.aim).all():  # neither reaches it, and this is the better
