@@ -19,22 +19,22 @@ _ATTEMPTS = 16  # at a state, at once
 class RandomState(tuple):
     """A state of a law, in place of an initial state where any will do, and the law itself.
 
-    `told` holds the parameters that define the law, as plain data.
+    `parameters` holds the parameters that define the law, as plain data.
     """
 
     law: Any
-    told: dict[str, Any]
+    parameters: dict[str, Any]
 
-    def __new__(cls, state, law, told):
+    def __new__(cls, state, law, parameters):
         """The tuple of the numbers of `state`."""
         result = super().__new__(cls, state)
-        result.law, result.told = law, told
+        result.law, result.parameters = law, parameters
         return result
 
     @property
     def text(self):
         """The law for people, such as ``gibbs, through (0, 0, 1), temperature 0.2``."""
-        first, *others = ((key, value) for key, value in self.told.items() if value not in (None, False))
+        first, *others = ((key, value) for key, value in self.parameters.items() if value not in (None, False))
         return ", ".join(
             [
                 first[1].replace("_", " "),
@@ -43,16 +43,16 @@ class RandomState(tuple):
         )
 
     def __getnewargs__(self):
-        return tuple(self), self.law, self.told
+        return tuple(self), self.law, self.parameters
 
     def __eq__(self, other):
-        return isinstance(other, RandomState) and self.told == other.told and tuple(self) == tuple(other)
+        return isinstance(other, RandomState) and self.parameters == other.parameters and tuple(self) == tuple(other)
 
     def __ne__(self, other):
         return not self == other
 
     def __hash__(self):
-        return hash((tuple(self), repr(self.told)))
+        return hash((tuple(self), repr(self.parameters)))
 
 
 def _shown(value):

@@ -505,7 +505,7 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
 
 def _plain(value: Any) -> Any:
     """All that decides results: the numbers, or the keys of a law."""
-    return value.told if isinstance(value, RandomState) else value
+    return value.parameters if isinstance(value, RandomState) else value
 
 
 #: The annotation of ``initial``.

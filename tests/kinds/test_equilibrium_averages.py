@@ -45,7 +45,7 @@ def test_averages_are_those_of_the_recorded_series(load_text):
     case = load_text(LONG, "samples=70", "steps=[1/4]").cases[0]
     plan = equilibrium.plan(case, Part("splitting"))
     found, series = averages(plan), Series.of(case, 0)
-    assert (series.stride, series.total, series.kept, series.lags) == (3, 128, 112, 16)
+    assert (series.stride, series.total, series.used, series.lags) == (3, 128, 112, 16)
     assert found.kept == 112 and found.spacing == 0.75 and found.lag[:2].tolist() == [0, 0.75]
     scheme, times = scheme_entry("splitting").record, grid(1 / 4, 384)
     rows = np.empty((2, 129, 3 * LANES))

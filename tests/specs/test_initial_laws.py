@@ -38,7 +38,7 @@ def test_laws_decide_results(spec, law, text):
     experiment = spec(*with_law(law))
     initial = experiment.cases[0].initial
     assert isinstance(initial, RandomState) and len(initial) == 3 and all(np.isfinite(initial))
-    assert experiment.effective["cases"]["main"]["initial"]["law"] == initial.told["law"]
+    assert experiment.effective["cases"]["main"]["initial"]["law"] == initial.parameters["law"]
     assert experiment.hash != spec(SPEC).hash
     assert text is None or initial.text == text
 

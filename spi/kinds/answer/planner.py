@@ -49,7 +49,7 @@ def paths_of_set(case: Any, row: Any, number: int) -> Sample:
     """The paths of set number `number` of all: of scheme number // SETS, whose row of the table is `row`.
 
     VALUE is that of one path, of a level alone the only quantity.  Against a reference scheme DIFFERENCE is that at the
-    fine step, VALUE that at the coarse step less that at the fine one.
+    fine step, VALUE that at the fine step less that at the coarse one.
     """
     own, record = number % SETS, row.record
     level, alone = own % LEVELS, own >= LEVELS  # along points or not

@@ -38,7 +38,7 @@ class Series(NamedTuple):
 
     stride: int  #: steps from one to the next
     total: int  #: their number
-    kept: int  #: number of those that count, the last ones
+    used: int  #: number of those that count, the last ones
 
     @classmethod
     def of(cls, case: Any, number: int) -> "Series":
@@ -50,12 +50,12 @@ class Series(NamedTuple):
     @property
     def first(self) -> int:
         """The number of those that do not count, the first ones."""
-        return self.total - self.kept
+        return self.total - self.used
 
     @property
     def lags(self) -> int:
-        """The number of lags of autocovariances: about a tenth of `kept`, a power of two."""
-        return min(1 << math.ceil(math.log2(self.kept / 10)), _MOST_LAGS)
+        """The number of lags of autocovariances: about a tenth of `used`, a power of two."""
+        return min(1 << math.ceil(math.log2(self.used / 10)), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
         """Number of steps, in whole tosses, whose states may be recorded at a time for `blocks` blocks."""
@@ -113,7 +113,7 @@ class Recorder(NamedTuple):
             return paths
         copied = {name: getattr(paths, name).copy() for name in ("stretch", "batches", "lagged", "ends", "cells")}
         paths, lags = paths._replace(**copied), self.series.lags
-        size = self.series.kept // BATCHES
+        size = self.series.used // BATCHES
         for batch in range(begin // size, -(-(begin + count) // size)):
             some = values[..., max(0, batch * size - begin) : (batch + 1) * size - begin]
             paths.batches[..., batch] += some.sum(axis=-1)
@@ -152,20 +152,20 @@ class Recorder(NamedTuple):
 
     def finished(self, paths: Paths, first: int, end: int) -> dict[str, Any]:
         """The fields of :class:`Paths` with sums over groups alone, once all steps are done."""
-        lags, kept = self.series.lags, self.series.kept
+        lags, used = self.series.lags, self.series.used
         paths = paths._replace(**{name: getattr(paths, name).copy() for name in ("stretch", "lagged", "ends")})
-        over = kept % lags
+        over = used % lags
         last = paths.stretch[..., over : over + lags].copy()  # the last ones, the latest at the end
         if over:
             self._correlate(paths, False, first, end)
-        of_batches = paths.batches / (kept // BATCHES)
+        of_batches = paths.batches / (used // BATCHES)
         mean = of_batches.mean(axis=-1)
         half = BATCHES // 2
         drift = of_batches[..., half:].mean(axis=-1) - of_batches[..., :half].mean(axis=-1)
         columns = mean, mean**2, drift, drift**2, (of_batches**2).sum(axis=-1)
         for f in range(len(self.functions)):
             ending = np.cumsum(last[f, ..., :0:-1], axis=-1)
-            paths.ends[f] += 2 * kept * by_group(mean[f], first, end)
+            paths.ends[f] += 2 * used * by_group(mean[f], first, end)
             paths.ends[f, 1:] -= by_group(ending, first, end)
         values = np.array([[by_group(each, first, end) for each in column] for column in columns])
         begun = {"stretch": paths.stretch[:, :0], "batches": paths.batches[:, :0]}
@@ -211,7 +211,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
     over = {name: np.array([getattr(at_h, name) for at_h in each]) for name in _Estimates._fields[:7]}
     tau, window, closed = (np.array(rows) for rows in zip(*(at_h.correlation for at_h in each), strict=True))
     covariance = np.array([at_h.covariance for at_h in each])
-    count = case.samples * series.kept
+    count = case.samples * series.used
     with np.errstate(all="ignore"):
         correlation = covariance / covariance[..., :1]
         tau_stderr = tau * np.sqrt(2 * (2 * window + 1) / count)
@@ -227,7 +227,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
         texts=tuple(function.label for function in recorders[0].functions),
         temperature=case.temperature,
         spacing=spacing,
-        kept=series.kept,
+        kept=series.used,
         average=over["average"],
         average_half=np.array([at_h.half for at_h in each]),
         **{name: over[name] for name in ("stderr_paths", "stderr_tau", "stderr_batches", "halves")},
@@ -257,24 +257,24 @@ def _stderr(estimates: _Estimates) -> Array:
 
 def _estimates(recorder: Recorder, paths: Paths, samples: int) -> _Estimates:
     """The estimates from the sums over the paths of one step size."""
-    counts, kept = group_counts(samples), recorder.series.kept
+    counts, used = group_counts(samples), recorder.series.used
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = mean_over_paths(paths.values, counts)
-        sizes = kept - np.arange(recorder.series.lags)
+        sizes = used - np.arange(recorder.series.lags)
         products, each_product = mean_over_paths(paths.lagged / sizes[:, np.newaxis], counts)
         ends, each_end = mean_over_paths(paths.ends / sizes[:, np.newaxis], counts)
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
         covariance_without = each_product - m * each_end + m**2
-        covariance, correlation = of_means(covariance, samples * kept)
+        covariance, correlation = of_means(covariance, samples * used)
         enough = samples >= LEAST_PATHS
         of_mean = np.full((3, len(mean)), np.nan)
         if enough:
             of_mean[0] = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1))
         tau = np.maximum(correlation.tau, 0)
-        of_mean[1] = np.sqrt(2 * tau * covariance[:, 0] / (samples * kept))
+        of_mean[1] = np.sqrt(2 * tau * covariance[:, 0] / (samples * used))
         of_mean[2] = np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1))
-        freedom = samples - 1 if enough else samples * kept / (2 * correlation.window + 1)
+        freedom = samples - 1 if enough else samples * used / (2 * correlation.window + 1)
         spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_mean[1]
         return _Estimates(
             average=mean + recorder.origins,
@@ -332,7 +332,7 @@ def _histogram(recorders: Sequence[Recorder], totals: Sequence[Paths], samples: 
     """Densities in cells and their standard errors, (S, F, cells)."""
     counts, pairs = group_counts(samples), []
     for recorder, paths in zip(recorders, totals, strict=True):
-        scale = recorder.series.kept * recorder.width[:, np.newaxis]
+        scale = recorder.series.used * recorder.width[:, np.newaxis]
         share, without = mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         pairs.append((share, jackknife_stderr(share, without, counts)))
     density, stderr = (np.array(rows) for rows in zip(*pairs, strict=True))

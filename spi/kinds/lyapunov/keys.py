@@ -58,7 +58,7 @@ class Case(StepCase):
 
     @property
     def count(self) -> int:
-        """How many exponents."""
+        """The number of exponents."""
         return self.exponents or leaf_dimension(self.model, self.initial)
 
     @property
@@ -86,11 +86,11 @@ class Case(StepCase):
 
     @condition
     def _check_exponents(self) -> Self:
-        most, known = leaf_dimension(self.model, self.initial), conserved(self.model)
+        most, count = leaf_dimension(self.model, self.initial), conserved(self.model)
         if most == 0:
             raise wrong("is a point that no flow moves", "take one where the bracket does not vanish", "initial")
-        if most + known != dimension(self.model):
-            why = f"has {known} known Casimir functions, but surfaces of dimension {most} of {dimension(self.model)}"
+        if most + count != dimension(self.model):
+            why = f"has {count} known Casimir functions, but surfaces of dimension {most} of {dimension(self.model)}"
             raise wrong(why, "take a model, or an initial state, with as many as there are", "model")
         if self.exponents and self.exponents > most:
             raise wrong(f"is {self.exponents}", f"must be at most {most}, the Casimir surface's dimension", "exponents")

@@ -80,7 +80,7 @@ def _unknown(case: Any, name: str, reference: str) -> str | None:
         return "that is known where Brownian motion drives"
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
-    law = case.initial.told if isinstance(case.initial, RandomState) else {}
+    law = case.initial.parameters if isinstance(case.initial, RandomState) else {}
     if reference == STATIONARY:
         if law and law["law"] not in ("uniform_on_surface", "gibbs") and not law.get("project"):
             return "that is known of paths on one sphere, and here each has its own"

@@ -50,14 +50,14 @@ class Case(StepCase):
 
     @property
     def steps_stored(self) -> int:
-        """How many states are stored after the initial one."""
+        """The number of states stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
     @condition
     def _check_sweep(self) -> Self:
         if self.sweep:
-            what = "is for results of many paths or of several step sizes, and a trajectory is one path"
-            raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
+            mistake = "is for results of many paths or of several step sizes, and a trajectory is one path"
+            raise wrong(mistake, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
         return self
 
     @condition
@@ -65,9 +65,9 @@ class Case(StepCase):
         check_every(self)
         steps, d = round(self.final_time / self.step), dimension(self.model)
         if (self.steps_stored + 1) * d > _MOST_NUMBERS:
-            what = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
+            mistake = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
             least = -(-steps // (_MOST_NUMBERS // d - 1))
-            raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
+            raise wrong(mistake, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
     @condition
