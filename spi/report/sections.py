@@ -94,8 +94,8 @@ class Section(NamedTuple):
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
     headlines: Facts  #: the title of a case and what came out of it; one without a title if there is one case
-    verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
-    complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
+    verdicts: dict[str, int]  #: the number of claims with each verdict; empty if there are none
+    complaints: list[tuple[str, str]]  #: of claims neither confirmed nor consistent: verdict and details
     orders: Titled | None
     items: list[Titled | str]  #: what `spi show` prints
     cost: Facts

@@ -80,7 +80,7 @@ class Claimed(NamedTuple):
     infinite: bool = False  #: whether NaN, which means that paths diverged, counts as infinite
     expected: str = ""  #: its value by theory, a reference or a solver without sampling
     where: str = ""  #: whether it is a quantity at all
-    lost: str = ""  #: why no claim about it passes
+    lost: str = ""  #: why no claim about it is confirmed
 
 
 class Meaning(NamedTuple):
