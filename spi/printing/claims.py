@@ -87,17 +87,15 @@ def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> 
     """
     worst: dict[str, str] = {}
     for one in verdicts:
-        if one.found and _is_about(one.found, record | {"case": owner}):
+        if one.found and one.found.about.owner == owner and _is_about(one.found, record):
             name = f"claim[{one.claim.quantity}]"
             worst[name] = max(worst.get(name, CONFIRMED), one.verdict, key=VERDICTS.index)
     return worst
 
 
 def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
-    about = found.about
-    if (record.get("case"), record.get("scheme")) != (about.owner, about.scheme):
-        return False
-    if (record.get("extrapolate") or 0) != about.extrapolate:
-        return False
-    own = {"eps": about.eps, "estimator": about.estimator, "function": found.function}
-    return all(record.get(key) in (value, None) for key, value in own.items() if value not in (None, ""))
+    about, extrapolate = found.about, record.get("extrapolate") or 0
+    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": found.function}
+    return extrapolate == about.extrapolate and all(
+        record.get(name) in (value, None) for name, value in own.items() if value not in (None, "")
+    )

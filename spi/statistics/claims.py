@@ -104,17 +104,15 @@ class Quantity(NamedTuple):
 
     @property
     def at(self) -> tuple[str, float] | None:
-        """The swept parameter and the value it belongs to, within a result or because its case has it."""
-        if self.swept is None and self.about.swept is not None:
-            return self.about.swept.word, self.about.swept.value
-        return self.swept
+        """The first swept parameter and the value it belongs to, within a result or because its case has it."""
+        return next(iter(self.swept_places.items()), None)
 
     @property
     def swept_places(self) -> dict[str, float]:
         """The swept parameters with the values it belongs to."""
-        if self.swept is None and self.about.swept is not None:
-            return self.about.swept.places
-        return dict([self.swept] if self.swept else [])
+        if self.swept is not None:
+            return dict([self.swept])
+        return self.about.swept.places if self.about.swept else {}
 
     @property
     def places(self) -> dict[str, float]:

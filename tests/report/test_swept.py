@@ -39,7 +39,7 @@ def path(tmp_path_factory):
 
 def test_curves_hold_what_single_results_hold(path):
     stored = storage.read(path)
-    (whole,) = views.wholes("strong", views.readings(stored))
+    (whole,) = views.wholes(views.readings(stored))
     curves = {(curve.name, curve.about.scheme): curve for curve in whole.curves}
     assert list(curves) == [(name, scheme) for name in ("order", "error") for scheme in STRONG["schemes"]]
     error = curves["error", "euler_maruyama"]
@@ -90,7 +90,7 @@ def test_expectations_beside_a_formula(tmp_path):
     keys = STRONG | {"kind": "weak", "model": model, "initial": [0.6, 0.8, 0], "functions": "y2", "expect": {}}
     keys |= {"estimators": ["kolmogorov"], "schemes": ["splitting"], "sweep": {"s": [0.5, 1, 2], "of": "expectation"}}
     keys.pop("samples")
-    (whole,) = views.wholes("weak", views.readings(storage.read(of_keys(keys, tmp_path))))
+    (whole,) = views.wholes(views.readings(storage.read(of_keys(keys, tmp_path))))
     (curve,) = whole.curves
     formula = [0.8 * math.exp(-((s * 0.6) ** 2) / 2) for s in (0.5, 1.0, 2.0)]
     np.testing.assert_allclose(curve.of("expected"), formula, atol=1e-8)
@@ -107,7 +107,7 @@ def test_a_map_over_two_parameters(tmp_path):
     keys.pop("samples")
     path = of_keys(keys, tmp_path)
     stored, printed = storage.read(path), io.StringIO()
-    (whole,) = views.wholes("weak", views.readings(stored))
+    (whole,) = views.wholes(views.readings(stored))
     (curve,) = whole.curves
     grid = curve.grid()
     T, s = np.meshgrid(*grid.axes, indexing="ij")
@@ -150,7 +150,7 @@ def test_means_beside_a_formula(tmp_path):
     keys |= {"statistics": ["mean", "variance", "quantiles"], "every": 64, "sweep": {"s": ["1", "2"]}}
     keys |= {"cases": [{"name": "a", "seed": 1}, {"name": "b", "seed": 2}]}
     stored = storage.read(of_keys(keys, tmp_path))
-    wholes = views.wholes("statistics", views.readings(stored))
+    wholes = views.wholes(views.readings(stored))
     assert [whole.name for whole in wholes] == ["a", "b"]
     for whole in wholes:
         curves = {(curve.name, curve.function): curve for curve in whole.curves}
