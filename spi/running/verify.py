@@ -268,8 +268,9 @@ def _as_read(groups: Sequence[Group]) -> tuple[Group, ...]:
 
 def _plain(group: Group) -> dict[str, Any]:
     """All that a group has, by name: (axes, array)."""
+    arrays = {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
     facts = {name: ((), value) for name, value in group.attributes.items() if name not in _OF_ITS_RUN}
-    return facts | {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
+    return {f"attribute {name}" if name in arrays else name: fact for name, fact in facts.items()} | arrays
 
 
 def _same(one: Any, other: Any, rounding: float) -> bool:
