@@ -1,6 +1,7 @@
 """Reports of work without paths: from a clock that the test turns, and by all who do such work."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -104,7 +105,7 @@ def scheme_errors(model, initial):
 
 def refinements(model, initial):
     refiner = kolmogorov.refiner(model, initial, 0.5, [smooth], 1e-6)
-    with work.work("solving", sum(refiner.costs[:3])):
+    with work.work("solving", sum(refiner.costs(refiner.effort)[:3])):
         return [refiner.refine(number)[0] for number in range(3)]
 
 
@@ -141,6 +142,28 @@ def test_solvers_stop_at_once(monkeypatch, question):
     monkeypatch.setattr(work, "PAUSE", 0.0)
     with pytest.raises(KeyboardInterrupt), reporting_to(stop):
         scheme_errors(*question)
+
+
+@pytest.mark.slow
+def test_predicted_seconds_are_those_taken_up_to_the_speed_of_the_machine():
+    """Of refinements with few and many steps, with kinks and without, of one class and of four."""
+    from spi.expressions import functions_of
+
+    asked = [
+        (MaxwellBloch(sigma=(0.7, 0.4)), (1.0, 0.5, -0.3), 3.0, ["y3^2"], 1e-3),
+        (MaxwellBloch(sigma=(0.7, 0.4)), (1.0, 0.5, -0.3), 3.0, ["abs(y3 - 0.3)"], 1e-9),
+        (MaxwellBloch(sigma=(1.0, 0.0)), (1.0, 2.0, 3.0), 1.0, ["y1"], 1e-9),
+        (SPHERE[0], (0.48, 0.6, 0.64), 1.0, ["y2^2"], 1e-6),
+        (SPHERE[0], (0.48, 0.6, 0.64), 3.0, ["abs(y3 - 0.2)", "exp(y1)"], 1e-6),
+    ]
+    ratios = []
+    for model, initial, final_time, texts, accuracy in asked:
+        refiner = kolmogorov.refiner(model, initial, final_time, functions_of(texts, 3), accuracy)
+        *_, effort = refiner.refine(2)
+        began = time.process_time()
+        refiner.refine(3)
+        ratios.append((time.process_time() - began) / refiner.costs(effort)[3])
+    assert max(ratios) / min(ratios) < 3.0, ratios
 
 
 def test_a_large_matrix_is_squared_in_strips(monkeypatch):

@@ -17,13 +17,17 @@ TRUTH = 0.5
 class Refiner:
     """Refinement k has the error 0.1 falls^k and takes first growth^k seconds of typical speed."""
 
-    known = None
+    known, effort = None, 1.0
 
-    def __init__(self, first, growth, falls, rough=1.4**-2):
-        self.costs, self.falls, self.rough = [first * growth**k for k in range(9)], falls, np.array([rough])
+    def __init__(self, first, growth, falls, rough=1.4**-2, takes=1.0):
+        self.seconds, self.falls, self.rough = [first * growth**k for k in range(9)], falls, np.array([rough])
+        self.takes = takes
+
+    def costs(self, effort):
+        return [effort * seconds for seconds in self.seconds]
 
     def refine(self, number):
-        return np.array([TRUTH + 0.1 * self.falls**number]), np.zeros(1)
+        return np.array([TRUTH + 0.1 * self.falls**number]), np.zeros(1), self.takes
 
 
 def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
@@ -41,7 +45,7 @@ def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
     while extra.stage != DONE and not (extra.solving == study.SAMPLING and extra.stage == WHOLE):
         assert extra.stage == PILOTING
         extra = study.next_decisions(plan, SimpleNamespace(extra=extra))
-    solved = sum(refiner.costs[: len(extra.refined)])
+    solved = refiner.takes * sum(refiner.seconds[: len(extra.refined)])
     return extra, solved + (sampling if extra.solving == study.SAMPLING else 0.0)
 
 
@@ -67,7 +71,7 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
     refiner = Refiner(first, 3.0, 0.1)
     extra, takes = decided(monkeypatch, refiner, per_sample, accuracy)
     assert (extra.solving == study.SOLVING) == solves
-    needed = sum(refiner.costs[:4])  # of which an error of 1e-3 at a kink can be told
+    needed = sum(refiner.seconds[:4])  # of which an error of 1e-3 at a kink can be told
     sampling = per_sample / accuracy**2
     assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * study.SURE + sampling
     said = study.why(extra, accuracy)
@@ -85,8 +89,21 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
 def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):
     """Refinements end at an error of 0.08, and sampling may take 100 seconds."""
     refiner = Refiner(4.0, 1.2, 0.99)
-    refiner.costs = refiner.costs[:5]
+    refiner.seconds = refiner.seconds[:5]
     for per_sample, way in ((1e-3, study.SAMPLING), (1e4, study.SOLVING)):
         extra, _ = decided(monkeypatch, refiner, per_sample, 1e-3, 100.0)
         assert extra.solving == way
     assert "does not reach it" in study.why(extra, 1e-3)
+
+
+@pytest.mark.parametrize("takes", [0.2, 1.0, 2.0])
+@pytest.mark.parametrize("seconds", [2.0, 20.0, 200.0])
+def test_seconds_hold_for_what_is_solved_and_what_it_leaves_for_samples(monkeypatch, takes, seconds):
+    """Refinements take more or less than usual, which the first one tells."""
+    refiner = Refiner(0.1, 1.7, 0.95, takes=takes)
+    extra, _ = decided(monkeypatch, refiner, 1e6, 1e-9, seconds)
+    solved = takes * sum(refiner.seconds[: len(extra.refined)])
+    assert 0.2 * seconds < solved <= seconds or len(extra.refined) == len(refiner.seconds)
+    plan = SimpleNamespace(case=SimpleNamespace(seconds=seconds))
+    assert study.solved_seconds(plan, extra) == pytest.approx(solved)  # not what is usual
+    assert study.seconds_left(plan, extra) == pytest.approx(max(seconds - solved, 0.02 * seconds))

@@ -183,6 +183,10 @@ CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step f
 #: Paths of a level at least, in units of its kurtosis: below, its standard error is not to be trusted.
 TAILS = 8.0
 MOST_TAILS = 2**17
+#: The share of the variance of an answer below which nothing more is asked of a level whose variance is known badly,
+#: and how many times larger than it seems that may be: a rare value that was seen once may be so much likelier.
+_LITTLE, _UNSURE = 1 / 16, 5.0
+_RARE = 3.0  # by which a variance of one value among n is as large as where none was seen
 #: Levels that are asked what the bias is, counted from the one with the smallest step.
 _ASKED = 3
 _CLEAR = 3.0  # a mean stands clear of its standard error
@@ -202,6 +206,7 @@ class Measured(NamedTuple):
     known: int  #: up to which level there are samples
     along: np.ndarray  #: (K + 1,) paths of P_l along quasi-random points, 0 where it does not follow them
     value_kurtosis: np.ndarray  #: of P_l
+    unseen: np.ndarray  #: samples that there are where all values of Y_l are equal, infinity elsewhere
 
     @classmethod
     def of(
@@ -216,23 +221,31 @@ class Measured(NamedTuple):
         """From what is known of Y_l, of P_l, arrays (K + 1, F), and how many samples of each there are.
 
         The variances of levels without samples go on as they fell before; a level that is not finite has an infinite
-        one, so that it is not chosen.
+        one, so that it is not chosen.  One with fewer samples than its tails ask for has a larger one, so that a rare
+        value that was seen once makes no level look better than those where it was not seen.
         """
         known = int(np.flatnonzero(samples)[-1])
         with np.errstate(all="ignore"):
             tails, of_values = (np.nan_to_num(one.kurtosis, nan=0.0, posinf=0.0) for one in (differences, values))
             variance = np.where(np.isfinite(differences.variance), differences.variance, np.inf)
             variance[0] = 0.0
+            doubt = np.nan_to_num(np.sqrt(tails / samples[:, np.newaxis]), nan=0.0, posinf=0.0)
+            variance = variance * (1.0 + _RARE * np.maximum(doubt - TAILS**-0.5, 0.0))
             last = [variance[k][np.newaxis] for k in (known, max(known - 1, 1))]
-            fall = np.clip(np.nan_to_num(last[0] / last[1], nan=0.5), *_FALLS)
+            measurable = ~(differences.equal[known] | differences.equal[max(known - 1, 1)])
+            fall = np.clip(np.nan_to_num(np.where(measurable, last[0] / last[1], np.nan), nan=0.5), *_FALLS)
             beyond = np.arange(len(samples) - known - 1)[:, np.newaxis] + 1
             variance[known + 1 :] = last[0] * fall**beyond
             value_variance = np.where(np.isfinite(values.variance), values.variance, np.inf)
             value_variance[known + 1 :] = value_variance[known]
             stderr = np.sqrt(variance / samples[:, np.newaxis])
+        unseen = np.where(differences.equal, samples[:, np.newaxis], np.inf)
+        unseen[known + 1 :] = unseen[known]
         followed = np.asarray(along or [0] * len(cost))
         seconds = cost, value_cost
-        return cls(differences.mean, stderr, variance, tails, value_variance, *seconds, known, followed, of_values)
+        return cls(
+            differences.mean, stderr, variance, tails, value_variance, *seconds, known, followed, of_values, unseen
+        )
 
 
 class Choice(NamedTuple):
@@ -351,9 +364,29 @@ def allocation(
     check = choice.finest + 1
     samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
     tails = TAILS * np.concatenate([measured.kurtosis, measured.value_kurtosis]).max(axis=1)
+    s[check], allowed = w[0], np.full((count, 1), math.sqrt(_LITTLE) * target)
+    allowed[check] = CHECK_SHARE * accuracy
+    samples[:count], tails[:count] = _enough(measured, samples[:count], tails[:count], s[:, np.newaxis] / allowed)
+    s[check] = 0.0
     used = np.append(s != 0.0, np.zeros(count, bool))
     used[[check, count + choice.base]] = True
     return np.where(used, np.maximum(np.maximum(samples, np.minimum(tails, MOST_TAILS)), 1.0), 0.0)
+
+
+def _enough(
+    measured: Measured, samples: np.ndarray, tails: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(K + 1,) samples of differences and those that tails ask for, no more than matter where variances are uncertain.
+
+    `weight` (K + 1, 1) is the reciprocal of a standard error that is allowed.  Where all n values are equal, the
+    variance is at most b / n by the rule of three, that of the mean of N more b / N^2, and N = b^(1/2) times `weight`.
+    """
+    with np.errstate(all="ignore"):
+        own = samples[:, np.newaxis] * np.sqrt(measured.variance / measured.variance.max(axis=1, keepdims=True))
+        rare = weight * np.sqrt(measured.variance * measured.unseen)
+        most = np.where(np.isfinite(measured.unseen), rare, np.nan_to_num(own, nan=np.inf)).max(axis=1)
+        little = (_UNSURE * weight**2 * measured.variance).max(axis=1)
+    return np.fmin(samples, most), np.fmin(tails, little)
 
 
 def _in_powers_of_two(
@@ -441,6 +474,7 @@ class Decisions(NamedTuple):
     solving: int  #: whether it is solved for, see :mod:`.solving`
     refined: np.ndarray  #: (refinements, F) expectations without sampling
     uncertain: np.ndarray  #: (refinements, F) of it what each refinement has of its own
+    efforts: np.ndarray  #: (refinements,) that each of them took
     solving_seconds: float  #: predicted, of typical speed; NaN before
     sampling_seconds: float
 
@@ -464,6 +498,7 @@ class Decisions(NamedTuple):
             solving=int(not sampling),
             refined=np.zeros((0, functions)),
             uncertain=np.zeros((0, functions)),
+            efforts=np.zeros(0),
         )
 
     @property

@@ -304,6 +304,7 @@ def _in_the_way(p: "AnswerPlan", state: State, one: Found) -> str:
 
 #: Seconds of solving that are not worth a pilot, which has kernels compiled.
 SURE = 3.0
+_LEAST_SHARE = 0.02  # of the seconds, which may be sampled in any case
 _SMALL = 0.1  # of what sampling takes, for which a refinement is tried
 #: Whether it is solved for: not yet decided while the pilot goes on, it is, and not any more.
 UNDECIDED, SOLVING, SAMPLING = 0, 1, 2
@@ -327,7 +328,18 @@ def prospect(p: "AnswerPlan", extra: Decisions, accuracy: float | None = None) -
     found = refined(extra.refined, extra.uncertain, refining.rough)
     if refining.known is not None:
         found = found._replace(value=refining.known, bound=0.0 * refining.known)
-    return found, outlook(found, number, refining.costs, accuracy or p.case.accuracy)
+    costs = refining.costs(extra.efforts[-1] if number else refining.effort)  # the next take what the last one took
+    return found, outlook(found, number, costs, accuracy or p.case.accuracy)
+
+
+def solved_seconds(p: "AnswerPlan", extra: Decisions) -> float:
+    """Seconds of typical speed of the refinements so far."""
+    return float(sum(refining_of(p).costs(effort)[number] for number, effort in enumerate(extra.efforts)))
+
+
+def seconds_left(p: "AnswerPlan", extra: Decisions) -> float:
+    """Seconds of typical speed that may be sampled: those of the case without what was solved, but never none."""
+    return max(p.case.seconds - solved_seconds(p, extra), _LEAST_SHARE * p.case.seconds)
 
 
 def seconds_until_known(p: "AnswerPlan") -> float:
@@ -341,7 +353,7 @@ def turn(p: "AnswerPlan", extra: Decisions) -> Decisions:
     found, ahead = prospect(p, extra)
     if ahead.refinements == 0 and not ahead.seconds:
         return _ended(p, extra, found)
-    spent = sum(refining_of(p).costs[: len(extra.refined)])
+    spent = solved_seconds(p, extra)
     most = SURE if math.isnan(extra.sampling_seconds) else extra.sampling_seconds
     if _goes_on(ahead, most, p.case.seconds - spent):
         return _refined(p, extra, ahead)
@@ -363,7 +375,7 @@ def solve_or_sample(p: "AnswerPlan", extra: Decisions, sampled: Decisions) -> De
     found, ahead = prospect(p, extra)
     reaches = sampled.aim <= p.case.accuracy and math.isfinite(sampled.work)
     sampling = sampled.work if reaches else math.inf
-    spent = sum(refining_of(p).costs[: len(extra.refined)])
+    spent = solved_seconds(p, extra)
     both = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
     if _goes_on(ahead, sampling, p.case.seconds - spent):
         return extra._replace(solving=SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
@@ -398,17 +410,17 @@ def _ended(p: "AnswerPlan", extra: Decisions, found: Refined) -> Decisions:
 def _refined(p: "AnswerPlan", extra: Decisions, ahead: Outlook) -> Decisions:
     """With one refinement more."""
     began, cpu_began = time.perf_counter(), time.process_time()
-    refining = refining_of(p)
-    before = sum(refining.costs[: len(extra.refined)])
+    before = solved_seconds(p, extra)
     to_come = ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds
     with working(TITLE, to_come, before), part(ahead.next_seconds):
-        each = refining.refine(len(extra.refined))
+        *each, effort = refining_of(p).refine(len(extra.refined))
     value, uncertain = (
         np.concatenate([a, b[np.newaxis]]) for a, b in zip((extra.refined, extra.uncertain), each, strict=True)
     )
     return extra._replace(
         refined=value,
         uncertain=uncertain,
+        efforts=np.append(extra.efforts, float(effort)),
         seconds=extra.seconds + time.perf_counter() - began,
         cpu_seconds=extra.cpu_seconds + time.process_time() - cpu_began,
         solving_seconds=before + to_come,
@@ -418,7 +430,7 @@ def _refined(p: "AnswerPlan", extra: Decisions, ahead: Outlook) -> Decisions:
 
 def solving_work(p: "AnswerPlan", extra: Decisions) -> tuple[float, float]:
     """(done, done and to do) of solving, in seconds of typical speed; what cannot be predicted is not to do."""
-    done = float(sum(refining_of(p).costs[: len(extra.refined)]))
+    done = solved_seconds(p, extra)
     if extra.solving != SOLVING or extra.stage == DONE:
         return done, done
     _, ahead = prospect(p, extra)
@@ -532,7 +544,7 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     if (more := _until_seen(p, state, best[chosen][0].work)) is not None:
         return extra._replace(wanted=more)
     extra = extra._replace(works=works)
-    worth = min(best[chosen][0].work, p.case.seconds) if np.isfinite(best[chosen][0].work) else 0.0
+    worth = min(best[chosen][0].work, seconds_left(p, extra)) if np.isfinite(best[chosen][0].work) else 0.0
     followed = not isinstance(p.case.initial, RandomState) and not large(p.model)
     if followed and not extra.pointed and worth > _POINTS:
         more = extra.wanted + _pilot_along(p, chosen, best[chosen][0].base)
@@ -556,7 +568,8 @@ def _until_seen(p: "AnswerPlan", state: State, work: float) -> np.ndarray | None
     each = [p.spread(state.so_far(i), -1 if i % SETS >= LEVELS else DIFFERENCE) for i in range(len(p.sets))]
     equal = np.array([one.equal.any() for one in each]) & (wanted > 0)
     unknown = np.array([one.unknown.any() for one in each]) & (wanted > 0) & (wanted < MOST_UNSEEN)
-    for some, limit in ((equal, min(work, p.case.seconds)), (unknown, p.case.seconds)):
+    left = seconds_left(p, state.extra)
+    for some, limit in ((equal, min(work, left)), (unknown, left)):
         more = np.where(some, _STRIDE * wanted, wanted)
         if some.any() and float(p.costs @ more) <= _SHARE * limit:
             return more
@@ -574,14 +587,14 @@ def _pilot_along(p: "AnswerPlan", scheme: int, base: int) -> np.ndarray:
 
 def _affordable(p: "AnswerPlan", state: State, scheme: int) -> float:
     """The accuracy, or the best that the seconds and samples of the case allow."""
-    aim, measured = p.case.accuracy, p.measured(state, scheme)
+    aim, measured, left = p.case.accuracy, p.measured(state, scheme), seconds_left(p, state.extra)
     for _ in range(4):
         choice, order = _best(p, state, scheme, aim)
         exponents = p.exponents(scheme) if order is None else (order,)
         samples = allocation(measured, exponents, choice, aim)
         points = int(measured.along[choice.base] > 0)
         extra = state.extra._replace(scheme=scheme, points=points).with_choice(choice, order)
-        excess = float(p.costs @ _all_raised(extra, samples, None)) / p.case.seconds if choice.work < np.inf else np.inf
+        excess = float(p.costs @ _all_raised(extra, samples, None)) / left if choice.work < np.inf else np.inf
         if p.case.samples:
             excess = max(excess, float(samples[LEVELS + choice.base]) / p.case.samples)
         if excess <= 1.0:
@@ -634,7 +647,7 @@ def _raised(p: "AnswerPlan", extra: Decisions, samples: np.ndarray) -> np.ndarra
     All that was wanted before is there; of what is new each path set has one round of blocks at least.
     """
     more = _all_raised(extra, samples, p.case.samples) - extra.wanted
-    left, cost = p.case.seconds - float(p.costs @ extra.wanted), float(p.costs @ more)
+    left, cost = seconds_left(p, extra) - float(p.costs @ extra.wanted), float(p.costs @ more)
     if cost <= max(left, 0.0):
         return extra.wanted + more
     size = ROUND * LANES
@@ -715,7 +728,7 @@ def _compared(p: "AnswerPlan", state: State) -> Decisions:
     wanted[number] = PILOT_SAMPLES
     if extra.compared:
         stderr = np.nan_to_num(compared(p, state).stderr.max())  # of as many paths as in a pilot
-        most = max(p.case.seconds - float(p.costs @ wanted), 0.0) / p.cost_of(number)
+        most = max(seconds_left(p, extra) - float(p.costs @ wanted), 0.0) / p.cost_of(number)
         needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
         wanted[number] = max(whole_blocks(min(needed, most), ROUND), 2 * PILOT_SAMPLES)
     return extra._replace(wanted=wanted, compared=level)
