@@ -56,11 +56,11 @@ def _drawn(fig):
 
 
 def _box(text):
-    """The box of a text, without the empty line that keeps the title of a case above that of its first panel."""
+    """The box of a text, without the empty lines that make room for the heading of a case above it."""
     box = text.get_window_extent()
     lines = text.get_text().split("\n")
-    spare = 0 if lines[-1].strip() else box.height / len(lines)
-    return Bbox([[box.x0, box.y0 + spare], box.max])
+    spare = next(i for i, line in enumerate(lines) if line.strip()) * box.height / len(lines)
+    return Bbox([box.min, [box.x1, box.y1 - spare]])
 
 
 def _name(text):

@@ -56,12 +56,15 @@ def run(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
+    confirmed: Annotated[
+        bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
+    ] = False,
     *,
     options: RunOptions,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
-    Exit code 4 if a claim of a spec failed.
+    Exit code 4 if the results contradict a claim of a spec.
     """
     experiments = load(specs, options)
     from ..running import run as runner
@@ -88,7 +91,11 @@ def run(
             tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
-        _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
+
+        def compute(experiment: "Experiment", watch: "Watch") -> Path:
+            return runner.run(experiment, out, fresh, watch, limits, pool)
+
+        _show_each(experiments, compute, confirmed)
 
 
 @run_options()
@@ -143,7 +150,7 @@ def verify(
 
         verification = verify(file, None if everything else chunks, report, options.trust_code)
     print_safely(f"{file}: {line}" for line in verified(verification))
-    if _any_failed(file.stem, storage.read(file)) or not verification.sound:
+    if _any_wrong(file.stem, storage.read(file)) or not verification.sound:
         raise typer.Exit(CLAIM_FAILED)
 
 
@@ -192,36 +199,38 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
         yield pool
 
 
-def _any_failed(name: str, results: "Results") -> bool:
-    """Report the verdicts on the claims of an experiment; whether one failed."""
+def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
+    """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
     from ..printing.claims import remarks
     from ..report import views
-    from ..statistics.claims import FAILED
+    from ..statistics.claims import CONFIRMED, CONTRADICTED
 
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
         tell(remark)
-    return any(claim.verdict == FAILED for claim in judged)
+    return any(claim.verdict == CONTRADICTED or (confirmed and claim.verdict != CONFIRMED) for claim in judged)
 
 
-def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
+def _show_each(
+    experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]", confirmed: bool = False
+) -> None:
     """Compute each experiment, print the tables of its results, and judge its claims."""
     from .. import storage
     from ..report import views
     from .progress import ProgressLine
 
-    failed = False
+    wrong = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
         with for_whoever_reads():
             views.print_tables(results)
-        failed |= _any_failed(experiment.name, results)
+        wrong |= _any_wrong(experiment.name, results, confirmed)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
-    if failed:
+    if wrong:
         raise typer.Exit(CLAIM_FAILED)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
-from . import page
+from . import page, plots
 
 _WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is one word
 _BREAKS = re.compile(r"(?<=,\\,)|(?= [+-] )")  # within a formula: behind a comma, before a sign
@@ -51,6 +51,8 @@ def settle(fig: Figure) -> None:
         for axis in (ax.xaxis, ax.yaxis):
             _thin(axis)
     engine.execute(fig)
+    for ax in fig.axes:
+        plots.part_ends(ax)
     _SETTLED.add(fig)
 
 
@@ -90,17 +92,15 @@ def _break_labels(ax: Axes) -> None:
 
 def _break(text: Text, room: float) -> None:
     """Break the lines of a text that are longer than `room` pixels where there are spaces."""
-    dots = text.figure.dpi
-    lines = text.get_text().split("\n")
-    text.set_text("\n".join(part for line in lines for part in _lines(text, line, 72 * room / dots)))
+    font, lines = text.get_fontproperties(), text.get_text().split("\n")
+    text.set_text("\n".join(part for line in lines for part in broken(line, font, room / text.figure.dpi)))
 
 
-def _lines(text: Text, line: str, room: float) -> Sequence[str]:
-    """The parts of a line, each no longer than `room` points unless it is one word."""
-    font: Any = text.get_fontproperties()
+def broken(line: str, font: Any, room: float) -> Sequence[str]:
+    """The parts of a line, each no longer than `room` inches unless it is one word."""
 
     def fits(part: str) -> bool:
-        return page.inches_of(part.rstrip(), font) * 72 <= room
+        return page.inches_of(part.rstrip(), font) <= room
 
     if fits(line):
         return [line]

@@ -5,10 +5,13 @@ from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation
 
-from . import page, plots, style
+from . import fitting, page, plots, style
 
 WIDTHS = {1: 5.0, 2: 4.1, 3: 3.6, 4: 3.2}  #: inches of a panel, by the number side by side
 NARROW = 2.8  # of more than four side by side
@@ -18,15 +21,16 @@ ENTRIES = 8  #: of a legend at most; lines are named at their ends where there a
 _COLUMNS = 4  # panels side by side, unless the figure would be too high
 _TALL = 1.25  # height over width of all panels at most, so that with titles it is 1.4
 _FULL = 0.75  # share of the places in rows of groups that are to be filled
+_WIDE = 5.0  # inches of a figure that has room for names of lines
 _NAMES = 1.6  # inches for the names of lines at their ends
+_AROUND = 0.8  # inches above and below the frame of a panel
 _MARGIN = 0.5  # inches to the left of a panel, for its vertical axis
 _BESIDE = 0.45  # inches of a handle of the legend and the room around it
 
-Case = tuple[
-    list[str], list[list[plots.Plot]]
-]  #: heading and facts of a case, and groups of panels that belong together
+Case = tuple[list[str], list[list[plots.Plot]]]  #: the heading of a case, and groups of panels
 
 
+@np.errstate(all="ignore")
 def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
     """The figure of the panels of each case; ValueError if there are none."""
     rows = _rows([groups for _, groups in cases])
@@ -55,18 +59,20 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
                 ax.set_ylabel("")
                 ax.tick_params(labelleft=False)
         lines += max(above)
-    handles, named = _merged(entries), len(_merged(entries)) > ENTRIES
+    schemes = {end.label for of_lines in ends for end in of_lines}
+    handles, room = _merged(entries, schemes), page.current().width or _WIDE
+    named = len(handles) > ENTRIES and room >= _WIDE
     if named:
-        schemes = {end.label for of_lines in ends for end in of_lines}
         handles = [(handle, text) for handle, text in handles if text not in schemes]
     else:
         handles = _with_notes(handles, ends)
     legend = _legend_rows(handles, width)
     beside = _NAMES * named if page.current().width is None else 0.0
     style.dress(fig, width + beside, sum(heights) + 0.17 * (lines + len(legend)) + 0.1, title, facts)
-    most = max(range(len(axes)), key=lambda k: (len(ends[k]), k % columns == columns - 1))
-    for k, (ax, of_lines) in enumerate(zip(axes, ends, strict=True)):
-        plots.write_ends(ax, of_lines, named and k == most, len(axes) > 1 or named)
+    unnamed = schemes if named else set()
+    for ax, of_lines in sorted(zip(axes, ends, strict=True), key=lambda pair: -len(pair[1])):
+        plots.write_ends(ax, of_lines, unnamed, noted=len(axes) > 1 or named)
+        unnamed = unnamed - {end.label for end in of_lines}
     if legend:
         artists, texts = zip(*(entry for column in zip(*legend, strict=True) for entry in column), strict=True)
         look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
@@ -156,18 +162,30 @@ class _Titles:
                 self.reach[id(row[k])] = self.width * (end - k)
 
     def write(self, ax: plots.Axes, plot: plots.Plot) -> int:
-        """Write the title of a panel; returns the number of its lines."""
+        """Write the title of a panel, and break its label if it is too long; returns the number of lines above."""
         heading, own = self.headings.get(id(plot), []), plot.title.split("\n") if plot.title else []
         letter = f"({next(self.letters)})  " if self.letters else ""
-        reach = min(self.reach.get(id(plot), self.width), 1.9 * self.width)  # a longer title would push panels apart
-        lines = _wrapped(heading, reach - _MARGIN)
-        text = "\n".join([*lines, letter + "\n".join(_wrapped(own, self.width - _MARGIN))])
-        ax.set_title(text, loc="left", pad=6 if ax.axison else 15)
-        return 1 + text.count("\n")
+        above = _wrapped(heading, self.reach.get(id(plot), self.width) - _MARGIN)
+        under = _wrapped(own, self.width - _MARGIN) or [""]
+        # empty lines make room for the heading, which may reach over other panels and so takes no part in the layout
+        ax.set_title("\n" * len(above) + letter + "\n".join(under), loc="left", pad=6 if ax.axison else 15)
+        size = page.points("axes.titlesize")
+        rise = ((6 if ax.axison else 15) + 1.3 * size * len(under)) / 72
+        place: Any = ax.transAxes + ScaledTranslation(0, rise, ax.figure.dpi_scale_trans)
+        draw: Any = ax.text2D if ax.name == "3d" else ax.text  # type: ignore[attr-defined]
+        if above:
+            draw(0, 1, "\n".join(above), transform=place, va="bottom", fontsize=size, in_layout=False)
+        label, room = ax.get_ylabel(), plot.aspect * self.width - _AROUND
+        if style.inches(label, "axes.labelsize") > room:
+            ax.set_ylabel(label.replace("  ", "\n"))
+        return len(above) + len(under)
 
 
 def _wrapped(texts: Sequence[str], width: float) -> list[str]:
-    return style.wrapped(texts, ",  ", "axes.titlesize", width)
+    """Texts in lines as wide as a panel, long ones broken."""
+    font = FontProperties(size=page.points("axes.titlesize"))
+    lines = style.wrapped(texts, ",  ", "axes.titlesize", width)
+    return [part for line in lines for part in fitting.broken(line, font, 0.95 * width)]
 
 
 def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]]) -> list[plots.Entry]:
@@ -180,11 +198,12 @@ def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]])
     return entries
 
 
-def _merged(entries: Sequence[plots.Entry]) -> list[plots.Entry]:
-    """The entries of all panels, each text once: lines before marks."""
+def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Entry]:
+    """The entries of all panels, each text once: schemes, other lines, marks."""
     by_text = {text: handle for handle, text in reversed(entries)}
     merged = [(by_text[text], text) for text in dict.fromkeys(text for _, text in entries)]
-    return sorted(merged, key=lambda entry: isinstance(entry[0], Line2D) and entry[0].get_linestyle() == "None")
+    dashes = {text: getattr(handle, "get_linestyle", lambda: "-")() for handle, text in merged}
+    return sorted(merged, key=lambda entry: (entry[1] not in schemes, dashes[entry[1]] == "None"))
 
 
 def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plots.Entry]]:

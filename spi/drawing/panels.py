@@ -46,14 +46,13 @@ class Values(NamedTuple):
     def interval(self, factor: float, own: Any = None, record: Any = None) -> tuple[plots.Array, ...]:
         """The ends of the 95 % intervals, half as wide as `factor` standard errors or as `own`; () without any."""
         low, high, half, stderr = (self.beside(suffix) for suffix in ("_low", "_high", "_half", "_stderr"))
-        with np.errstate(invalid="ignore", over="ignore"):
-            if own is not None:
-                half = own(record)
-            elif low is not None and high is not None:
-                return low, high
-            elif half is None and stderr is not None:
-                half = factor * stderr
-            return () if half is None else (self.values - half, self.values + half)
+        if own is not None:
+            half = own(record)
+        elif low is not None and high is not None:
+            return low, high
+        elif half is None and stderr is not None:
+            half = factor * stderr
+        return () if half is None else (self.values - half, self.values + half)
 
 
 def values_of(record: Any, field: str, axes: str = "") -> Values | None:
@@ -100,6 +99,13 @@ def scheme_look(record: Stored, looks: Looks, **more: Any) -> dict[str, Any]:
     return {"color": colour, "marker": marker, "markersize": 5.5} | more
 
 
+class Same(NamedTuple):
+    """The fact that a quantity is one number everywhere, and the panels that would show it."""
+
+    text: str
+    panels: list[plots.Plot]
+
+
 class CurvePanel(NamedTuple):
     """A field over one of its axes, a line for each scheme."""
 
@@ -128,29 +134,32 @@ class CurvePanel(NamedTuple):
     look: dict[str, Any] = {}  # noqa: RUF012
     same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
     only: Callable[[Any, int], bool] = lambda record, place: True  #: the places along `facet` that are shown
-    then: Callable[[plots.Plot, Records, int], plots.Plot | str] = lambda plot, records, place: plot
+    then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
 
-    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot | str]:
+    def expand(self, records: Records, looks: Looks) -> Iterator[Any]:
         """The panels of one case."""
         known = [(record, values) for record in records if (values := values_of(record, self.field, self.axes))]
         known = [
             (record, values)
             for record, values in known
-            if np.isfinite(values.values).any() and all(place(record) is not None for place in self.at.values())
+            if (self.nan_diverged or np.isfinite(values.values).any())
+            and all(place(record) is not None for place in self.at.values())
         ]
         if not known:
             return
         first, values = known[0]
         everything = np.concatenate([values.values.ravel() for _, values in known])
-        if self.same and (everything == everything[0]).all():
-            yield self.same.format(f"{everything[0]:g}")
-            return
         count = values.values.shape[values.axes.index(self.facet)] if self.facet else 1
         names = names_along(first, self.facet, count) if self.facet else [""]
-        for place in range(count):
-            if self.only(first, place):
-                plot = self._plot(known, looks, place, names[place])
-                yield self.then(plot, [record for record, _ in known], place)
+        shown = [record for record, _ in known]
+        drawn = [
+            self.then(self._plot(known, looks, place, names[place]), shown, place)
+            for place in range(count)
+            if self.only(first, place)
+        ]
+        if self.same and (everything == everything[0]).all():
+            drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
+        yield from drawn
 
     def _plot(self, known: Sequence[tuple[Any, Values]], looks: Looks, place: int, name: str) -> plots.Plot:
         first, values = known[0]
@@ -363,6 +372,7 @@ class Figures(NamedTuple):
     panels: Mapping[str, Sequence[Any]]
     facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
 
+    @np.errstate(all="ignore")  # records of paths that diverged hold NaN and infinity
     def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
         """The figure of the records of each case."""
         looks = style.looks(cases)
@@ -377,14 +387,17 @@ class Figures(NamedTuple):
         return layout.arranged(title, list(zip(headings, drawn, strict=True)), shared)
 
     def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
-        """The panels of one case, word by word; what is one number everywhere becomes a fact."""
+        """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
         words = getattr(records[0], "panels", None) or tuple(self.panels)
         layout.check_panels(words, self.panels)
         groups: list[list[plots.Plot]] = []
+        same: list[list[plots.Plot]] = []
         for word in words:
             for panel in self.panels[word]:
                 drawn = list(panel.expand(records, looks))
                 facts |= {text: text for text in drawn if isinstance(text, str)}
+                facts |= {one.text: one.text for one in drawn if isinstance(one, Same)}
+                same += [one.panels for one in drawn if isinstance(one, Same)]
                 groups += [plot for plot in drawn if isinstance(plot, list)]
                 groups.append([plot for plot in drawn if isinstance(plot, plots.Plot)])
-        return [group for group in groups if group]
+        return [group for group in groups if group] or same

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,6 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
+from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from . import page, style
@@ -27,7 +29,9 @@ THEORY: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (
 _MARKS = 12  # along a dense line
 _DENSE = 24  # points from which on a line is dense
 _FAR = 1e3  # an interval that is so many times wider than all resolved values does not widen the axis
+_LINE = 1.35  # distance of texts at the ends of lines, in their heights
 _OUT = 100.0  # heights of a panel by which lines may leave it
+_SHORT = 30.0  # ratio of the ends of a logarithmic axis on which powers of ten are too few ticks
 _LINEAR = 20.0  # ratio of the values of a parameter up to which their axis is linear
 _SLOPES = ((0, (5, 2)), (0, (1, 1.5)), "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _ARROW = Path([(0, 0), (0, -1), (-0.14, -0.72), (0, -1), (0.14, -0.72)], [1, 2, 1, 2, 2])
@@ -50,8 +54,7 @@ class Series(NamedTuple):
 
 def series(x: Any, y: Any, look: dict[str, Any], label: str = "", half: Any = None, **more: Any) -> Series:
     """A series with intervals of half the width `half`, in the order of x."""
-    with np.errstate(invalid="ignore"):
-        ends = {} if half is None else {"low": y - half, "high": y + half}
+    ends = {} if half is None else {"low": y - half, "high": y + half}
     order = np.argsort(x, kind="stable")
     arrays = {"x": x, "y": y, "low": None, "high": None, "poor": None} | ends | more
     arrays |= {
@@ -161,7 +164,9 @@ class Plot(NamedTuple):
         elif any((line.y > top).any() for line in self.series):
             entries.append(mark(CARETUP, "beyond the axis"))
         if any((line.y < bottom).any() for line in self.series):
-            entries.append(mark(CARETDOWN, "0, or below the axis", markerfacecolor="none"))
+            entries.append(
+                mark(CARETDOWN, "0, or below the axis" if self.log else "below the axis", markerfacecolor="none")
+            )
         return entries
 
 
@@ -195,12 +200,11 @@ def _draw(ax: Axes, line: Series, log: bool) -> list[Entry]:
 
 def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
     """Values that a line can go through, also those out of the panel, at a distance that can be drawn."""
-    with np.errstate(all="ignore"):
-        if log:
-            far = (top / bottom) ** 3
-            return np.where(np.isfinite(y) & (y > 0), np.clip(y, bottom / far, top * far), np.nan)
-        far = _OUT * (top - bottom)
-        return np.where(np.isfinite(y), np.clip(y, bottom - far, top + far), np.nan)
+    if log:
+        far = (top / bottom) ** 3
+        return np.where(np.isfinite(y) & (y > 0), np.clip(y, bottom / far, top * far), np.nan)
+    far = _OUT * (top - bottom)
+    return np.where(np.isfinite(y), np.clip(y, bottom - far, top + far), np.nan)
 
 
 def _lost(line: Series, inside: Array) -> int | None:
@@ -221,14 +225,13 @@ def _bars(ax: Axes, line: Series, log: bool, colour: str) -> None:
     """Bars; on a logarithmic axis an arrow of fixed length where an interval reaches 0."""
     bottom, top = ax.get_ylim()
     low, high, good = np.asarray(line.low), np.asarray(line.high), _good(line)
-    with np.errstate(invalid="ignore"):
-        bar = np.isfinite(low) & np.isfinite(high) & (high > low) & (high > bottom) & (line.y <= top)
+    bar = np.isfinite(low) & np.isfinite(high) & (high > low) & (high > bottom) & (line.y <= top)
     open_end = bar & (low <= 0) & log
-    begin = np.where(open_end, np.clip(line.y, bottom, top), np.maximum(low, bottom))
+    below = line.y < bottom  # then only the upper end of the interval is seen
+    begin = np.where(open_end, np.where(below, high, line.y), np.maximum(low, bottom))
     for chosen, alpha in ((bar & good, 1.0), (bar & ~good, PALE)):
         ax.vlines(line.x[chosen], begin[chosen], np.minimum(high, top)[chosen], colour, linewidth=0.8, alpha=alpha)
     if open_end.any():
-        begin = np.where(line.y < bottom, np.clip(high, bottom, top), line.y)
         arrow: dict[str, Any] = {"marker": _ARROW, "markersize": _ARROW_SIZE, "markerfacecolor": "none"}
         ax.plot(line.x[open_end], begin[open_end], color=colour, linestyle="none", zorder=2.5, **arrow)
 
@@ -319,9 +322,9 @@ def step_axis(ax: Axes, h: Array) -> None:
 
 def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
     """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
-    low, high = xlim or (x[x > 0].min(initial=1.0), x.max(initial=1.0))
-    if high < 30 * low:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 10 * low else (1, 3)))
+    low, high = xlim or (x[x > 0].min(initial=np.inf), x.max(initial=0.0))
+    if low < high < _SHORT * low:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x)}$"))
     ax.xaxis.set_minor_formatter(NullFormatter())
 
@@ -381,19 +384,32 @@ def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int =
     axis.set_ticklabels([f"${name}$" for name in names])
 
 
-def write_ends(ax: Axes, ends: Sequence[End], named: bool, noted: bool) -> None:
-    """Write the name of each line, its note, or both at the right of a panel, none on another."""
-    texts = [(end, ": ".join(filter(None, (end.label * named, _short(end.note) * noted)))) for end in ends]
+def write_ends(ax: Axes, ends: Sequence[End], named: set[str], noted: bool) -> None:
+    """Write the names of the lines in `named` and the notes of lines at the right of a panel, none on another."""
+    texts = [
+        (end, ": ".join(filter(None, (end.label * (end.label in named), _short(end.note) * noted)))) for end in ends
+    ]
     texts = sorted((pair for pair in texts if pair[1]), key=lambda pair: pair[0].height)
-    to_axes = ax.transData + ax.transAxes.inverted()
-    x = ax.get_xlim()[1]
-    heights = [float(to_axes.transform((x, end.height))[1]) for end, _ in texts]
     size = 0.85 * page.points("legend.fontsize")
+    place: dict[str, Any] = {"transform": ax.transAxes, "va": "center", "fontsize": size}
+    _ENDS[ax] = [(ax.text(1.02, 0.5, text, color=end.colour, **place), end.height) for end, text in texts]
+    part_ends(ax)
+
+
+#: The texts at the ends of lines, and the values there.
+_ENDS: WeakKeyDictionary[Axes, list[tuple[Text, float]]] = WeakKeyDictionary()
+
+
+def part_ends(ax: Axes) -> None:
+    """Give the texts at the ends of lines places beside these, none on another, at the present size of the panel."""
+    texts = _ENDS.get(ax, [])
+    to_axes, x = ax.transData + ax.transAxes.inverted(), ax.get_xlim()[1]
+    heights = [float(to_axes.transform((x, height))[1]) for _, height in texts]
     inches = ax.get_position().height * ax.figure.bbox.height / ax.figure.dpi
-    gap = 1.15 * size / 72 / max(inches * 0.8, 0.5)
-    for (end, text), height in zip(texts, _apart(heights, gap), strict=True):
-        place: dict[str, Any] = {"transform": ax.transAxes, "va": "center", "fontsize": size, "color": end.colour}
-        ax.text(1.02, height, text, **place)
+    if texts:
+        gap = _LINE * float(texts[0][0].get_fontsize()) / 72 / max(inches, 0.5)
+        for (text, _), height in zip(texts, _apart(heights, gap), strict=True):
+            text.set_y(height)
 
 
 def _short(note: str) -> str:

@@ -283,9 +283,9 @@ def _word(name: str) -> str:
 @cache
 def maths(text: str, variables: tuple[str, ...] = ()) -> str:
     """An expression or a name set as mathematics, as it is written where that is not possible."""
-    if re.search("[a-z]{2,} ", text):  # a sentence, in which only expressions are set
+    if " " in text and re.search(r"[A-Za-z]{3,}(?![\w(])", text):  # a sentence, in which only expressions are set
         words = text.split()
-        return " ".join(maths(word, variables) if re.search(r"[\d<>=^]", word) else plain(word) for word in words)
+        return " ".join(maths(word, variables) if re.search(r"\by\d|[<>=^]", word) else plain(word) for word in words)
     typeset = f"${formula(text, variables)}$"
     try:
         MathTextParser("path").parse(typeset)

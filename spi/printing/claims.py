@@ -5,14 +5,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..statistics.claims import FAILED, PASSED, VERDICTS, Quantity, Verdict
+from ..statistics.claims import CONFIRMED, CONSISTENT, CONTRADICTED, VERDICTS, Quantity, Verdict
 from .tables import Cell, Grid
 from .text import narrowed, power_of_two, print_whole, room, short
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-_STYLES = {PASSED: "", FAILED: "bold red"}
+_STYLES = {CONFIRMED: "", CONSISTENT: "", CONTRADICTED: "bold red"}
 
 
 def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
@@ -63,41 +63,39 @@ def _number(found: Quantity) -> str:
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """How many claims have which verdict, and a line for each that did not pass; nothing if there are no claims."""
+    """The number of claims with each verdict, and :func:`complaints`; nothing if there are no claims."""
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
-    yield from (f"{name}: {verdict}: case {told}" for verdict, told in complaints(verdicts))
+    yield from (f"{name}: {verdict}: case {details}" for verdict, details in complaints(verdicts))
 
 
 def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
-    """Of each claim that did not pass the verdict, and whose it is with what came out."""
+    """The verdict and the result of each claim that is neither confirmed nor consistent with the results."""
     return [
         (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
         for one in verdicts
-        if one.verdict != PASSED
+        if one.verdict not in (CONFIRMED, CONSISTENT)
     ]
 
 
 def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> dict[str, str]:
-    """What a record of a table gets of the verdicts on its case, scheme, eps, estimator and test function.
+    """Columns of a row of CSV and JSON with the verdicts on its case, scheme, eps, estimator and test function.
 
     That is the worst verdict on each quantity, ``claim[order]``, whatever the step size and the swept value of the
     record; `owner` is the case in the spec.
     """
-    found: dict[str, str] = {}
+    worst: dict[str, str] = {}
     for one in verdicts:
-        if one.found and _is_about(one.found, record | {"case": owner}):
+        if one.found and one.found.about.owner == owner and _is_about(one.found, record):
             name = f"claim[{one.claim.quantity}]"
-            found[name] = max(found.get(name, PASSED), one.verdict, key=VERDICTS.index)
-    return found
+            worst[name] = max(worst.get(name, CONFIRMED), one.verdict, key=VERDICTS.index)
+    return worst
 
 
 def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
-    about = found.about
-    if (record.get("case"), record.get("scheme")) != (about.owner, about.scheme):
-        return False
-    if (record.get("extrapolate") or 0) != about.extrapolate:
-        return False
-    own = {"eps": about.eps, "estimator": about.estimator, "function": found.function}
-    return all(record.get(key) in (value, None) for key, value in own.items() if value not in (None, ""))
+    about, extrapolate = found.about, record.get("extrapolate") or 0
+    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": found.function}
+    return extrapolate == about.extrapolate and all(
+        record.get(name) in (value, None) for name, value in own.items() if value not in (None, "")
+    )

@@ -86,10 +86,9 @@ def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:
 def tables_of_groups(groups: Iterable[Group]) -> Iterator[Grid | Cell]:
     """A table of all numbers of each group of results of an unknown kind, and its attributes."""
     for group in groups:
-        records = list(rows_of_group(group))
+        rows = [dict(list(row.items())[2:]) for row in rows_of_group(group)]  # without case and scheme
+        cells = [[Cell(interval_text(value, form=".6g")) for value in row.values()] for row in rows]
         title = f"{group.case}: {group.attributes.get('scheme_label', group.variant)}"
-        columns = [key for key in (records[0] if records else ()) if key not in ("case", "scheme")]
-        cells = [[interval_text(record.get(name, ""), form=".6g") for name in columns] for record in records]
-        yield Grid(title, columns, [[[*map(Cell, row)] for row in cells]], 0)
+        yield Grid(title, list(rows[0]) if rows else [], [cells], 0)
         scalars = {name: values.item() for name, (axes, values) in group.variables.items() if not axes}
         yield from (Cell(f"{name}: {value}") for name, value in {**scalars, **group.attributes}.items())

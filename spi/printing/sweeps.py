@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import compress
 
 import numpy as np
 
@@ -32,20 +33,19 @@ def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
 
 def _table(title: str, curves: Sequence[Curve]) -> Grid:
     names = {curve.name: curve.label for curve in curves}
-    of = {(*_owner(curve), curve.name): curve for curve in curves}
+    several = [any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)]
+    labels = ["scheme", *compress(("estimator", "function"), several)]
     headings = [f"{label}{_at(curves, name)}\n(95 %)" for name, label in names.items()]
-    several = any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)
-    labels = ["scheme", *["estimator"] * several[0], *["function"] * several[1]]
     sections = []
-    for key in dict.fromkeys(map(_owner, curves)):
-        members = {name: of[*key, name] for name in names if (*key, name) in of}
-        first = next(iter(members.values()))
-        texts = [first.about.label, *[first.about.estimator] * several[0], *[first.function] * several[1]]
+    for owner in dict.fromkeys(map(_owner, curves)):
+        members = [curve for curve in curves if _owner(curve) == owner]
+        about, function = members[0].about, members[0].function
+        cells = {(point.at, curve.name): Cell(_text(point)) for curve in members for point in curve.points}
+        texts = [about.label, *compress((about.estimator, function), several)]
         rows: list[list[Cell]] = []
-        for value in dict.fromkeys(value for curve in members.values() for value in curve.values.tolist()):
-            at = {name: one for name, curve in members.items() for one in curve.points if one.at == (curve.word, value)}
-            cells = [f"{value:g}", *(_text(at[name]) if name in at else "" for name in names)]
-            rows.append([Cell(text) for text in (*([""] * len(texts) if rows else texts), *cells)])
+        for at in dict.fromkeys(at for at, _ in cells if at):
+            numbers = [cells.get((at, name), Cell("")) for name in names]
+            rows.append([*(Cell(text * (not rows)) for text in texts), Cell(f"{at[1]:g}"), *numbers])
         sections.append(rows)
     return Grid(title, [*labels, curves[0].word, *headings], sections, len(labels))
 

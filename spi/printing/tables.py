@@ -101,7 +101,7 @@ class Column(NamedTuple):
             numbers = numbers.without(axis, last if axis in ("t", "n") else _largest)
         if not self.over:
             return {self.heading: numbers}
-        names = places(record, self.over, [numbers])
+        names = places(record, self.over, [numbers]) if numbers.value.size else []
         return {
             self.heading.format(name): numbers.without(self.over, partial(np.take, indices=i))
             for i, name in enumerate(names)

@@ -94,8 +94,8 @@ class Section(NamedTuple):
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
     headlines: Facts  #: the title of a case and what came out of it; one without a title if there is one case
-    verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
-    complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
+    verdicts: dict[str, int]  #: the number of claims with each verdict; empty if there are none
+    complaints: list[tuple[str, str]]  #: of claims neither confirmed nor consistent: verdict and details
     orders: Titled | None
     items: list[Titled | str]  #: what `spi show` prints
     cost: Facts
@@ -131,12 +131,12 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         kind=kind.replace("_", " "),
         paper_figure=attributes.get("figure"),
         asks=attributes.get("asks", ""),
-        headlines=_headlines(kind, read),
+        headlines=_headlines(read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=printed_claims.complaints(judged),
         orders=_orders(by_case(read)),
         items=list(_items(results)),
-        cost=list(_cost(results)),
+        cost=list(_cost(read)),
         provenance=list(_provenance(attributes)),
         command=shlex.join(["spi", "run", path.name]),
         from_spec=_from_spec(attributes.get("experiment", path.stem), attributes),
@@ -151,9 +151,9 @@ def _items(results: Results) -> Iterator[Titled | str]:
             yield Titled.of(item) if isinstance(item, Grid) else item.text
 
 
-def _headlines(kind: str, read: Sequence[Stored]) -> Facts:
+def _headlines(read: Sequence[Stored]) -> Facts:
     """The quantities of each case that the record names as its headline, or of a sweep those that it shows."""
-    of_cases = [(whole.title, whole.curves) for whole in views.wholes(kind, read)]
+    of_cases = [(whole.title, whole.curves) for whole in views.wholes(read)]
     if not of_cases:
         cases = by_case(read)
         each = [curves(quantities(case), read[0].headline) for case in cases]
@@ -176,21 +176,15 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
     return Titled.of(Grid("orders", headings, [rows], several + 1)) if rows else None
 
 
-def _cost(results: Results) -> Iterator[tuple[str, str]]:
+def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
     """What the results cost, as far as all kinds store it."""
-    groups = results.groups
-    seconds = math.fsum(group.attributes.get("wall_seconds", 0.0) for group in groups)
-    threads = max((group.attributes.get("threads", 0) for group in groups), default=0)
-    yield "time", f"{duration(seconds)} of wall-clock time" + (f" on {threads} threads" if threads else "")
-    paths = sorted({group.attributes["samples"] for group in groups if group.attributes.get("samples")})
-    if paths:
-        yield "paths", " to ".join(dict.fromkeys(f"{count:,}" for count in (paths[0], paths[-1])))
-    measured = [group.arrays.get("ns_per_step", group.attributes.get("ns_per_step", math.nan)) for group in groups]
-    known = np.concatenate([np.ravel(values) for values in measured])
-    known = known[np.isfinite(known)]
-    if known.size:
-        ends = dict.fromkeys(short(float(end), ".3g") for end in (known.min(), known.max()))
-        yield "time per step and path", f"{' to '.join(ends)} ns"
+    seconds = math.fsum(one.wall_seconds for one in read)
+    yield "time", f"{duration(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
+    for label, name, form in (("paths", "samples", ",.0f"), ("time per step and path", "ns_per_step", ".3g")):
+        numbers = np.concatenate([np.ravel(one.get(name)).astype(float) for one in read])
+        if (numbers := numbers[np.isfinite(numbers)]).size:
+            ends = dict.fromkeys(short(float(end), form) for end in (numbers.min(), numbers.max()))
+            yield label, " to ".join(ends) + " ns" * (name == "ns_per_step")
 
 
 def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:

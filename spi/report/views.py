@@ -35,20 +35,20 @@ class Whole(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
+def wholes(read: Sequence[Stored]) -> list[Whole]:
     """The cases that are swept, in the order of the file; none if no parameter is."""
-    found: dict[str, list[list[Stored]]] = {}
-    for case in by_case(read):
-        if case[0].about.swept:
-            found.setdefault(case[0].about.owner, []).append(case)
-    return [_whole(kind, owner, cases) for owner, cases in found.items()]
+    swept = [one for one in read if one.about.swept]
+    return [
+        _whole([one for one in swept if one.about.owner == owner])
+        for owner in dict.fromkeys(one.about.owner for one in swept)
+    ]
 
 
-def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
-    swept: Any = cases[0][0].about.swept
-    quantities = [one for case in cases for one in claims.quantities(case)]
-    known = [curve for curve in curves(quantities, swept.of or cases[0][0].headline) if curve.is_known]
-    return Whole(owner, swept.title, [reading for case in cases for reading in case], known)
+def _whole(read: list[Stored]) -> Whole:
+    swept: Any = read[0].about.swept
+    quantities = [one for case in by_case(read) for one in claims.quantities(case)]
+    known = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    return Whole(swept.owner, swept.title, read, known)
 
 
 def readings(results: Results) -> list[Stored]:
@@ -113,13 +113,13 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     show(results, new_console(file))
 
 
-def show(results: Results, console: Any, with_title: bool = True) -> None:
+def show(results: Results, console: Any) -> None:
     """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
 
     Of results of an unknown kind all numbers are printed.
     """
     cases = list(by_cases(results))  # before anything is printed: they may not be readable
-    if (title := results.attributes.get("title")) and with_title:
+    if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     if unfinished := results.attributes.get("unfinished"):
         console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
@@ -134,7 +134,7 @@ def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.
         yield list(tables_of_groups(results.groups)), []
         return
     read, title = readings(results), results.attributes.get("title")
-    judged, swept = _judged(results, read), wholes(results.attributes["kind"], read)
+    judged, swept = _judged(results, read), wholes(read)
     for whole in swept:
         heading = "" if whole.title == title else printable(whole.title)
         yield list(sweeps.tables(heading, whole.curves)), [one for one in judged if one.claim.case == whole.name]
@@ -168,7 +168,7 @@ def figure(
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
         told = f"{title} ({unfinished})" if unfinished else title
-        over = wholes(kind, read)
+        over = wholes(read)
         drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
         if page.current().width is not None:
             fitting.settle(drawn)

@@ -240,9 +240,10 @@ def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool, ro
 
 
 def _entries(group: Group) -> dict[str, Any]:
-    """All that a group has, by name: (axes, array); threads are those of the process that derives."""
-    facts = {name: ((), value) for name, value in group.attributes.items() if name != "threads"}
-    return facts | {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
+    """All that a group has, by name: (axes, array)."""
+    arrays = {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
+    facts = {name: ((), value) for name, value in group.attributes.items() if name not in _OF_ITS_RUN}
+    return {f"attribute {name}" if name in arrays else name: fact for name, fact in facts.items()} | arrays
 
 
 def _same(entry: Any, other: Any, rounding: float) -> bool:

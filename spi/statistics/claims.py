@@ -2,17 +2,19 @@
 
 A spec states claims under its key ``expect``; the module ``results`` of a kind of experiment says which quantities came
 out; :func:`judge` compares the two.  A quantity is judged with its 95 % interval.  With [a, b] the numbers that the
-claim allows, it is
+claim allows, the claim is
 
-    passed         if the interval lies in [a, b]; where one number is claimed, with a tolerance or without, if it meets
-                   [a, b], since no interval lies in a single number,
-    failed         if not even the interval of twice that width meets [a, b],
-    inconclusive   otherwise, and if the interval is too wide to say anything or the number is not known.
+    confirmed      if the interval lies in [a, b],
+    consistent     if it meets [a, b], but does not lie in it,
+    contradicted   if not even the interval of twice that width meets [a, b],
+    inconclusive   otherwise, and if the interval is too wide to say anything or the number is not resolved.
 
-No claim passes about what is not finite, be it in part, or of which paths diverged: it fails if what is finite
-contradicts it, else it is inconclusive.  Only how many paths diverged is a number all the same (:data:`COUNTS`).
+No claim is confirmed, nor consistent, about what is not finite, be it in part, or of which paths diverged: it is
+contradicted by what is finite, or inconclusive.  Only how many paths diverged is a number all the same
+(:data:`COUNTS`).
 
-An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim hardly ever fails.
+An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim is hardly ever
+contradicted.
 """
 
 import json
@@ -25,8 +27,8 @@ import numpy as np
 from ..storage.records import Order
 from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Stored, last
 
-PASSED, INCONCLUSIVE, FAILED = "passed", "inconclusive", "failed"  #: the verdicts, from good to bad
-VERDICTS = (PASSED, INCONCLUSIVE, FAILED)
+CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED = "confirmed", "consistent", "inconclusive", "contradicted"
+VERDICTS = (CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED)  #: from good to bad
 
 _ROUNDING = 1e-12  # relative: step sizes written as decimals are not exact
 
@@ -98,21 +100,19 @@ class Quantity(NamedTuple):
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
     expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
-    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it passes
+    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it is confirmed
 
     @property
     def at(self) -> tuple[str, float] | None:
-        """The swept parameter and the value it belongs to, within a result or because its case has it."""
-        if self.swept is None and self.about.swept is not None:
-            return self.about.swept.word, self.about.swept.value
-        return self.swept
+        """The first swept parameter and the value it belongs to, within a result or because its case has it."""
+        return next(iter(self.swept_places.items()), None)
 
     @property
     def swept_places(self) -> dict[str, float]:
         """The swept parameters with the values it belongs to."""
-        if self.swept is None and self.about.swept is not None:
-            return self.about.swept.places
-        return dict([self.swept] if self.swept else [])
+        if self.swept is not None:
+            return dict([self.swept])
+        return self.about.swept.places if self.about.swept else {}
 
     @property
     def places(self) -> dict[str, float]:
@@ -131,7 +131,7 @@ class Verdict(NamedTuple):
 
     claim: Claim
     found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
-    verdict: str  #: PASSED, INCONCLUSIVE or FAILED
+    verdict: str  #: one of VERDICTS
 
     @property
     def subject(self) -> str:
@@ -283,10 +283,11 @@ def _verdict(claim: Claim, q: Quantity) -> str:
     down, up = (0.0 if end == q.value else abs(q.value - end) for end in (q.low, q.high))
     if any(map(math.isnan, (q.value, down, up))) or (down + up) / 2 > q.widest:
         return INCONCLUSIVE
-    meets = q.low <= b and q.high >= a
-    if meets if claim.sense == EQUAL else a <= q.low and q.high <= b:
-        return INCONCLUSIVE if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))) else PASSED
-    return INCONCLUSIVE if q.value - 2 * down <= b and q.value + 2 * up >= a else FAILED
+    if q.low <= b and q.high >= a:
+        if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))):
+            return INCONCLUSIVE
+        return CONFIRMED if a <= q.low and q.high <= b else CONSISTENT
+    return INCONCLUSIVE if q.value - 2 * down <= b and q.value + 2 * up >= a else CONTRADICTED
 
 
 # ---------------------------------------------------------------------------------------------------------------------

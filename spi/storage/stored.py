@@ -80,7 +80,7 @@ class Claimed(NamedTuple):
     infinite: bool = False  #: whether NaN, which means that paths diverged, counts as infinite
     expected: str = ""  #: its value by theory, a reference or a solver without sampling
     where: str = ""  #: whether it is a quantity at all
-    lost: str = ""  #: why no claim about it passes
+    lost: str = ""  #: why no claim about it is confirmed
 
 
 class Meaning(NamedTuple):
@@ -441,7 +441,7 @@ class Stored(Described):
     tables: ClassVar[Sequence[Any]] = ()  #: those of a case, see ``spi.printing.tables``
 
     entries: ClassVar[tuple[Entry, ...]]  #: all that a file holds of it, and its derived properties
-    by_name: ClassVar[dict[str, Entry]]  #: the same; arrays go before facts of the same name
+    by_name: ClassVar[dict[str, Entry]]  #: the same; facts go before arrays of the same name
 
     about: Description
     wall_seconds: float = fact("wall-clock time of the part", "s", default=0.0)
@@ -450,7 +450,7 @@ class Stored(Described):
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.entries = (*layout(cls), *properties(cls))
-        cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: not entry.is_fact)}
+        cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: entry.is_fact)}
 
     @property
     def interval(self) -> float:

@@ -481,15 +481,20 @@ def claiming(text):
 @compiled_only
 def test_a_failed_claim_is_exit_code_4_and_is_shown(spi):
     code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: 0, casimir_drift: 1e-12"))
-    assert code == 0 and out.count(" passed") == 2 and "claims: 2 passed" in err
+    assert code == 0 and out.count(" confirmed") == 2 and "claims: 2 confirmed" in err
     before = RESULTS.read_bytes()
     code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: at least 1, casimir_drift: 1e-12"))  # no --fresh
-    assert code == 4 and out.count(" passed") == 1 and out.count(" failed") == 1 and RESULTS.read_bytes() != before
-    assert "claims: 1 passed, 1 failed" in err and "splitting: diverged at least 1; result: 0" in err
+    assert (
+        code == 4
+        and out.count(" confirmed") == 1
+        and out.count(" contradicted") == 1
+        and RESULTS.read_bytes() != before
+    )
+    assert "claims: 1 confirmed, 1 contradicted" in err and "splitting: diverged at least 1; result: 0" in err
     code, shown, _ = spi("show", RESULTS)
-    assert code == 0 and " failed" in shown  # without the spec at hand
+    assert code == 0 and " contradicted" in shown  # without the spec at hand
     code, shown, _ = spi("show", RESULTS, "--format", "csv")
-    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "failed"}
+    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "contradicted"}
     assert spi("plot", RESULTS)[0] == 0
 
 
@@ -505,5 +510,5 @@ def test_all_experiments_of_a_command_are_run_before_a_failed_claim_ends_it(spi)
     other = SPEC.with_name("other.yaml")
     other.write_bytes(SPEC.read_bytes())
     code, _, err = spi("run", SPEC, other, *TINY, *claiming("nonfinite: at least 1"))
-    assert code == 4 and err.count("claims: 1 failed") == 2
+    assert code == 4 and err.count("claims: 1 contradicted") == 2
     assert RESULTS.exists() and RESULTS.with_name(RESULTS.name.replace(SPEC.stem, "other")).exists()

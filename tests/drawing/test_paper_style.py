@@ -17,8 +17,8 @@ from weak_results import at_eps, weak, weak_group
 from work_results import work_results
 
 from spi import storage
-from spi.drawing import layout, page, style
-from spi.kinds.trajectory.figure import fields
+from spi.drawing import page, style
+from spi.kinds.trajectory import figure_fields as fields
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Order
@@ -72,14 +72,14 @@ def test_no_text_lies_on_another(what, width, font):
     assert alike_without_colours(fig) == []
 
 
-def test_notes_stay_within_a_figure_for_a_screen_at_any_resolution():
-    """Letters are fitted to pixels, and lines of them are then longer than their outlines."""
-    fig = views.figure(work_results())
-    fig.set_size_inches(10, 4)
-    style.note_under(fig, [("order 2 ± 0.1 (splitting, weak order 2: 1 of 4), agreement at most 4 " * 5, "black")])
-    for dpi in (100, 120, 150):
-        fig.set_dpi(dpi)
-        assert not [text for text in collisions(fig) if "agreement" in text and "cut off" in text]
+def test_overlapping_texts_are_noticed():
+    fig = views.figure(errors(1), style="paper")
+    fig.text(0.5, 0.5, "one")
+    fig.text(0.51, 0.5, "two")
+    fig.text(0.99, 0.5, "too far to the right")
+    found = collisions(fig)
+    assert "'one' lies on 'two'" in found and "'one' lies on panel 0" in found
+    assert "'too far to the right' is cut off" in found
 
 
 def test_title_and_parameters_are_the_caption():
@@ -130,15 +130,11 @@ def test_numbers_of_few_digits_are_exact():
     assert shown == ["0.03125", "-0.6", "2/3", "10^{-6}", r"3\cdot10^{8}", "0.454"]
 
 
-def test_points_that_are_not_resolved_can_be_told_from_others():
-    assert layout.unresolved("o") == {"markerfacecolor": "none"} and layout.unresolved("x")["alpha"] < 1
-
-
 def test_scales_of_colours_are_scales_of_lightness():
     """Of a value from low to high, or of its modulus where it has a sign."""
     for name in (*style.RAMPS, fields.TIMES):
         assert (np.diff(lightness(colormaps[name](np.linspace(0, 1, 65)))) > 0).all()
-    both = lightness(colormaps[fields.COLOURS](np.linspace(0, 1, 65)))
+    both = lightness(colormaps[fields.SIGNED](np.linspace(0, 1, 65)))
     assert (np.diff(both)[:32] > 0).all() and (np.diff(both)[32:] < 0).all()
 
 

@@ -108,6 +108,43 @@ def test_the_choice_has_the_least_work_of_those_that_are_exact_enough():
     assert finer.finest > coarser.finest and 80 < finer.work / coarser.work < 150
 
 
+def rarely(seen, samples=1024):
+    """What is known of an indicator that hardly any path changes: in a pilot of each level as many values as given."""
+    share = np.array(seen, float)[:, np.newaxis] / samples
+    equal = share == 0.0
+    variance = np.where(equal, 3.0 / samples, share)
+    nothing, tails = 0.0 * variance, np.where(equal, np.nan, 1.0 / np.maximum(share, 1e-300))
+    there = np.where((np.arange(len(share)) > 0) & (np.arange(len(share)) <= 7), samples, 0.0)
+    differences = Spread(share, variance, nothing, tails, equal, equal & False)
+    values = Spread(nothing + 1e-3, nothing + 1e-3, nothing, nothing + 3.0, equal & False, equal & False)
+    steps = 2.0 ** np.arange(len(share))
+    return Measured.of(differences, there, values, 3e-9 * steps, 1e-9 * steps)
+
+
+def test_where_rare_values_decide_no_more_is_asked_than_matters():
+    """One value among n has the kurtosis n, and of none the rule of three knows more the more are sampled."""
+    choice, error = planner.Choice(0, 0, 2, 0.0, 0.0), 1e-3 / INTERVAL
+    unseen = allocation(rarely([0] * LEVELS), (2.0,), choice, 1e-3)
+    assert unseen[3] == pytest.approx(math.sqrt(3.0) / (0.15 * 1e-3))  # not 3 / 1024 / (0.15 * 1e-3)^2
+    assert unseen[1:3] == pytest.approx(math.sqrt(3.0) / (error / 4))
+    once = rarely([0, 1, 0, 1, *[0] * (LEVELS - 4)], 2**16)
+    samples, variance = allocation(once, (2.0,), choice, 1e-3), once.variance[1, 0]
+    assert 3 / 2**16 < variance * 1.1 < 1.2 * 3 / 2**16  # no less than where none was seen
+    assert samples[1] == pytest.approx(5 * variance / (error / 4) ** 2)  # not 2^17, as its tails would ask for
+
+
+@compiled_only
+def test_a_rare_value_makes_no_answer_many_times_dearer():
+    """Of 1,024 paths of each level of this pilot one differs, at a small step; the answer took 170 times the usual."""
+    rare = "(1 + (y3 - 0.3)/abs(y3 - 0.3))/2"
+    model = {"name": "maxwell_bloch", "sigma": [0.7, 0.4]}
+    spent = []
+    for seed in (11, 12):
+        state = answered(model, rare, [1, 0.5, -0.3], 0.3, accuracy=1e-3, seed=seed)
+        spent.append(sum(state.plan.costs[number] * tally.paths for number, tally in state.tallies.items()))
+    assert spent[1] < 4 * spent[0]
+
+
 def test_points_come_in_powers_of_two():
     """The differences share what these leave, so that the variance wanted is reached; those that are there are free."""
     known, _ = measured([0.3, -0.2, 0.1], 2.0)

@@ -8,9 +8,9 @@ from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
 from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
-from view_helpers import GREEN, SCHEMES, edge, legends, lines_of, texts
+from view_helpers import GREEN, SCHEMES, bars_of, edge, heading, legend_texts, lines_of, points_of
 
-from spi.kinds.equilibrium import figure
+from spi.drawing import plots
 from spi.kinds.equilibrium.results import chance
 from spi.report import views
 
@@ -54,20 +54,20 @@ def test_printed_long_times_of_two_casimirs_and_none():
 def test_long_times():
     groups = [equilibrium_group(scheme) for scheme in SCHEMES]
     fig = views.figure(equilibrium(*groups))
+    assert len(fig.axes) == 1 + 4 + 4 + 1
     assert "512 paths of $2^{26}$ steps" in fig.texts[1].get_text() and "T=" not in fig.texts[1].get_text()
-    walk, means = fig.axes[:2]
-    entries = texts(walk.get_legend())
-    assert entries[6] == r"splitting, $h=2^{-2}$: $n^{0.50}$ [0.47, 0.53]"
-    assert entries[0] == "Euler-Maruyama, $h=2^{-2}$"  # nothing could be fitted
-    assert [x for x, _ in edge(walk, CARETUP)] == [2**9, 2**14, 2**15]
-    assert texts(means.get_legend())[:2] == ["95 % if the law is exact", "Euler-Maruyama, $h=2^{-6}$"]
+    (walk,) = (ax for ax in fig.axes if ax.get_ylabel().startswith("rms of $C(y_n)"))
+    assert [x for x, _ in edge(walk, CARETUP)][:3] == [2**9, 2**14, 2**15]
+    laws = [ax.get_xlabel() for ax in fig.axes if ax.get_xlabel().startswith("distribution")]
+    assert laws == [f"distribution function of ${name}$" for name in ("y_{1}", "y_{2}", "y_{3}", "H")]
+    assert {"95 % if the law is exact", "exact", "slope 1/2", "slope 1", "$10^{-11}$"} <= set(legend_texts(fig))
 
 
-def test_reference_slopes_and_path_0():
+def test_reference_slopes():
     group = equilibrium_group("splitting", panels=("growth",), law=False)
     (ax,) = views.figure(equilibrium(group, equilibrium_group("midpoint", panels=("growth",), law=False))).axes
     for line, slope in (("--", 0.5), (":", 1.0)):
-        (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == figure.SLOPE)
+        (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == plots.GREY)
         x, y = drawn.get_data()
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(slope)
         if slope == 0.5:  # above the best of the scheme's curves
@@ -76,31 +76,27 @@ def test_reference_slopes_and_path_0():
             assert (y[0] * np.sqrt(n / x[0]) / best).min() == pytest.approx(1.7)
     levels = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "-."]
     assert levels == [1e-11]
-    thin = [line for line in ax.lines if line.get_linewidth() == 0.5 and to_hex(line.get_color()) == GREEN]
-    one = np.abs(group.variables["casimir_one"][1][0, :, 0])
-    np.testing.assert_array_equal(thin[0].get_ydata(), np.where(one > 0, one, np.nan))
 
 
 def test_law_against_the_exact_one():
     groups = [equilibrium_group(scheme, panels=("law", "distance")) for scheme in ("midpoint", "splitting")]
     fig = views.figure(equilibrium(*groups))
     ax, distances = fig.axes[2], fig.axes[6]  # of y3
-    (bars,) = (c for c in ax.containers if to_hex(c[0].get_color()) == GREEN)
-    np.testing.assert_allclose(bars[0].get_ydata(), 20 * groups[1].variables["fraction"][1][0, 2])
-    half = np.diff(np.array(bars[2][0].get_segments())[:, :, 1])[:, 0] / 2
-    np.testing.assert_allclose(half, 1.96 * 20 * 6e-4)
-    hollow = [c for c in distances.containers if c[0].get_markerfacecolor() == "none"]
-    assert {to_hex(c[0].get_color()): len(c[0].get_xdata()) for c in hollow} == {"#0072b2": 1, GREEN: 3}
+    np.testing.assert_allclose(points_of(ax, "splitting")[:, 1], 20 * groups[1].variables["fraction"][1][0, 2])
+    _, low, high = bars_of(ax, "splitting")
+    np.testing.assert_allclose((high - low) / 2, 1.96 * 20 * 6e-4)
+    pale = {to_hex(line.get_color()): len(line.get_xdata()) for line in distances.lines if line.get_alpha()}
+    assert pale == {"#0072b2": 1, GREEN: 3}
     assert distances.get_ylim()[0] <= 6e-4 and {ax.get_ylim() for ax in fig.axes[:4]} == {ax.get_ylim()}
 
 
 def test_far_densities_do_not_hide_the_others():
-    far, near = equilibrium_group("midpoint"), equilibrium_group("splitting")
+    far, near = equilibrium_group("midpoint", panels=("law",)), equilibrium_group("splitting", panels=("law",))
     far.variables["fraction"][1][0, :, 5:] = 0.0
     far.variables["fraction"][1][0, :, 0] = 1.0
-    low, high = figure.law_limits(views.readings(equilibrium(far, near)), ["y1", "H"])
+    ax = views.figure(equilibrium(far, near)).axes[0]
+    low, high = ax.get_ylim()
     assert 0.3 < low < 0.95 and 1.05 < high < 1.7
-    ax = views.figure(equilibrium(far, near)).axes[2]
     assert len(edge(ax, CARETDOWN)) == 15 and len(edge(ax, CARETUP)) == 1
 
 
@@ -111,10 +107,16 @@ def test_lost_everywhere():
     group.variables["mean"][1][:] = np.nan
     for name in ("fraction", "law_distance", "law_distance_stderr"):
         group.variables[name][1][:] = np.nan
-    fig = views.figure(equilibrium(group))
-    assert len(fig.axes) == 3 + 4 + 4
-    assert any("paths diverge at every" in text for legend in legends(fig) for text in legend)
+    assert len(views.figure(equilibrium(group)).axes) == 2 + 4  # growth and distances
     assert "not finite" in printed(equilibrium(group))
+
+
+def test_growth_of_cases_side_by_side():
+    two = [equilibrium_group("splitting", case, panels=("growth",), law=False) for case in ("one", "two")]
+    fig = views.figure(equilibrium(*two))
+    assert [heading(ax) for ax in fig.axes] == [r"case one, \$5", r"case two, \$5"]
+    with pytest.raises(ValueError, match="no panel that could be drawn"):
+        views.figure(equilibrium(equilibrium_group("splitting", casimirs=0, panels=("growth",))))
 
 
 def test_statistics_of_a_reading():

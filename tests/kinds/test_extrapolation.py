@@ -24,7 +24,7 @@ from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
 from spi.schemes.stages import compositions, flows, is_own_reverse
 from spi.specs import SpecError
 from spi.specs.naming import as_yaml
-from spi.statistics.claims import PASSED, judge, quantities
+from spi.statistics.claims import CONFIRMED, judge, quantities
 from spi.statistics.estimators import Extrapolation, places, weights
 from spi.storage.records import Results
 
@@ -169,9 +169,9 @@ def test_orders_4_6_and_8_without_sampling():
     expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
     claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
     verdicts = judge(claimed.claims, quantities(tell))
-    assert [one.verdict for one in verdicts] == [PASSED, PASSED] and verdicts[1].found.about.extrapolate == 1
+    assert [one.verdict for one in verdicts] == [CONFIRMED, CONFIRMED] and verdicts[1].found.about.extrapolate == 1
     swapped = [one._replace(scopes=other.scopes) for one, other in pairwise([*claimed.claims, claimed.claims[0]])]
-    assert PASSED not in [one.verdict for one in judge(swapped, quantities(tell))]
+    assert CONFIRMED not in [one.verdict for one in judge(swapped, quantities(tell))]
 
 
 def test_a_scheme_that_is_not_symmetric_gains_one_order_at_a_time():

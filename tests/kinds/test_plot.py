@@ -1,12 +1,16 @@
 """Figures of strong errors, and what all figures share: what is drawn, not how it looks."""
 
+import copy
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.markers import CARETUP
 from strong_results import LABELS, H, strong, unresolved
 from strong_results import strong_group as group_of
-from view_helpers import legend_texts, rendered, save
+from view_helpers import bars_of, edge, heading, legend_texts, line_of, points_of, rendered, save, title
 
+from spi.drawing import style
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Order
@@ -34,11 +38,6 @@ def results():
     return strong(*(strong_group(scheme, constant=c) for scheme, c in zip(LABELS, (1.6, 0.9, 0.7), strict=True)))
 
 
-def scheme_line(ax, label):
-    (container,) = (c for c in ax.containers if c.get_label().startswith(label))
-    return container[0]
-
-
 def test_files_and_their_bytes(results, tmp_path):
     first = save(results, tmp_path / "a" / "b", "strong")
     second = save(results, tmp_path, "strong")
@@ -52,47 +51,94 @@ def test_strong_panel(results):
     """Points are those of the record that are resolved, pale ones are not, and what diverged stands at the edge."""
     fig = views.figure(results)
     (ax,) = fig.axes
-    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_ylabel().startswith("strong error")
-    for part in ("Strong errors", r"\sigma=(1,\,1,\,1)", "T=1", "2^{-16}", "500 samples", "truncated"):
-        assert part in "".join(text.get_text() for text in fig.texts)
-    legend = " ".join(legend_texts(ax))
-    assert legend.count("order 0.51 [0.49, 0.53]") == 3 and "pale: not resolved" in legend and "diverged" in legend
-    for label, group in zip(LABELS.values(), results.groups, strict=True):
-        line, error = scheme_line(ax, label), group.variables["error"][1]
-        assert to_hex(line.get_color()).upper() == SCHEMES[group.variant].look[1]
-        np.testing.assert_array_equal(line.get_ydata(), error[np.isfinite(error) & group.variables["resolved"][1]])
-    (pale,) = (c[0] for c in ax.containers if c[0].get_alpha())
-    assert pale.get_xdata().tolist() == [2**-13]
-    (edge,) = (line for line in ax.lines if line.get_ydata() is not None and list(line.get_ydata()) == [1.0])
-    assert edge.get_xdata().tolist() == [2**-5]
+    assert (ax.get_xscale(), ax.get_yscale(), title(ax)) == ("log", "log", "")
+    assert ax.get_xlabel() == "step size $h$"
+    assert ax.get_ylabel().startswith("strong error") and r"\sup_n" in ax.get_ylabel()
+    fig.draw_without_rendering()
+    assert [t.get_text() for t in ax.get_xticklabels()] == [f"$2^{{-{n}}}$" for n in (5, 7, 9, 11, 13)]
+    texts = [t.get_text() for t in fig.texts]
+    assert texts[0] == "Strong errors"
+    for part in (r"I=(2,\,1,\,2/3)", r"\sigma=(1,\,1,\,1)", "T=1", "2^{-16}", "500 samples", "0.454", "truncated"):
+        assert part in texts[1]
+    assert legend_texts(fig) == [
+        *(f"{label}: order 0.51 [0.49, 0.53]" for label in LABELS.values()),
+        *("slope 1/2", "slope 1", "pale: not resolved", "paths diverged, or beyond the axis"),
+    ]
+
+
+def test_markers_and_points(results):
+    (ax,) = views.figure(results).axes
+    for (scheme, label), marker in zip(LABELS.items(), "xoD", strict=True):
+        line = line_of(ax, label)
+        assert line.get_marker() == marker and line.get_markerfacecolor() == "none"
+        assert to_hex(line.get_color()).upper() == SCHEMES[scheme].look[1]
+        (group,) = (group for group in results.groups if group.variant == scheme)
+        error = group.variables["error"][1]
+        shown = error[np.isfinite(error) & group.variables["resolved"][1]]
+        np.testing.assert_array_equal(np.sort(points_of(ax, label)[:, 1]), np.sort(shown))
+    pale = [line for line in ax.lines if line.get_alpha()]
+    assert len(pale) == 1 and pale[0].get_linestyle() == "None" and pale[0].get_xdata().tolist() == [2**-13]
+    assert [x for x, _ in edge(ax, CARETUP)] == [2**-5]
+
+
+def test_five_cases_leave_one_place_free():
+    groups = [strong_group("splitting", case) for case in ("one", "two", "three", "four", "five")]
+    fig = views.figure(strong(*groups))
+    assert [ax.get_title("left").strip() for ax in fig.axes] == [f"({letter})" for letter in "abcde"]
+    assert [heading(ax).splitlines()[0] for ax in fig.axes][:2] == [r"case one, \$5", r"case two, \$5"]
+    assert {ax.get_subplotspec().colspan.start for ax in fig.axes} == {0, 1, 2}
 
 
 def test_error_bars_are_95_percent(results):
     (ax,) = views.figure(results).axes
-    bars = ax.containers[-1][2][0].get_segments()
-    error = results.groups[-1].variables["error"][1]
-    np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2 * 1.96 * 0.02 * error)
+    error = np.sort(results.groups[-1].variables["error"][1])
+    _, low, high = bars_of(ax, LABELS["splitting"])
+    np.testing.assert_allclose(high - low, 2 * 1.96 * 0.02 * error)
 
 
 def test_slopes_keep_off_the_data(results):
     (ax,) = views.figure(results).axes
-    points = np.concatenate([np.column_stack([g.coordinates["h"], g.variables["error"][1]]) for g in results.groups])
-    points = points[np.isfinite(points[:, 1])]
+    points = np.concatenate([points_of(ax, label) for label in LABELS.values()])
     for label, order, above in (("slope 1/2", 0.5, True), ("slope 1", 1.0, False)):
-        (line,) = (line for line in ax.lines if line.get_label() == label)
-        x, y = line.get_data()
+        x, y = line_of(ax, label).get_data()
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(order)
         ratio = points[:, 1] / (y[0] * (points[:, 0] / x[0]) ** order)
         assert (ratio < 0.7).all() if above else (ratio > 1.4).all()
 
 
+def test_plotting_changes_nothing(results):
+    before = copy.deepcopy(results)
+    views.figure(results)
+    for one, other in zip(results.groups, before.groups, strict=True):
+        assert one.attributes == other.attributes
+        for name, (_, values) in one.variables.items():
+            np.testing.assert_array_equal(values, other.variables[name][1])
+
+
+def test_cases_side_by_side(results):
+    """With one legend for all, and the fitted orders at the ends of lines, whose names stand there if they are many."""
+    one = [strong_group(s, "one", 0.5, 1.0, (1.0, np.nan, np.nan)) for s in (*LABELS, "splitting_drift_first", "new")]
+    fig = views.figure(strong(*results.groups, *one))
+    left, right = fig.axes
+    assert heading(left).splitlines() == [r"case three, \$5,  $\sigma=(1,\,1,\,1)$"]
+    assert r"$\sigma=(1,\,\mathrm{off},\,\mathrm{off})$" in heading(right)
+    assert r"\sigma" not in fig.texts[1].get_text() and "500 samples" in fig.texts[1].get_text()
+    new = [group.attributes["scheme_label"] for group in one[3:]]
+    assert [line_of(right, label).get_marker() for label in new] == ["s", style.OTHERS[0][0]]
+    assert legend_texts(fig)[:2] == ["slope 1/2", "slope 1"]
+    ends = [[text.get_text() for text in ax.texts if text.get_in_layout()] for ax in fig.axes]
+    assert ends[0] == ["0.51"] * 3 and sorted(ends[1]) == sorted(f"{label}: 1.01" for label in (*LABELS.values(), *new))
+    few = views.figure(strong(*results.groups[1:], *one[1:3]))
+    assert legend_texts(few)[:2] == list(LABELS.values())[1:]
+    assert "numbers at lines: fitted orders" in legend_texts(few)
+
+
 @pytest.mark.parametrize("count", [1, 2, 20])
 def test_any_number_of_steps(count):
-    group = strong_group("splitting", h=2.0 ** -np.arange(3, 3 + count))
-    group = unresolved(group)
-    (ax,) = rendered(views.figure(strong(group))).axes
-    assert legend_texts(ax)[0].endswith("order not resolved")
-    assert 1 <= len(ax.get_xticks()) <= 6
+    group = unresolved(strong_group("splitting", h=2.0 ** -np.arange(3, 3 + count)))
+    fig = rendered(views.figure(strong(group)))
+    assert legend_texts(fig)[0] == LABELS["splitting"]  # without an order
+    assert 1 <= len(fig.axes[0].get_xticks()) <= 6
 
 
 def test_a_title_of_a_character_that_nobody_sees_is_drawn(tmp_path):

@@ -1,17 +1,21 @@
 """Figures of weak errors: what is drawn, not how it looks."""
 
+import math
+
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.figure import Figure
-from view_helpers import legend_texts, rendered
+from matplotlib.markers import CARETDOWN, CARETUP
+from matplotlib.path import Path
+from view_helpers import bars_of, edge, heading, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
 from spi.drawing import style
-from spi.kinds.weak import figure
 from spi.report import views
+from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")
+NAMES = ("plain Monte Carlo ($10^{6}$)", "multilevel", "Kolmogorov, no sampling")
 
 
 def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
@@ -24,56 +28,62 @@ def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
     return groups
 
 
-def sampled(ax, label):
-    """Points of the series with that label, (h, error), and the ends of their bars."""
-    (container,) = (c for c in ax.containers if c.get_label().startswith(label))
-    return np.column_stack(container[0].get_data()), np.array(container[2][0].get_segments())
-
-
-def curve(ax, label):
-    (line,) = (line for line in ax.lines if line.get_label().startswith(label))
-    return line
-
-
 def test_errors_of_three_estimators():
+    """Samples are points with bars, what is not sampled a smooth line."""
     results = weak(*one_scheme())
     fig = views.figure(results)
     (ax,) = fig.axes
-    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_ylabel().startswith("weak error")
-    assert " ".join(legend_texts(ax)).count("order 1.00 [0.98, 1.02]") == 3
-    points, bars = sampled(ax, "multilevel")
-    np.testing.assert_array_equal(points, np.column_stack([H, results.groups[1].variables["error"][1][0]]))
-    np.testing.assert_allclose(bars[:, 1, 1] - bars[:, 0, 1], 2 * 1.96e-5)
-    np.testing.assert_array_equal(np.sort(curve(ax, "Kolmogorov").get_ydata()), np.sort(0.5 * H))
+    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_xlabel() == "step size $h$"
+    assert ax.get_ylabel().startswith("weak error") and r"\varphi(y_h(T))" in ax.get_ylabel()
+    lines, points = legend_texts(fig)[:2], legend_texts(fig)[2:]
+    assert {*lines, *points} == {*(f"{name}: order 1.00 [0.98, 1.02]" for name in NAMES), "slope 1"}
+    drawn = points_of(ax, "multilevel")[::-1]
+    np.testing.assert_array_equal(drawn, np.column_stack([H, results.groups[1].variables["error"][1][0]]))
+    beside = points_of(ax, NAMES[0])[::-1]
+    assert (beside[:, 0] > H).all() and (beside[:, 0] < 1.2 * H).all()
+    assert [line_of(ax, name).get_linestyle() for name in NAMES] == ["None", "None", "-"]
+    exact = line_of(ax, NAMES[2])
+    assert exact.get_marker() in ("", "None") and exact.get_color() == SCHEMES["splitting"].look[1]
+    np.testing.assert_array_equal(np.sort(exact.get_ydata()), np.sort(0.5 * H))
     text = fig.texts[1].get_text()
     assert r"\varphi(y)=\mathrm{sin}(2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
 
 
 def test_negative_errors_and_the_sampling_floor():
+    """An interval that reaches 0 has an arrow of one length instead of a bar to the frame."""
     group = weak_group("splitting_order2", "multilevel", stderr=1e-5)
     error, resolved = group.variables["error"][1], group.variables["resolved"][1]
     assert (error[1, :4] < 0).all() and not resolved[1, 3:].any() and resolved[1, :3].all()
     error[1, 5] = 1e-9  # by chance; its interval reaches up to 2e-5
-    ax = views.figure(weak(group)).axes[1]
-    assert ax.get_title() == r"square: $\varphi(y)=y_{1}^{2}$"
-    filled, hollow = (c[0] for c in ax.containers)
-    np.testing.assert_array_equal(filled.get_ydata(), -error[1, :3])
-    np.testing.assert_array_equal(hollow.get_ydata(), np.abs(error[1, 3:5]))
-    assert filled.get_markerfacecolor() != "none" and hollow.get_markerfacecolor() == "none"
-    (bar,) = ax.collections[-1].get_segments()  # of the error by chance, which lies below the panel
-    np.testing.assert_allclose(bar[1], [2**-8, 1e-9 + 1.96e-5])
-    assert [line.get_xdata().tolist() for line in ax.lines if list(line.get_ydata()) == [0.0]] == [[2**-8]]
-    assert "hollow: not resolved" in legend_texts(ax)[-1]
+    fig = views.figure(weak(group))
+    ax = fig.axes[1]
+    assert title(ax) == r"square: $\varphi(y)=y_{1}^{2}$"
+    label = group.attributes["scheme_label"]
+    np.testing.assert_array_equal(points_of(ax, label)[::-1, 1], -error[1, :3])
+    (pale,) = (line for line in ax.lines if line.get_alpha())
+    np.testing.assert_array_equal(pale.get_ydata()[::-1], np.abs(error[1, 3:5]))
+    bottom, _ = ax.get_ylim()
+    assert 1e-9 < bottom < 4e-6
+    (arrows,) = (line for line in ax.lines if isinstance(line.get_marker(), Path))
+    np.testing.assert_allclose(arrows.get_xdata(), [2**-8, 2**-7])
+    np.testing.assert_allclose(arrows.get_ydata(), [1e-9 + 1.96e-5, abs(error[1, 4])])
+    _, low, _ = bars_of(ax, label)
+    assert (low > bottom).all()
+    assert [x for x, _ in edge(ax, CARETDOWN)] == [2**-8] and "pale: not resolved" in legend_texts(fig)
 
 
 def test_slopes_of_both_orders():
     groups = [weak_group(scheme, "kolmogorov", functions=1) for scheme in ("splitting", "splitting_order2")]
-    (ax,) = views.figure(weak(*groups)).axes
+    fig = views.figure(weak(*groups))
+    assert legend_texts(fig)[:2] == [
+        f"{label}: order {p}.00 [{p - 0.02:.2f}, {p + 0.02:.2f}]"
+        for p, label in ((1, "splitting"), (2, "splitting, weak order 2"))
+    ]
     for p in (1, 2):
-        x, y = curve(ax, f"slope {p}").get_data()
+        x, y = line_of(fig.axes[0], f"slope {p}").get_data()
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(p)
-    assert "2^{-10}" not in ax.figure.texts[1].get_text()  # there is no reference
-    assert "Kolmogorov" in ax.figure.texts[1].get_text()
+    assert "2^{-10}" not in fig.texts[1].get_text()  # there is no reference
+    assert "Kolmogorov" in fig.texts[1].get_text()
 
 
 def test_the_band_of_a_curve_only_where_it_can_be_seen():
@@ -86,30 +96,82 @@ def test_the_band_of_a_curve_only_where_it_can_be_seen():
 
 def test_by_number_of_paths():
     results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
-    left, right = rendered(views.figure(results)).axes
-    assert not any("plain" in text for text in legend_texts(left))
-    assert legend_texts(right)[:3] == ["$10^{4}$ paths", "$10^{5}$ paths", "$10^{6}$ paths"]
-    floors = [line.get_ydata() for line in right.lines if line.get_linestyle() == "--" and len(line.get_xdata())]
+    fig = rendered(views.figure(results))
+    left, right = fig.axes
+    assert "plain" not in " ".join(str(line.get_label()) for line in left.lines)
+    assert title(right) == "plain Monte Carlo by number of paths"
+    paths = ["$10^{4}$ paths", "$10^{5}$ paths", "$10^{6}$ paths"]
+    assert set(paths) <= {text.get_text() for text in right.texts} and {"multilevel: 2.00"} <= {
+        text.get_text() for text in left.texts
+    }  # too many for a legend
+    assert "dashed: half the 95 % interval" in legend_texts(fig)
+    floors = [
+        line.get_ydata()[::-1] for line in right.lines if line.get_linestyle() == "--" and line.get_linewidth() < 1
+    ]
     np.testing.assert_allclose(floors, 1.96 * results.groups[0].variables["prefix_error_stderr"][1][:, 0])
-    shown = results.groups[0].variables["prefix_error"][1][2, 0]
-    points, _ = sampled(right, "$10^{6}$")
-    np.testing.assert_array_equal(points[:, 1], np.abs(shown[np.abs(shown) >= 4e-4]))
+    shown, resolved = (results.groups[0].variables[f"prefix_{name}"][1][2, 0] for name in ("error", "error_stderr"))
+    good = np.abs(shown) >= 2 * resolved
+    np.testing.assert_array_equal(points_of(right, "$10^{6}$ paths")[::-1, 1], np.abs(shown[good]))
+
+
+def test_all_paths_where_no_prefix_has_them():
+    groups = one_scheme(panels=("samples",))
+    groups[0].attributes["samples"] = 5 * 10**6
+    assert "5000000 paths" in legend_texts(views.figure(weak(*groups)))
 
 
 def test_accuracy_against_seconds():
     results = weak(*one_scheme(panels=("seconds",)))
     accuracy, estimates = rendered(views.figure(results)).axes
     middle = H[2]  # of 2^-3 .. 2^-8, 2^-5.5 rounds to the larger one
-    assert accuracy.get_title() == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
-    _, multilevel, exact, _ = legend_texts(accuracy)
-    assert "100 times as fast" in multilevel and "$10^{12}$ times as fast" in exact
-    seconds, stderr = curve(accuracy, "plain").get_data()
+    assert title(accuracy) == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
+    assert "100 times as fast" in [text.get_text() for text in accuracy.texts]
+    seconds, stderr = line_of(accuracy, "plain Monte Carlo").get_data()
     np.testing.assert_allclose(seconds, [0.04, 0.4, 4])
     np.testing.assert_allclose(stderr, 1e-4 * np.sqrt([100, 10, 1]))
-    (constant,) = {round(c[0].get_ydata()[-1], 12) for c in estimates.containers if c.get_label() == "multilevel"}
-    assert constant == round(0.5 * middle + 1e-5, 12)
-    (line,) = (line for line in estimates.lines if line.get_label().startswith("Kolmogorov"))
-    assert list(line.get_ydata()) == [0.5 * middle] * 2
+    assert len(edge(accuracy, CARETDOWN)) == 1  # the bound of what is not sampled, far below
+    last = points_of(estimates, "multilevel")[-1, 1]
+    assert last == pytest.approx(0.5 * middle + 1e-5)
+    assert [0.5 * middle] * 2 in [list(line.get_ydata()) for line in estimates.lines]
+
+
+def test_seconds_without_the_other_estimators(tmp_path):
+    plain, *_ = one_scheme(panels=("errors", "seconds"))
+    assert len(views.figure(weak(plain)).axes) == 3
+    plain.variables["prefix_error_stderr"][1][:] = 0.0
+    plain.variables["error_stderr"][1][:] = np.inf
+    save(weak(plain), tmp_path, "seconds")
+
+
+@pytest.mark.parametrize(
+    ("cases", "functions", "shape"), [(3, 1, (1, 3)), (4, 1, (2, 2)), (2, 2, (2, 2)), (1, 2, (1, 2))]
+)
+def test_places_of_panels(cases, functions, shape):
+    names = [f"c{i}" for i in range(cases)]
+    groups = [weak_group("splitting", "multilevel", case=name, functions=functions) for name in names]
+    for i, group in enumerate(groups):
+        group.attributes["model_sigma"] = (0.5, float(i), math.nan)
+    fig = views.figure(weak(*groups))
+    spots = [ax.get_subplotspec() for ax in fig.axes]
+    assert (1 + max(s.rowspan.start for s in spots), 1 + max(s.colspan.start for s in spots)) == shape
+    assert len(fig.axes) == cases * functions
+    if cases > 1:
+        (second,) = (ax for ax in fig.axes if heading(ax).startswith("case c1, \\$5"))
+        assert "$\\sigma=(0.5,\\,1,\\,\\mathrm{off})$" in heading(second)
+
+
+@pytest.mark.share
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
+@pytest.mark.parametrize("which", ["all", "some"])
+def test_what_is_not_finite(value, which):
+    groups = one_scheme(panels=("errors", "samples", "seconds"))
+    for group in groups:
+        for name, (_, values) in group.variables.items():
+            if values.dtype == float and not name.startswith(("level", "order")):
+                values[..., : 1 if which == "some" else None] = value
+            elif name == "resolved":
+                values[..., : 1 if which == "some" else None] = False
+    rendered(views.figure(weak(*groups)))
 
 
 def test_paths_that_blow_up():
@@ -117,19 +179,20 @@ def test_paths_that_blow_up():
     group.variables["error"][1][0, :2] = 1e30, np.inf
     group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
     group.variables["resolved"][1][0, :2] = False
-    (ax,) = views.figure(weak(group)).axes
-    assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths diverged (NaN or infinity) or nearly so"
-    (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0, 1.0])
-    assert edge.get_xdata().tolist() == [2**-3, 2**-4]
+    fig = views.figure(weak(group))
+    (ax,) = fig.axes
+    assert 1 < ax.get_ylim()[1] < 1e3 and "paths diverged, or beyond the axis" in legend_texts(fig)
+    assert sorted(x for x, _ in edge(ax, CARETUP)) == [2**-4, 2**-3]
 
 
 def test_no_bar_for_one_path_and_for_errors_of_0():
     """Neither has an interval: the errors of one path lie within the frame, and no line stands for an error of 0."""
-    look = {"marker": "o", "color": "#000000"}
-    for error, half in ((1e-2 * H, np.nan), (0.0 * H, 0.0)):
-        one = figure.Series(H, error, np.full(len(H), half), np.zeros(len(H), bool), "one", look)
-        ax = Figure().subplots()
-        figure.errors_panel(ax, [one], "")
+    for error, stderr in ((1e-2 * H, np.nan), (0.0 * H, 0.0)):
+        group = weak_group("splitting", "multilevel", functions=1)
+        group.variables["error"][1][0] = error
+        group.variables["error_stderr"][1][0] = stderr
+        group.variables["resolved"][1][...] = False
+        (ax,) = views.figure(weak(group)).axes
         lines = [segment for lines in ax.collections for segment in lines.get_segments()]
         assert all(np.ptp(segment[:, 1]) == 0 for segment in lines)
         bottom, top = ax.get_ylim()
@@ -147,20 +210,36 @@ def test_one_step_size():
                 group.variables[name] = (axes, values[..., :1])
             elif name.startswith("order"):
                 group.variables[name] = (axes, values * np.nan)
-    assert legend_texts(rendered(views.figure(weak(*groups))).axes[0])[0].endswith("order not resolved")
+    assert not any("order" in text for text in legend_texts(rendered(views.figure(weak(*groups)))))
+
+
+def test_only_schemes_with_prefixes_have_panels_of_seconds():
+    without = weak_group("splitting_order2", "plain", panels=("seconds",))
+    panels = [title(ax) for ax in views.figure(weak(*one_scheme(panels=("seconds",)), without)).axes]
+    assert panels == ["splitting, $h=2^{-5}$: accuracy", "splitting, $h=2^{-5}$: estimates"]
+
+
+def test_panels_that_cannot_be_drawn():
+    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
+        views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
+    with pytest.raises(ValueError, match="no panel that could be drawn"):
+        views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))
+    with pytest.raises(ValueError, match="no scheme"):
+        views.figure(weak())
 
 
 def test_formulas():
     assert style.formula("3.141592653589793*y12^10 - exp(0.25*y1)") == r"\pi\,y_{12}^{10} - \mathrm{exp}(0.25\,y_{1})"
     assert style.formula("2*y2^2 - y1", ("q_1", "P6")) == r"2\,\mathrm{P6}^{2} - \mathrm{q\_1}"
+    assert style.maths("y3^2") == "$y_{3}^{2}$" and style.maths("y1 <= 1/2") == r"$y_{1} \leq  1/2$"
+    assert style.maths("maximum of y3") == "maximum of $y_{3}$" and style.maths("a $ b_") == r"a \$ b_"
 
 
 def test_components_have_the_names_of_the_system():
     """In the line above a figure, in the titles of panels, and under the table."""
     results = weak(weak_group("splitting", "multilevel", variables=("P1", "P2", "G3")))
     fig, text = views.figure(results), printed(results)
-    titles = " ".join(ax.get_title() + ax.get_title("left") for ax in fig.axes)
+    titles = " ".join(map(title, fig.axes))
     assert r"\mathrm{P1}" in titles and "y_{1}" not in titles
     assert "P1" in text and "y1" not in text
     assert [style.count(n) for n in (500, 10**6, 12345)] == ["500", "$10^{6}$", "12345"]
-    assert figure.frame([]) is None

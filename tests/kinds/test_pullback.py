@@ -92,7 +92,7 @@ def test_bits_and_the_file(plan_of):
     pairs = np.linalg.norm(d - np.roll(d.reshape(2, 64, 3), 32, axis=1).reshape(128, 3), axis=1)
     assert abs(pictures.distance[1] - pairs.mean()) < 4 * pictures.distance_stderr[1]
     assert pictures.typical[1] < pictures.distance[1] < 2
-    assert len(figure.draw("A", [[again]]).axes) == 3 + 2 * 2
+    assert len(figure.draw("A", [[again]]).axes) == 3 + 2
 
 
 def test_pictures_of_two_formulas(plan_of):
@@ -104,7 +104,7 @@ def test_pictures_of_two_formulas(plan_of):
     assert (pictures.count.sum(axis=(1, 2)) / 150 + pictures.outside).tolist() == [1, 1, 1]
     y = plan.pulled.states(0, 1, 64)
     assert np.array_equal(plan.pulled.sides(y)[0], y[:, :, 0] * y[:, :, 1])
-    assert len(figure.draw("A", [[found]]).axes) == 2 * 3
+    assert len(figure.draw("A", [[found]]).axes) == 2 * 3  # with colour bars
 
 
 def test_the_projection_keeps_areas():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
-from view_helpers import legend_texts, rendered
+from matplotlib.markers import CARETUP
+from view_helpers import edge, legend_texts, line_of, points_of, rendered, title
 from weak_results import H, at_eps, weak, weak_group
 
 from spi.drawing import style
@@ -68,17 +69,22 @@ def test_no_largest(lacking):
     if lacking != "one eps":
         groups[1].variables.pop("error_without")
     assert "largest" not in printed(weak(*groups))
-    assert "largest" not in " ".join(legend_texts(views.figure(weak(*groups)).axes[0]))
+    assert "largest" not in " ".join(legend_texts(views.figure(weak(*groups))))
 
 
 def test_errors_at_several_eps():
     groups = [*several_eps(), weak_group("splitting", "multilevel", functions=1)]
-    (ax,) = rendered(views.figure(weak(*groups))).axes
-    labels = legend_texts(ax)
-    assert sum(label.startswith(r"AP splitting, $\varepsilon=10^{-") for label in labels) == 3
-    assert labels[4].startswith(r"largest over $\varepsilon$: order 1.00 [") and "scheme's own limit" in labels[-1]
-    assert len({to_hex(container[0].get_color()) for container in ax.containers}) == 4
-    (top,) = (line for line in ax.lines if line.get_label().startswith("largest"))
+    fig = rendered(views.figure(weak(*groups)))
+    (ax,) = fig.axes
+    labels = legend_texts(fig)
+    assert labels[0].startswith(r"largest over $\varepsilon$: order 1.00 [")
+    schemes = [*(rf"AP splitting, $\varepsilon=10^{{-{n}}}$" for n in (2, 3, 4)), "splitting"]
+    assert labels[1:5] == [f"{scheme}: order 1.00 [0.98, 1.02]" for scheme in schemes]
+    assert "slope 1" in labels
+    assert r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit" in labels
+    lines = [line_of(ax, scheme) for scheme in schemes]
+    assert len({line.get_marker() for line in lines}) == 4 == len({to_hex(line.get_color()) for line in lines})
+    top = line_of(ax, r"largest over $\varepsilon$")
     np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
 
 
@@ -108,18 +114,24 @@ def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
 
 def test_against_eps():
     results = weak(*(at_one_step(group) for group in failing()))
-    (ax,) = rendered(views.figure(results)).axes
+    fig = rendered(views.figure(results))
+    (ax,) = fig.axes
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", r"$\varepsilon$")
-    for container, group in zip(ax.containers, (results.groups[i] for i in (0, 3, 6)), strict=True):
-        line = container[0]
-        assert line.get_ydata()[0] == abs(group.variables["error"][1][0, 0])
-        np.testing.assert_allclose(line.get_xdata(), [1.0, 0.1, 1e-3][: len(line.get_xdata())], rtol=0.3)
-    (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0])
-    assert edge.get_color() == SCHEMES["multiscale_euler"].look[1]
-    (stable,) = (line for line in ax.lines if line.get_label().startswith("$h=2"))
-    assert stable.get_xdata() == [0.25, 0.25]
-    (level,) = (line for line in ax.lines if line.get_label() == "splitting")
-    assert set(level.get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
+    assert title(ax) == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
+    schemes = ("AP splitting", "explicit Euler-Maruyama", "semi-implicit Euler-Maruyama")
+    assert {
+        *(*schemes, "splitting", "paths diverged, or beyond the axis", r"$h=2\,\varepsilon^2$"),
+        r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit",
+    } <= set(legend_texts(fig))
+    for label, group in zip(schemes, (results.groups[i] for i in (0, 3, 6)), strict=True):
+        line, (x, y) = line_of(ax, label), points_of(ax, label)[-1]
+        assert line.get_marker(), line.get_color() == SCHEMES[group.attributes["scheme"].look]
+        assert y == abs(group.variables["error"][1][0, 0]) and x == pytest.approx(1.0, rel=0.3)
+    assert {colour.upper() for _, colour in edge(ax, CARETUP)} == {SCHEMES["multiscale_euler"].look[1]}
+    assert [0.25, 0.25] in [list(line.get_xdata()) for line in ax.lines]
+    assert set(line_of(ax, "splitting").get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
+    low, high = ax.get_xlim()
+    assert low < 1e-3 and high > 1.0
 
 
 def at_one_step(group):
@@ -130,10 +142,38 @@ def at_one_step(group):
     return group._replace(coordinates=coordinates, variables=group.variables | shorter)
 
 
-def test_hollow_against_eps():
+def test_against_eps_at_several_steps():
+    fig = views.figure(weak(*failing(functions=2)))
+    titles = [title(ax) for ax in fig.axes]
+    assert [text.split(",  ")[-1].splitlines()[-1] for text in titles] == [f"$h=2^{{-{n}}}$" for n in range(3, 9)] * 2
+    assert all(text.startswith("square") for text in titles[6:])
+    spots = [ax.get_subplotspec() for ax in fig.axes]
+    assert max(s.colspan.start for s in spots) == 3 and max(s.rowspan.start for s in spots) == 2
+
+
+def test_pale_against_eps():
     groups = [at_one_step(group) for group in several_eps(panels=("eps",), reference_scheme="ap_splitting")]
     groups[1].variables["resolved"][1][...] = False
-    (ax,) = views.figure(weak(*groups)).axes
-    filled, hollow = (container[0] for container in ax.containers)
-    assert len(filled.get_xdata()) == 2 and len(hollow.get_xdata()) == 1 and hollow.get_markerfacecolor() == "none"
-    assert legend_texts(ax)[1] == "hollow: not resolved" and legend_texts(ax)[-1].endswith("the limit of AP splitting")
+    fig = views.figure(weak(*groups))
+    (ax,) = fig.axes
+    (pale,) = (line for line in ax.lines if line.get_alpha())
+    assert len(points_of(ax, "AP splitting")) == 2 and len(pale.get_xdata()) == 1
+    assert "pale: not resolved" in legend_texts(fig)
+    assert any(text.endswith("the limit of AP splitting") for text in legend_texts(fig))
+
+
+@pytest.mark.share(1)
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
+def test_nothing_to_see_against_eps(value):
+    groups = [at_one_step(group) for group in failing(eps=(1.0, 0.1, 0.0))]
+    for group in groups:
+        group.variables["error"][1][...] = value
+        group.variables["resolved"][1][...] = False
+    rendered(views.figure(weak(*groups)))
+    printed(weak(*groups))
+
+
+def test_no_eps():
+    for groups in ([weak_group("splitting", "plain", panels=("eps",))], several_eps(eps=(0.0,) * 3, panels=("eps",))):
+        with pytest.raises(ValueError, match="'eps' needs a scheme with eps > 0"):
+            views.figure(weak(*groups))

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.colors import to_hex
+from matplotlib.markers import CARETDOWN, CARETUP
 from strong_results import unresolved
+from view_helpers import bars_of, edge, heading, legend_texts, points_of, title
 from work_cases import answers
 from work_results import MADE_UP, H, work_group, work_results
 
 from spi.report import views
-from spi.schemes import SCHEMES
 from spi.storage.records import Results
 
 
@@ -18,79 +18,113 @@ def figure():
     return views.figure(work_results())
 
 
-def series(ax, scheme):
-    """The points of a scheme, without those of the legend."""
-    marker, colour = SCHEMES[scheme].look
-    lines = [line for line in ax.lines if line.get_marker() == marker and to_hex(line.get_color()).upper() == colour]
-    return [line for line in lines if len(line.get_xdata())]
+def label_of(scheme):
+    return MADE_UP[scheme][0]
 
 
-def edge(ax, end):
-    return {tuple(np.ravel(line.get_xdata())) for line in ax.lines if set(np.ravel(line.get_ydata())) == {end}}
+@pytest.fixture(scope="module")
+def axes(figure):
+    """The panels by case and what they show."""
+    errors = [ax for ax in figure.axes if "Casimir" not in ax.get_ylabel()]
+    casimirs = [ax for ax in figure.axes if "Casimir" in ax.get_ylabel()]
+    return dict(zip(("one", "lost", "weak"), errors, strict=True)), dict(zip(("one", "lost"), casimirs, strict=True))
 
 
-def test_panels(figure):
-    one, lost, weak, casimirs, _, empty = figure.axes
-    assert one.get_ylabel().startswith("strong error") and weak.get_ylabel().startswith("weak error")
-    assert not empty.axison and casimirs.get_ylabel().startswith("Casimir error") and r"\sigma" in lost.get_title()
-    assert [one.xaxis.get_major_formatter()(x) for x in (1e-7, 1e-6)] == ["100 ns", "1 µs"]
+def test_panels(figure, axes):
+    errors, casimirs = axes
+    for ax in figure.axes:
+        assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
+        assert ax.get_xlabel() == "processor time of a path (s)"
+    assert errors["one"].get_ylabel().startswith("strong error") and errors["weak"].get_ylabel().startswith(
+        "weak error"
+    )
+    assert heading(errors["one"]).splitlines()[0].startswith("case one") and r"\sigma" in heading(errors["lost"])
+    columns = [ax.get_subplotspec().colspan.start for ax in (*errors.values(), *casimirs.values())]
+    assert columns == [0, 1, 2, 0, 1]
 
 
-def test_points_of_errors(figure):
-    one, lost = figure.axes[:2]
+def test_points_of_errors(axes):
+    one, lost = axes[0]["one"], axes[0]["lost"]
     for scheme in MADE_UP:
         variables = work_group("one", scheme).variables
-        (line,) = series(one, scheme)
-        np.testing.assert_array_equal(line.get_xdata(), variables["seconds_per_path"][1])
-        np.testing.assert_array_equal(line.get_ydata(), variables["error"][1])
+        points = points_of(one, label_of(scheme))
+        np.testing.assert_array_equal(points[:, 0], np.sort(variables["seconds_per_path"][1]))
+        np.testing.assert_array_equal(np.sort(points[:, 1]), np.sort(variables["error"][1]))
     seconds = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
-    (line,) = series(lost, "euler_maruyama")
-    np.testing.assert_array_equal(line.get_xdata(), seconds[3:])
-    assert edge(lost, 1) == {tuple(seconds[:3])} and edge(one, 1) == set()
+    np.testing.assert_array_equal(points_of(lost, label_of("euler_maruyama"))[:, 0], np.sort(seconds[3:]))
+    assert [x for x, _ in edge(lost, CARETUP)] == sorted(seconds[:3]) and not edge(one, CARETUP)
     assert lost.get_ylim()[1] < 1
-    bars = one.containers[-1][2][0].get_segments()
+    _, low, high = bars_of(one, label_of("splitting_order2"))
     stderr = work_group("one", "splitting_order2").variables["error_stderr"][1]
-    np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2 * 1.96 * stderr)
+    np.testing.assert_allclose(np.sort(high - low), np.sort(2 * 1.96 * stderr), rtol=1e-6)
 
 
 def test_resolved_errors_of_a_blow_up_do_not_widen_the_axes():
     groups = [work_group("one", scheme) for scheme in ("euler_maruyama", "midpoint", "splitting")]
     groups[0].variables["error"][1][0] = 1e6
     ax = views.figure(Results({"kind": "work_precision"}, tuple(groups))).axes[0]
-    assert ax.get_ylim()[1] < 1 and edge(ax, 1) == {(groups[0].variables["seconds_per_path"][1][0],)}
+    seconds = groups[0].variables["seconds_per_path"][1][0]
+    assert ax.get_ylim()[1] < 1 and [x for x, _ in edge(ax, CARETUP)] == [seconds]
 
 
-def test_weak_errors_have_bounds_and_pale_points(figure):
-    weak = figure.axes[2]
-    bars = weak.containers[0][2][0].get_segments()
-    np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2e-8, rtol=1e-5)
-    pale = [line for line in series(weak, "splitting_order2") if line.get_alpha()]
-    assert len(pale) == 1 and len(pale[0].get_xdata()) == 1 and pale[0].get_linestyle() == "None"
+def test_weak_errors_have_pale_points(axes):
+    (pale,) = (line for line in axes[0]["weak"].lines if line.get_alpha())
+    assert len(pale.get_xdata()) == 1 and pale.get_linestyle() == "None"
 
 
-def test_requested_errors(figure):
-    for ax, seen in ((figure.axes[0], [0.01, 0.1]), (figure.axes[2], [1e-6, 1e-4, 0.01])):
-        across = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "--" and len(line.get_ydata())]
-        assert across == seen
+def test_requested_errors(axes):
+    for case, seen in (("one", [0.01, 0.1]), ("weak", [1e-6, 1e-4, 0.01])):
+        lines = [line for line in axes[0][case].lines if line.get_linestyle() == "--" and len(line.get_ydata())]
+        low, high = axes[0][case].get_ylim()
+        assert [line.get_ydata()[0] for line in lines] == [error for error in seen if low < error < high] != []
 
 
-def test_points_of_casimirs(figure):
-    casimirs, spoilt = figure.axes[3:5]
+def test_points_of_casimirs(axes):
+    casimirs, spoilt = axes[1]["one"], axes[1]["lost"]
     seconds = work_group("one", "splitting").variables["seconds_per_path"][1]
-    assert edge(casimirs, 0) == {(seconds[0],)} and edge(casimirs, 1) == set()
-    (line,) = series(casimirs, "splitting")
-    np.testing.assert_array_equal(line.get_xdata(), seconds[1:])
-    (line,) = series(casimirs, "midpoint")
-    np.testing.assert_array_equal(line.get_ydata(), 0.1 * H)
+    assert [x for x, _ in edge(casimirs, CARETDOWN)] == [seconds[0]] and not edge(casimirs, CARETUP)
+    np.testing.assert_array_equal(points_of(casimirs, label_of("splitting"))[:, 0], np.sort(seconds[1:]))
+    np.testing.assert_array_equal(np.sort(points_of(casimirs, label_of("midpoint"))[:, 1]), np.sort(0.1 * H))
     lost = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
-    assert edge(spoilt, 1) == {tuple(lost[:3])} and spoilt.get_ylim()[1] < 10
+    assert [x for x, _ in edge(spoilt, CARETUP)] == sorted(lost[:3]) and spoilt.get_ylim()[1] < 10
+
+
+def test_one_legend(figure):
+    assert {"requested errors", "0, or below the axis", "paths diverged, or beyond the axis"} <= set(
+        legend_texts(figure)
+    )
+
+
+def test_without_casimirs_there_is_one_panel():
+    fig = views.figure(work_results(("weak",), ("splitting", "midpoint")))
+    (ax,) = fig.axes
+    assert title(ax) == "" and len(fig.legends) == 1
 
 
 def test_a_scheme_without_casimirs_beside_others():
     groups = [work_group("one", scheme, casimirs=scheme == "midpoint") for scheme in ("midpoint", "splitting")]
     fig = views.figure(Results({"kind": "work_precision"}, tuple(groups)))
-    assert series(fig.axes[0], "splitting") and series(fig.axes[1], "midpoint")
-    assert not series(fig.axes[1], "splitting")
+    drawn = [{line.get_label() for line in ax.lines} for ax in fig.axes]
+    assert label_of("splitting") in drawn[0] - drawn[1] and label_of("midpoint") in drawn[1]
+
+
+def test_times_that_differ_little_have_more_ticks():
+    group = work_group("one", "splitting")
+    for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):
+        group.variables[name] = (("h",), group.variables[name][1] ** 0.25)
+    fig = views.figure(Results({"kind": "work_precision"}, (group,)))
+    fig.draw_without_rendering()
+    low, high = fig.axes[0].get_xlim()
+    assert high < 30 * low and sum(low <= tick <= high for tick in fig.axes[0].get_xticks()) >= 2
+
+
+def test_four_cases_are_a_square():
+    names = ("one", "two", "three", "four")
+    fig = views.figure(work_results(names, ("splitting",), casimirs=False))
+    titles = [heading(ax).split(",")[0] for ax in fig.axes if heading(ax)]
+    assert titles == [f"case {name}" for name in names] and len(fig.axes) == 4
+    tops = [ax.get_position().y0 for ax in fig.axes]
+    assert tops[0] == pytest.approx(tops[1]) and tops[2] == pytest.approx(tops[3]) and tops[2] < tops[0]
 
 
 @pytest.mark.parametrize("variables", [("error",), ("error", "error_stderr", "casimir_drift", "seconds_per_path")])

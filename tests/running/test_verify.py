@@ -17,6 +17,7 @@ from spi.running.checkpoint import Shard
 from spi.running.verify import differing, verify
 from spi.statistics import tallies
 from spi.storage.files import with_checksum
+from spi.storage.records import Group
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
@@ -224,3 +225,12 @@ def test_times_are_compared_with_sums_only(copied):
     assert [wrong for wrong in verify(path, 1).wrong if "ns_per_step does not follow" in wrong]
     shutil.rmtree(path.parent / "sums")
     assert verify(path, None).sound
+
+
+def test_an_attribute_that_has_the_name_of_an_array_is_compared_as_well():
+    """Of weak errors `samples` are both."""
+    arrays = {"samples": (("h",), np.array([10.0, 10.0]))}
+    one = Group("main", "splitting", {"h": np.array([0.5, 0.25])}, arrays, {"samples": 10})
+    other = one._replace(attributes={"samples": 11})
+    assert differing([one], [one], times=True) == []
+    assert differing([one], [other], times=True) == ["main/splitting: attribute samples"]

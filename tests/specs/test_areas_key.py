@@ -49,7 +49,7 @@ def test_who_says_that_areas_are_gaussian():
     about = Description.describe(case, case.row("munthe_kaas_areas"), part)
     attributes = about.attributes()
     assert attributes["areas"] == "gaussian"
-    assert Description.describe(case_of(), case_of().row("splitting"), part).attributes()["areas"] is None
+    assert Description.describe(case_of(), case_of().row("splitting"), part).attributes().get("areas") is None
     group = Group(about.case, about.variant, {}, {}, {k: v for k, v in attributes.items() if v is not None}, "plain")
     assert Description.of(group).areas == "gaussian"
     assert style.facts(SimpleNamespace(about=about))["areas"] == "Gaussian areas"

@@ -15,7 +15,6 @@ from rich.console import Console
 from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
-from view_helpers import inches_of_panels
 from weak_results import at_eps, weak, weak_group
 from work_results import work_results
 
@@ -29,7 +28,18 @@ from spi.report import views
 from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
-from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
+from spi.statistics.claims import (
+    AT_LEAST,
+    AT_MOST,
+    CONFIRMED,
+    CONSISTENT,
+    CONTRADICTED,
+    EQUAL,
+    INCONCLUSIVE,
+    Claim,
+    Quantity,
+    judge,
+)
 from spi.storage.records import Order, Results
 from spi.storage.stored import Description, by_case
 
@@ -52,24 +62,25 @@ def came_out(value, half=0.0, **others):
 @pytest.mark.parametrize(
     ("sense", "number", "tolerance", "value", "half", "verdict"),
     [
-        (EQUAL, 0.5, 0.0, 0.52, 0.03, PASSED),
+        (EQUAL, 0.5, 0.0, 0.52, 0.03, CONSISTENT),
         (EQUAL, 0.5, 0.0, 0.55, 0.03, INCONCLUSIVE),  # only twice the interval reaches it
-        (EQUAL, 0.5, 0.0, 0.57, 0.03, FAILED),
-        (EQUAL, 0.5, 0.05, 0.57, 0.03, PASSED),  # the interval meets 0.5 +- 0.05
-        (EQUAL, 0.5, 0.0, 0.5, 0.0, PASSED),
-        (EQUAL, 0.5, 0.0, 0.5001, 0.0, FAILED),  # exact, so without any doubt
+        (EQUAL, 0.5, 0.0, 0.57, 0.03, CONTRADICTED),
+        (EQUAL, 0.5, 0.05, 0.5, 0.03, CONFIRMED),
+        (EQUAL, 0.5, 0.05, 0.57, 0.03, CONSISTENT),  # the interval meets 0.5 +- 0.05
+        (EQUAL, 0.5, 0.0, 0.5, 0.0, CONFIRMED),
+        (EQUAL, 0.5, 0.0, 0.5001, 0.0, CONTRADICTED),  # exact, so without any doubt
         (EQUAL, 0.5, 0.0, math.nan, math.nan, INCONCLUSIVE),
         (EQUAL, 0.5, 0.0, 0.5, math.nan, INCONCLUSIVE),
-        (AT_MOST, 1.0, 0.0, 0.9, 0.05, PASSED),
-        (AT_MOST, 1.0, 0.0, 0.97, 0.05, INCONCLUSIVE),
+        (AT_MOST, 1.0, 0.0, 0.9, 0.05, CONFIRMED),
+        (AT_MOST, 1.0, 0.0, 0.97, 0.05, CONSISTENT),
         (AT_MOST, 1.0, 0.0, 1.09, 0.05, INCONCLUSIVE),
-        (AT_MOST, 1.0, 0.0, 1.11, 0.05, FAILED),
-        (AT_MOST, 1.0, 0.0, 1.0, 0.0, PASSED),
-        (AT_MOST, 1.0, 0.0, math.inf, 0.0, FAILED),
+        (AT_MOST, 1.0, 0.0, 1.11, 0.05, CONTRADICTED),
+        (AT_MOST, 1.0, 0.0, 1.0, 0.0, CONFIRMED),
+        (AT_MOST, 1.0, 0.0, math.inf, 0.0, CONTRADICTED),
         (AT_MOST, 1.0, 0.0, math.nan, 0.0, INCONCLUSIVE),
-        (AT_LEAST, 1.0, 0.0, 1.0, 0.0, PASSED),
-        (AT_LEAST, 1.0, 0.0, 0.999, 0.0, FAILED),
-        (AT_LEAST, 1.0, 0.0, 1.03, 0.05, INCONCLUSIVE),
+        (AT_LEAST, 1.0, 0.0, 1.0, 0.0, CONFIRMED),
+        (AT_LEAST, 1.0, 0.0, 0.999, 0.0, CONTRADICTED),
+        (AT_LEAST, 1.0, 0.0, 1.03, 0.05, CONSISTENT),
         (AT_LEAST, 1.0, 0.0, math.inf, 0.0, INCONCLUSIVE),  # as what is not finite passes nowhere
     ],
 )
@@ -80,7 +91,7 @@ def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, h
 
 
 def test_an_interval_that_is_too_wide_decides_nothing():
-    for widest, verdict in ((0.25, INCONCLUSIVE), (0.3, PASSED)):
+    for widest, verdict in ((0.25, INCONCLUSIVE), (0.3, CONSISTENT)):
         (found,) = judge([claim(0.5)], [came_out(0.5, 0.26, widest=widest)])
         assert found.verdict == verdict
     (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, widest=0.25)])  # nor that it failed
@@ -90,21 +101,21 @@ def test_an_interval_that_is_too_wide_decides_nothing():
 def test_the_worst_step_size_counts_and_those_beyond_the_limit_do_not():
     quantities = [came_out(value, h=h) for value, h in ((1e-3, 0.5), (1e-14, 0.25), (1e-15, 0.125))]
     (everywhere,) = judge([claim(1e-12, AT_MOST)], quantities)
-    assert (everywhere.verdict, everywhere.found.h) == (FAILED, 0.5)
+    assert (everywhere.verdict, everywhere.found.h) == (CONTRADICTED, 0.5)
     (small,) = judge([claim(1e-12, AT_MOST, limits=(("h", 0.25),))], quantities)
-    assert (small.verdict, small.found.h) == (PASSED, 0.25)
+    assert (small.verdict, small.found.h) == (CONFIRMED, 0.25)
     (mixed,) = judge([claim(1e-12, AT_MOST)], [*quantities[1:], came_out(math.nan, h=1.0)])
     assert mixed.verdict == INCONCLUSIVE
     (swept,) = judge([claim(1e-4, AT_MOST, limits=(("r", 1.0),))], [came_out(1e-3, h=0.5, swept=("r", 1.0))])
-    assert swept.verdict == FAILED
+    assert swept.verdict == CONTRADICTED
 
 
 def test_each_estimator_and_function_has_a_verdict_of_its_own():
     plain, other = replace(ABOUT, estimator="plain"), replace(ABOUT, estimator="multilevel")
     quantities = [came_out(p, function=f)._replace(about=a) for p, f, a in ((1, "phi", plain), (2, "psi", other))]
-    assert [one.verdict for one in judge([claim(1)], quantities)] == [PASSED, FAILED]
-    assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [FAILED]
-    assert [one.verdict for one in judge([claim(1, scopes=("phi", "plain"))], quantities)] == [PASSED]
+    assert [one.verdict for one in judge([claim(1)], quantities)] == [CONFIRMED, CONTRADICTED]
+    assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [CONTRADICTED]
+    assert [one.verdict for one in judge([claim(1, scopes=("phi", "plain"))], quantities)] == [CONFIRMED]
 
 
 def test_what_did_not_come_out_is_not_decided():
@@ -390,7 +401,7 @@ def test_no_claim_passes_on_what_is_no_number(kind):
                     after = quantities(lambda _, value=value: value)
                     for key in depend:
                         one = before[key]
-                        passed = PASSED in verdicts_on(one, after.values())
+                        passed = CONFIRMED in verdicts_on(one, after.values())
                         assert one.name == "finite" or not passed, (path, value, key)
                         judged.add(one.name)
     assert judged == set(KINDS[kind].keys.Case.quantities) - {"nonfinite"}
@@ -407,13 +418,13 @@ def test_no_claim_passes_on_paths_that_diverged(kind):
             for one in found:
                 same = whose(one)[1:4] == whose(lost)[1:4] and one.h in (lost.h, None) and one.swept == lost.swept
                 if same and one.name != count:
-                    assert PASSED not in verdicts_on(one, others)
-            assert {*verdicts_on(lost, others)} == {PASSED}
+                    assert CONFIRMED not in verdicts_on(one, others)
+            assert {*verdicts_on(lost, others)} == {CONFIRMED}
 
 
 def test_what_is_finite_may_contradict_a_claim_all_the_same():
     quantities = [came_out(value, lost="not finite: 1 of 3 times") for value in (2.0, math.nan)]
-    assert [one.verdict for one in judge([claim(1.0, AT_MOST)], quantities[:1])] == [FAILED]
+    assert [one.verdict for one in judge([claim(1.0, AT_MOST)], quantities[:1])] == [CONTRADICTED]
     assert [one.verdict for one in judge([claim(3.0, AT_MOST)], quantities[:1])] == [INCONCLUSIVE]
     (found,) = judge([claim(3.0, AT_MOST)], quantities[:1])
     assert printed_claims.came_out(found) == "2 (not finite: 1 of 3 times)"
@@ -464,9 +475,9 @@ JUDGED = expecting(
 def test_the_table_tells_claims_and_verdicts():
     text = printed(JUDGED)
     lines = [" ".join(line.split()) for line in text[text.index("claims") :].splitlines()]
-    assert "splitting, noise first (slpI) order 0.5 0.500 [0.480, 0.520] passed" in lines
-    assert "splitting, noise first (slpI) order 1 0.500 [0.480, 0.520] failed" in lines
-    assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 passed" in lines
+    assert "splitting, noise first (slpI) order 0.5 0.500 [0.480, 0.520] consistent" in lines
+    assert "splitting, noise first (slpI) order 1 0.500 [0.480, 0.520] contradicted" in lines
+    assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 confirmed" in lines
     assert "midpoint order 1 0.900 [0.400, 1.400] inconclusive" in lines
     assert "claims" not in printed(STRONG)
 
@@ -483,35 +494,11 @@ def test_on_a_terminal_the_claims_are_broken_between_words(width, fits):
 def test_records_have_the_worst_verdict_of_each_quantity():
     rows = views.rows(JUDGED)
     assert {(row["scheme"], row["claim[order]"], row.get("claim[casimir_drift]")) for row in rows} == {
-        ("splitting", "failed", "passed"),
+        ("splitting", "contradicted", "confirmed"),
         ("midpoint", "inconclusive", None),
     }
-    assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "failed"' in as_json(rows)
+    assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "contradicted"' in as_json(rows)
     assert not any("claim" in key for row in views.rows(STRONG) for key in row)
-
-
-def test_the_figure_names_the_verdicts_and_keeps_its_panels():
-    plain, judged = views.figure(STRONG), views.figure(JUDGED)
-    notes = " ".join(text.get_text() for text in judged.texts)
-    assert "Claims failed: order 1 (splitting, noise first (slpI))." in notes
-    assert "Claims inconclusive: order 1 (midpoint)." in notes and "Claims passed: order 0.5" in notes
-    sizes = []
-    for figure in (plain, judged):
-        sizes.append(inches_of_panels(figure))
-        lowest = min(ax.get_tightbbox().y0 for ax in figure.axes)
-        notes = [text.get_window_extent().y1 for text in figure.texts if text.get_fontsize() == 7]
-        assert bool(notes) == (figure is judged)
-        assert max(notes, default=0) < lowest  # the lines lie below panels and legends
-    np.testing.assert_allclose(*sizes, rtol=5e-3)
-
-
-def test_the_lines_lie_below_a_legend_of_the_whole_figure():
-    group = trajectory_group("splitting", np.arange(3.0), np.ones((3, 1)), np.ones((3, 1)))
-    figure = views.figure(expecting(trajectories(group), of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")))
-    figure.draw_without_rendering()
-    (legend,), (note,) = figure.legends, [text for text in figure.texts if text.get_fontsize() == 7]
-    assert note.get_text() == "Claims passed: Casimir drift at most 1 (splitting, noise first (slpI))."
-    assert 0 < note.get_window_extent().y1 < legend.get_window_extent().y0
 
 
 def test_a_lost_path_breaks_a_bound():
@@ -519,9 +506,9 @@ def test_a_lost_path_breaks_a_bound():
     casimirs = np.array([[1.0], [1.0], [math.nan]])
     results = trajectories(trajectory_group("splitting", t, y, casimirs))
     bound = of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")
-    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [FAILED]
+    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [CONTRADICTED]
     whole = trajectories(trajectory_group("splitting", t, y, np.ones((3, 1))))
-    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [PASSED]
+    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [CONFIRMED]
 
 
 def test_damaged_claims_are_one_clear_line():

@@ -121,17 +121,17 @@ class Answer(Stored):
         return took
 
     @derived("function", "half the interval of the value")
-    def value_half(self) -> np.ndarray:
+    def value_half(self) -> Array:
         """(F,) of the field `half`."""
         return self.half
 
     @derived("function", "why no claim about the interval passes")
-    def lost(self) -> np.ndarray:
+    def lost(self) -> Array:
         """(F,) of a value that is not finite that this is so; else empty."""
         return np.where(np.isfinite(self.value), "", "of a value that is not finite")
 
     @property
-    def sampling(self) -> np.ndarray:
+    def sampling(self) -> Array:
         """(F,) of the half width what sampling has."""
         return self.half - self.bias
 

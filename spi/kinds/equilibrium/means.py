@@ -168,8 +168,7 @@ class Recorder(NamedTuple):
             paths.ends[f] += 2 * used * by_group(mean[f], first, end)
             paths.ends[f, 1:] -= by_group(ending, first, end)
         values = np.array([[by_group(each, first, end) for each in column] for column in columns])
-        begun = {"stretch": paths.stretch[:, :0], "batches": paths.batches[:, :0]}
-        return {**begun, "values": values, "lagged": paths.lagged, "ends": paths.ends}
+        return {"values": values, "lagged": paths.lagged, "ends": paths.ends}
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:

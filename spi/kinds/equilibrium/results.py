@@ -50,18 +50,18 @@ class Law(Described):
     distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
 
     @property
-    def z(self) -> np.ndarray:
+    def z(self) -> Array:
         """(S, M) means less their exact values, in standard errors."""
         return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
 
     @property
-    def farthest(self) -> np.ndarray:
+    def farthest(self) -> Array:
         """(S,) the moments whose means are farthest from the exact ones; empty where these are not finite."""
         farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
         return np.where(np.isfinite(self.mean_z), farthest, "")
 
     @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
-    def mean_z(self) -> np.ndarray:
+    def mean_z(self) -> Array:
         """(S,) of all moments."""
         return np.abs(self.z).max(axis=1)
 
@@ -110,37 +110,37 @@ class Averages(Described):
     density_exact: Array = array("h function cell", "the same of the exact law; NaN where not known")
 
     @property
-    def stderr(self) -> np.ndarray:
+    def stderr(self) -> Array:
         """(S, F) the standard error from which intervals are computed."""
         return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
 
     @derived("h function", "mean less the reference", name="average_bias")
-    def bias(self) -> np.ndarray:
+    def bias(self) -> Array:
         """(S, F) means less the reference."""
         return self.average - self.reference
 
     @property
-    def bias_stderr(self) -> np.ndarray:
+    def bias_stderr(self) -> Array:
         """(S, F) its standard error, with that of the reference; 0 at the step size that is the reference itself."""
         return np.where(self.bias == 0, 0.0, np.hypot(self.stderr, self.reference_stderr))
 
     @derived("h function", "bias in standard errors", claim=Claimed("at most", absolute=True, where="has_reference"))
-    def deviation(self) -> np.ndarray:
+    def deviation(self) -> Array:
         """(S, F) the bias in standard errors."""
         return in_standard_errors(self.bias, self.bias_stderr)
 
     @derived("h function", "whether there is a reference, which is not the mean itself")
-    def has_reference(self) -> np.ndarray:
+    def has_reference(self) -> Array:
         """(S, F) bool."""
         return np.isfinite(self.reference) & (self.bias != 0)
 
     @property
-    def factors(self) -> np.ndarray:
+    def factors(self) -> Array:
         """(F,) by which the variance is the response; NaN without a temperature."""
         return np.array([self.response(f)[1] for f in range(len(self.functions))], float)
 
     @derived("h function", "half the interval of the bias of the mean", name="average_bias_half")
-    def bias_half(self) -> np.ndarray:
+    def bias_half(self) -> Array:
         """(S, F) by the factor of the interval of the mean."""
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.where(self.stderr == 0, INTERVAL, self.average_half / self.stderr)
@@ -154,27 +154,27 @@ class Averages(Described):
             Claimed("equal", "susceptibility", expected="response_exact", where="of_others"),
         ),
     )
-    def responses(self) -> np.ndarray:
+    def responses(self) -> Array:
         """(S, F) NaN without a temperature."""
         return self.factors * self.variance
 
     @derived("h function", "half the interval of the response")
-    def responses_half(self) -> np.ndarray:
+    def responses_half(self) -> Array:
         """(S, F)."""
         return INTERVAL * np.abs(self.factors) * self.variance_stderr
 
     @derived("function", "exact response")
-    def response_exact(self) -> np.ndarray:
+    def response_exact(self) -> Array:
         """(F,) NaN where it is not known."""
         return self.factors * self.reference_variance
 
     @derived("function", "whether the response is a heat capacity")
-    def of_energy(self) -> np.ndarray:
+    def of_energy(self) -> Array:
         """(F,) of the Hamiltonian, at a temperature."""
         return np.isfinite(self.factors) & [text == "H" for text in self.texts]
 
     @derived("function", "whether the response is a susceptibility")
-    def of_others(self) -> np.ndarray:
+    def of_others(self) -> Array:
         """(F,) of other functions, at a temperature."""
         return np.isfinite(self.factors) & ~self.of_energy
 
@@ -187,7 +187,7 @@ class Averages(Described):
         power = 2 if self.texts[f] == "H" else 1
         return name, 1 / self.temperature**power if np.isfinite(self.temperature) else np.nan
 
-    def disagreement(self, samples: int) -> np.ndarray:
+    def disagreement(self, samples: int) -> Array:
         """(S, F) the largest quotient of two of the standard errors, beyond twice its own uncertainty."""
         count = samples * self.kept
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -274,7 +274,7 @@ class Equilibrium(Stored):
     panels: tuple[str, ...] = fact("what the figure of the case shows")
 
     @derived("h casimir", "mean error of the Casimir in standard errors")
-    def bias_deviation(self) -> np.ndarray:
+    def bias_deviation(self) -> Array:
         """(S, C) the bias by its standard error; NaN where that is 0."""
         return in_standard_errors(self.bias, np.where(self.bias_stderr > 0, self.bias_stderr, np.nan))
 
@@ -352,37 +352,25 @@ def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     from scipy.special import stdtrit  # not needed to start the program
 
     count, paths = averages.average.size, reading.samples
+    lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
     likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
-    for text, value, bad in (
+    burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
+    longer = np.isfinite(averages.tau) & ~np.isfinite(averages.window) & (lengths >= LONG_ENOUGH)
+    for values, bad, doubt in (
+        (np.abs(averages.halves), likely, f"burn-in: {burnt_in}; give a longer burn_in and final_time"),
+        (-lengths, -LONG_ENOUGH, f"a path has {{}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer"),
+        (longer * averages.tau, 0.0, "correlations last longer than they are recorded; take a larger spacing"),
         (
-            "burn-in: the second half of the kept time differs from the first by {} standard errors of that; "
-            "give a longer burn_in and final_time",
-            halves := np.abs(averages.halves),
-            halves > likely,
-        ),
-        (
-            f"a path has {{:.0f}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer",
-            lengths := averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300),
-            lengths < LONG_ENOUGH,
-        ),
-        (
-            "correlations last longer than they are recorded; take a larger spacing{:.0s}",
-            averages.tau,
-            ~np.isfinite(averages.window) & np.isfinite(averages.tau) & (lengths >= LONG_ENOUGH),
-        ),
-        (
-            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more "
-            "than by chance; run longer",
-            apart := averages.disagreement(paths),
-            apart > APART,
+            averages.disagreement(paths),
+            APART,
+            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more than "
+            "by chance; run longer",
         ),
     ):
-        if bad.any():
-            worst = np.where(bad, value if value is not lengths else -value, -np.inf).argmax()
-            i, f = np.unravel_index(worst, value.shape)
-            worst_value = decimal(value[i, f]) if "{}" in text else value[i, f]
-            message = text.replace("{:.0s}", "") if "{:.0s}" in text else text.format(worst_value)
-            yield f"{averages.functions[f]}, h = {reading.h[i]:g}: {message}"
+        worst = np.where(values > bad, values, -np.inf)
+        if (values > bad).any():
+            i, f = np.unravel_index(worst.argmax(), worst.shape)
+            yield f"{averages.functions[f]}, h = {reading.h[i]:g}: {doubt.format(decimal(abs(values[i, f])))}"
 
 
 def planned(reading: Equilibrium, averages: Averages) -> Iterator[str]:

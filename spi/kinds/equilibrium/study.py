@@ -215,6 +215,8 @@ class EquilibriumPlan(Plan):
         return paths._replace(
             paths=chunk.paths,
             y=paths.y[:0],
+            stretch=paths.stretch[:, :0],
+            batches=paths.batches[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
             **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
             **summed,

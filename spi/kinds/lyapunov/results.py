@@ -47,21 +47,21 @@ class Pictures(Described):
         return self.sides == SPHERE_SIDES
 
     @property
-    def occupied(self) -> np.ndarray:
+    def occupied(self) -> Array:
         """(times,) the share of the cells in which there are states, on a sphere of those that touch it."""
         number: int = self.count[0].size
-        share: np.ndarray = (self.count > 0).sum(axis=(1, 2)) / (number * (np.pi / 4 if self.is_sphere else 1.0))
+        share: Array = (self.count > 0).sum(axis=(1, 2)) / (number * (np.pi / 4 if self.is_sphere else 1.0))
         return share
 
     @property
-    def distance_half(self) -> np.ndarray:
+    def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
         return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
 
     @property
-    def density(self) -> np.ndarray:
+    def density(self) -> Array:
         """(times, rows, columns) share of the states in the cell by its area: on a sphere per steradian."""
-        density: np.ndarray = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
+        density: Array = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
         return density
 
 
@@ -118,12 +118,12 @@ class Exponents(Stored):
     pictures: Pictures | None = nested(prefix="pullback_", default=None)
 
     @derived("t", "largest Lyapunov exponent", claim="equal")
-    def largest_exponent(self) -> np.ndarray:
+    def largest_exponent(self) -> Array:
         """(times,) the first exponent."""
         return self.exponent[0]
 
     @derived("t", "half its interval")
-    def largest_exponent_half(self) -> np.ndarray:
+    def largest_exponent_half(self) -> Array:
         """(times,) half its 95 % intervals."""
         return self.exponent_half[0]
 
@@ -148,12 +148,12 @@ class Exponents(Stored):
         return float(student(self.samples - 1))
 
     @property
-    def exponent_half(self) -> np.ndarray:
+    def exponent_half(self) -> Array:
         """(m, times) half the 95 % intervals of the exponents."""
         return self.interval * self.exponent_stderr
 
     @property
-    def total_half(self) -> np.ndarray:
+    def total_half(self) -> Array:
         """(times,) half the 95 % interval of the sum."""
         return self.interval * self.total_stderr
 
@@ -202,7 +202,7 @@ class Exponents(Stored):
         yield "exponents are per unit of time; the dimension is that of Kaplan and Yorke"
 
 
-def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
+def kaplan_yorke(exponents: Array) -> Array:
     """j + (lambda_1 + ... + lambda_j) / |lambda_(j+1)| of exponents (m, ...), j the last with a sum of at least 0.
 
     NaN if an exponent is not finite.
@@ -215,7 +215,7 @@ def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
     reached = np.take_along_axis(np.concatenate((zero, sums)), j, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = reached / np.abs(np.take_along_axis(np.concatenate((exponents, zero + np.inf)), j, axis=0))
-    dimension: np.ndarray = np.where(
+    dimension: Array = np.where(
         np.isfinite(exponents).all(axis=0), (j + np.where(j == len(exponents), 0, share))[0], np.nan
     )
     return dimension

@@ -112,7 +112,7 @@ def _with(own: Any, entries: list[plots.Entry]) -> Any:
     return lambda ax: [*(own(ax) if own else []), *entries]
 
 
-_RMS = r"rms error at $T$,  relative to $|y_0|$"
+_RMS = r"rms error at $T$  relative to $|y_0|$"
 _LAW = r"$\max_\varphi\,|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T))|$"
 PANELS = {
     "regimes": [panels.Own(_regimes)],

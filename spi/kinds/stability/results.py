@@ -33,12 +33,12 @@ class CasimirErrors(Described):
     median: Array = array("value h casimir", "largest relative error of the Casimir, of the median path", claim=_SMALL)
 
     @property
-    def largest_worst(self) -> np.ndarray:
+    def largest_worst(self) -> Array:
         """(V, S) the error on the worst path of the Casimir where it is largest; NaN counts as the largest."""
         return self.worst.max(axis=-1)
 
     @property
-    def largest_median(self) -> np.ndarray:
+    def largest_median(self) -> Array:
         """(V, S) the error on the median path of the Casimir where it is largest."""
         return self.median.max(axis=-1)
 
@@ -63,7 +63,7 @@ class Law(Described):
     )
 
 
-def _steps(reading: "Stability", good: np.ndarray) -> list[str]:
+def _steps(reading: "Stability", good: Array) -> list[str]:
     """For each value the largest step size up to which all is good; with >= if all were, as the true one may be larger.
 
     `good` is (V, S).
@@ -72,7 +72,7 @@ def _steps(reading: "Stability", good: np.ndarray) -> list[str]:
     return ["none" if math.isnan(h) else f"{'>= ' * is_all}{power_of_two(h)}" for h, is_all in largest]
 
 
-def _percent(shares: np.ndarray | None, worst: Callable[..., np.ndarray]) -> list[str] | None:
+def _percent(shares: Array | None, worst: Callable[..., Array]) -> list[str] | None:
     """For each value the worst share over the step sizes in per cent, with two digits; 0 and 100 only if it is that."""
     if shares is None:
         return None
@@ -164,27 +164,27 @@ class Stability(Stored):
         return value
 
     @derived("value h", "share of the solves that fail", claim=_SMALL)
-    def failing_fraction(self) -> np.ndarray | None:
+    def failing_fraction(self) -> Array | None:
         """(V, S) of an implicit scheme; None of others."""
         return self.solver.failing_fraction if self.solver else None
 
     @derived("value h", "the worst regime that applies", column="regime")
-    def regime(self) -> np.ndarray:
+    def regime(self) -> Array:
         """(V, S) its name, one of :data:`REGIMES`."""
         return np.array(REGIMES)[self.regimes]
 
     @property
-    def all_finite(self) -> np.ndarray:
+    def all_finite(self) -> Array:
         """(V, S) whether all paths are finite at the final time."""
         return self.finite >= 1.0
 
     @property
-    def is_accurate(self) -> np.ndarray:
+    def is_accurate(self) -> Array:
         """(V, S) whether the error counts as accurate; NaN does not."""
         return self.error <= self.accurate
 
     @property
-    def regimes(self) -> np.ndarray:
+    def regimes(self) -> Array:
         """(V, S) number of the regime in :data:`REGIMES`.
 
         A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since
@@ -205,7 +205,7 @@ class Stability(Stored):
         return np.select(worst_first, range(len(REGIMES))[::-1])
 
 
-def largest_step(h: np.ndarray, good: np.ndarray) -> tuple[float, bool]:
+def largest_step(h: Array, good: Array) -> tuple[float, bool]:
     """The largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
 
     `h` (S,) in any order, `good` (S,).

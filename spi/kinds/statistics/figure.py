@@ -42,9 +42,8 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     if reading.covariance is None or len(reading.functions) < 2:
         return
     matrix = reading.covariance[:, :, -1]
-    with np.errstate(all="ignore"):
-        scale = np.sqrt(np.diag(matrix))
-        matrix = matrix / np.outer(scale, scale)
+    scale = np.sqrt(np.diag(matrix))
+    matrix = matrix / np.outer(scale, scale)
     names = [style.maths(name, reading.about.variables) for name in reading.functions]
 
     def own(ax: plots.Axes) -> list[plots.Entry]:

@@ -168,7 +168,7 @@ class Statistics(Stored):
         return student_of_paths(self.samples, LEAST_GROUPS)
 
     @property
-    def mean_ends(self) -> tuple[np.ndarray, np.ndarray]:
+    def mean_ends(self) -> tuple[Array, Array]:
         """(F, T) the ends of the 95 % intervals of the means."""
         if self.mean_low is not None and self.mean_high is not None:
             return self.mean_low, self.mean_high
@@ -176,17 +176,17 @@ class Statistics(Stored):
         return self.mean - half, self.mean + half
 
     @property
-    def finite_share(self) -> np.ndarray:
+    def finite_share(self) -> Array:
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
 
     @derived("function t", "share of the paths whose value is finite, if not all are")
-    def some(self) -> np.ndarray | None:
+    def some(self) -> Array | None:
         """(F, T) None if all values are finite."""
         return self.finite_share if (self.finite_share < 1.0).any() else None
 
     @derived("function t", "deviation from the reference in standard errors", name="deviations")
-    def deviation(self) -> np.ndarray | None:
+    def deviation(self) -> Array | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
             return None
@@ -203,24 +203,24 @@ class Statistics(Stored):
             yield from ((f, i) for i in times[few].tolist())
 
     @derived("function t", "whether the mean is compared with a reference")
-    def is_compared(self) -> np.ndarray:
+    def is_compared(self) -> Array:
         """(F, T) with finer paths it is at all times."""
         if self.reference is None:
             return np.zeros(self.mean.shape, bool)
         return (self.reference_step is not None) | ~np.isnan(self.reference)
 
     @derived("function", "whether there is an autocorrelation")
-    def is_correlated(self) -> np.ndarray:
+    def is_correlated(self) -> Array:
         """(F,) not of every function there is."""
         return np.zeros(len(self.functions), bool) if self.since is None else ~np.isnan(self.since)
 
     @derived("function", "why no claim passes about what is at the last time")
-    def lost(self) -> np.ndarray:
+    def lost(self) -> Array:
         """(F,) texts, empty of functions with a mean there."""
         return np.where(np.isfinite(self.mean[:, -1]), "", "not finite at the last time")
 
     @property
-    def _deviations(self) -> list[np.ndarray]:
+    def _deviations(self) -> list[Array]:
         """(compared times,) of each function the modulus of the deviation, 0 without a difference."""
         if self.difference is None or self.deviation is None:
             return [np.zeros(0)] * len(self.functions)
@@ -232,17 +232,17 @@ class Statistics(Stored):
         "largest deviation from the reference, in standard errors",
         claim=Claimed("at most", "deviation", where="is_ever_compared", lost="deviation_lost"),
     )
-    def largest_deviation(self) -> np.ndarray:
+    def largest_deviation(self) -> Array:
         """(F,) over all times, without its sign; NaN of functions that are not compared."""
         return np.array([np.fmax.reduce(values, initial=np.nan) for values in self._deviations])
 
     @derived("function", "whether the mean is compared with a reference at any time")
-    def is_ever_compared(self) -> np.ndarray:
+    def is_ever_compared(self) -> Array:
         """(F,) bool."""
         return np.array([values.size > 0 for values in self._deviations])
 
     @derived("function", "at how many times the deviation is not finite")
-    def deviation_lost(self) -> np.ndarray:
+    def deviation_lost(self) -> Array:
         """(F,) texts."""
         return np.array([lost_among(values, "times") for values in self._deviations])
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from spi.drawing import panels, plots, style
+from spi.drawing import page, panels, plots, style
 from spi.models.zeitlin.fields import enstrophy
 
 from .figure_fields import film as film
@@ -188,7 +188,8 @@ def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[An
         ax.view_init(ELEVATION, azimuth)
         ax.set_proj_type("ortho")  # so that the outline of the sphere is a circle
         ax.computed_zorder = False
-        ax.set_box_aspect((1, 1, 1), zoom=1.0)
+        on_screen = page.current().width is None
+        ax.set_box_aspect((1, 1, 1), zoom=1.05 if on_screen else 0.83)
         ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
         eye = _eye(azimuth)
         right = np.cross([0.0, 0.0, 1.0], eye) / np.cos(np.radians(ELEVATION))
@@ -204,13 +205,14 @@ def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[An
             _two_sided(ax, radius * (across + circle[1] * [0, 0, 1]), eye, NET, 0.4, 2)
         _two_sided(ax, np.where(near[:, None], y, np.nan), eye, colour, 1.0, 3)
         ax.plot(*y[:1].T, zorder=6, **START)
-        ends = [-radius / 2, 0, radius / 2]  # letters at the corners would lie on one another
+        far = radius if on_screen else radius / 2  # small letters at the corners would lie on one another
+        ends = [-far, 0, far]
         ax.set(xlabel=names[0], ylabel=names[1], zlabel=names[2], xticks=ends, yticks=ends, zticks=ends)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_formatter(lambda x, _: f"{x:.3g}".replace("-", "\N{MINUS SIGN}"))
             axis.set_pane_color((1, 1, 1, 0))
             axis.set_tick_params(labelsize=7, pad=-2)
-            axis.labelpad = -7
+            axis.labelpad = -7 if on_screen or axis is ax.zaxis else -5
         ax.grid(False)
         return [(plots.Line2D([], [], **START), "start")]
 

@@ -77,7 +77,7 @@ class Trajectory(Stored):
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
 
     @property
-    def casimir_changes(self) -> np.ndarray:
+    def casimir_changes(self) -> Array:
         """(N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)."""
         if self.damped_changes is not None:
             return self.damped_changes
@@ -100,7 +100,7 @@ class Trajectory(Stored):
         return "Poisson structure" in self.preserves
 
     @derived("component", "smallest value of a component", claim=Claimed("at least", lost="lost"))
-    def lowest(self) -> np.ndarray:
+    def lowest(self) -> Array:
         """(d,) the smallest value of each component where it is finite; infinite where it never is."""
         return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
 
@@ -143,7 +143,7 @@ class Losses(NamedTuple):
         return f"not defined at {self.number} of {self.times} times, first t = {self.first:g}"
 
 
-def losses(reading: Trajectory, values: np.ndarray) -> Losses | None:
+def losses(reading: Trajectory, values: Array) -> Losses | None:
     """The losses of `values` (t, ...) along the path of a reading; None if they are finite wherever y is."""
     alive = np.isfinite(reading.y).all(axis=1)
     lost = np.flatnonzero(alive & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1))

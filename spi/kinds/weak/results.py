@@ -73,7 +73,7 @@ class Stages(Described):
     cpu_seconds: Array = array("", "processor time by then", "s")
 
     @property
-    def resolved(self) -> np.ndarray:
+    def resolved(self) -> Array:
         """(N, F, S) bool, whether the error stands clear of its standard error."""
         from spi.statistics.estimators import is_resolved  # takes a while
 
@@ -115,7 +115,7 @@ class Levels(Described):
     control_bound: float = fact("numerical error of its expectations", "value", name="control_bound", default=0.0)
 
     @derived("function level", "half the interval of the mean")
-    def mean_half(self) -> np.ndarray:
+    def mean_half(self) -> Array:
         """Half the 95 % intervals of the means."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(
@@ -123,7 +123,7 @@ class Levels(Described):
             )
 
     @derived("level", "diverged samples, where there are any")
-    def lost(self) -> np.ndarray | None:
+    def lost(self) -> Array | None:
         """Their numbers; None where there are none."""
         return self.nonfinite if self.nonfinite.any() else None
 
@@ -145,7 +145,7 @@ class Differences(Described):
     symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
 
     @derived("function h", "half the interval of the mean")
-    def mean_half(self) -> np.ndarray:
+    def mean_half(self) -> Array:
         """Half the 95 % intervals of the means."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(
@@ -153,12 +153,12 @@ class Differences(Described):
             )
 
     @derived("h", "diverged samples, where there are any")
-    def lost(self) -> np.ndarray | None:
+    def lost(self) -> Array | None:
         """Their numbers; None where there are none."""
         return self.nonfinite if self.nonfinite.any() else None
 
     @derived("h", "whether in halves, where any are")
-    def halved(self) -> np.ndarray | None:
+    def halved(self) -> Array | None:
         """(S,) yes or nothing; None where none is."""
         if self.symmetrised is None or not self.symmetrised.any():
             return None
@@ -198,7 +198,7 @@ def distinct_levels(readings: Sequence["WeakErrors"]) -> list["WeakErrors"]:
     return list(distinct.values())
 
 
-def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"]) -> np.ndarray | None:
+def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"]) -> Array | None:
     """(F, S) a field of the agreement of a sampled estimate with the one without sampling; None if there is none."""
     near = agreement(reading, readings)
     return None if near is None else getattr(near, name)
@@ -321,7 +321,7 @@ class WeakErrors(Stored):
                 yield fitted._replace(lost=lost_among(largest.value + largest.stderr, "errors"))
 
     @derived("h", "diverged paths, where there are any")
-    def lost(self) -> np.ndarray | None:
+    def lost(self) -> Array | None:
         """(S,) their numbers; None where there are none."""
         return self.nonfinite if self.nonfinite is not None and self.nonfinite.any() else None
 
@@ -333,16 +333,16 @@ class WeakErrors(Stored):
             yield from ((f, i) for i in self.levels.h.argsort()[::-1].tolist())
 
     @derived("function h", "half the interval of the error, or its bound", name="error_half")
-    def half(self) -> np.ndarray:
+    def half(self) -> Array:
         """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""
         return self._half("error")
 
     @derived("function h", "half the interval of the expectation, or its bound")
-    def expectation_half(self) -> np.ndarray:
+    def expectation_half(self) -> Array:
         """(F, S) the same of the expectation."""
         return self._half("expectation")
 
-    def _half(self, name: str) -> np.ndarray:
+    def _half(self, name: str) -> Array:
         if self.sampled:
             without = self.sampled.error_without
             factor = INTERVAL if without is None else student_factor(len(without))
@@ -366,14 +366,14 @@ class WeakErrors(Stored):
         return eps is not None and 0.0 < eps**2 < self.reference_step
 
     @derived("function", "standard error of so many independent samples as the paper has")
-    def paper_stderr(self) -> np.ndarray | None:
+    def paper_stderr(self) -> Array | None:
         """(F,) by the deviation of phi; None of quasi-random points, whose errors fall faster, and without sampling."""
         if self.sampled is None or self.sampled.sd is None or self.quasi:
             return None
         return self.sampled.sd / math.sqrt(PAPER)
 
     @derived("function", "processor time that this standard error would take at the largest step")
-    def paper_seconds(self) -> np.ndarray | None:
+    def paper_seconds(self) -> Array | None:
         """(F,) NaN where the error is as small already."""
         if self.sampled is None or self.paper_stderr is None:
             return None
@@ -434,8 +434,8 @@ if TYPE_CHECKING:
 class Agreement(NamedTuple):
     """A sampled estimate beside the deterministic one; arrays (F, S), NaN where nothing is known."""
 
-    deviation: np.ndarray  #: sampled minus deterministic error, in standard errors
-    share: np.ndarray  #: the standard error over the deterministic error
+    deviation: Array  #: sampled minus deterministic error, in standard errors
+    share: Array  #: the standard error over the deterministic error
 
 
 def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement | None:
@@ -462,9 +462,9 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
 class OwnError(NamedTuple):
     """The reference's own error, which all errors of a reading contain; arrays (F,)."""
 
-    value: np.ndarray  #: C h_ref^p by the smallest step, as it was added
-    by_next: np.ndarray  #: by the step after it, as if that were the smallest
-    differ: np.ndarray  #: whether the two differ, and by more than some of the standard errors
+    value: Array  #: C h_ref^p by the smallest step, as it was added
+    by_next: Array  #: by the step after it, as if that were the smallest
+    differ: Array  #: whether the two differ, and by more than some of the standard errors
 
 
 def own_error(reading: WeakErrors) -> OwnError | None:
@@ -483,7 +483,7 @@ def own_error(reading: WeakErrors) -> OwnError | None:
     without = sampled.error_without
     share = (reading.reference_step / reading.h[:-3:-1]) ** order  # of the two smallest steps, the smallest first
 
-    def by_both(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def by_both(errors: Array) -> tuple[Array, Array]:
         added = errors[..., -1] * share[0]
         return added, (errors[..., -2] - added) * share[1] / (1.0 - share[1])
 

@@ -79,12 +79,12 @@ class WorkPrecision(Stored):
         return self.error_bound is not None
 
     @derived("h", "half the interval of the error, or its bound", name="error_half")
-    def half(self) -> np.ndarray:
+    def half(self) -> Array:
         """(S,) half the 95 % interval of the error, or the bound of its numerical error."""
         return INTERVAL * self.error_stderr if self.error_stderr is not None else np.asarray(self.error_bound)
 
     @derived("h", "largest change of all Casimirs")
-    def largest_drift(self) -> np.ndarray | None:
+    def largest_drift(self) -> Array | None:
         """(S,) of several Casimirs the largest drift; None where there is none."""
         known = self.casimir_drift is not None and self.casimir_drift.size > 0
         return self.casimir_drift.max(axis=1) if known and self.casimir_drift is not None else None
