@@ -99,11 +99,7 @@ def shown(y):
 
 
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
-_ANGLES = (
-    2.0**-6,
-    0.7,
-    30.0,
-)  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
+_ANGLES = 2.0**-6, 0.7, 30.0  # at which angle methods are compared: below each bound for cheaper sines, and above
 
 
 class NotedAngles(NamedTuple):

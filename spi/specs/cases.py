@@ -60,7 +60,7 @@ class FunctionKeys(Keys):
         pydantic.Field(default_factory=dict)
     )
 
-    if TYPE_CHECKING:  # what every case has
+    if TYPE_CHECKING:  # attributes of every case
         model: Any
         variables: tuple[str, ...]
 
@@ -120,20 +120,20 @@ class BaseCase(Keys):
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
-    #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
+    #: The keys that decide no path of a part: names, numbers of paths, other parts, derived quantities and figures.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
-    #: key -> a value with which it is left out of what decides results, as where there is no such key.
+    #: key -> the value with which it is left out of the data that decide results, as in specs from before it was a key.
     unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
-    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
+    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
-    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: without which `accuracy` asks for an answer, where it may
+    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: keys without which `accuracy` makes the kind an answer
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -158,7 +158,7 @@ class BaseCase(Keys):
 
     @property
     def runs(self) -> list[tuple[str, float | None]]:
-        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        """(scheme, eps or None) of each run: schemes of the multiscale system once for each eps."""
         return [(s, eps) for s in self.schemes for eps in (self.eps if self.row(s).multiscale else [None])]
 
     @property
@@ -218,7 +218,7 @@ class BaseCase(Keys):
 
     @condition
     def _check_names(self) -> Self:
-        """All schemes are in the table of schemes or among the compositions; the case with those that it uses."""
+        """All schemes are in the table or among the compositions; the case without unused compositions."""
         names = (*SCHEMES, *self.compositions)
         for n, name in enumerate(self.schemes_used):
             if name not in names:

@@ -136,7 +136,7 @@ class Bracket(NamedTuple):
             return self.commute(i, j)
         with mpmath.workdps(DIGITS):
             pairs = itertools.product(first.items(), second.items())
-            terms = [(k, a * b * precise(c)) for (i, a), (j, b) in pairs for k, c in self.of(i, j).items()]
+            terms: list[Any] = [(k, a * b * precise(c)) for (i, a), (j, b) in pairs for k, c in self.of(i, j).items()]
             curved = self.curved(second) if self.higher else {}
             terms += [(monomial, first.get(row, 0) * c) for (row, monomial), c in curved.items()]
             return not summed(terms)
