@@ -2,18 +2,34 @@
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import NonNegative, Positive, dimension, flows_lacking, has_friction, large
+from ..ensemble.protocol import (
+    NonNegative,
+    Positive,
+    casimir_degrees,
+    conserved,
+    dimension,
+    flows_lacking,
+    has_friction,
+    large,
+    noise_indices,
+    squared_length_is_casimir,
+)
 from ..ensemble.scheme_protocol import judges, needs_areas
+from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
+from ..models.damped import damped
 from ..models.delegation import undamped
+from ..models.thermal import thermal
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -48,8 +64,9 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
-from .temperature import dissipation, dissipative_model
 
+_MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
+LAWS = ("law", "distance", "moments")  # panels about a stationary law
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
 
@@ -199,7 +216,8 @@ class BaseCase(Keys):
         for key, value in values.items():
             if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
                 values[key] = "; ".join(map(str, value))
-        return values | dissipation(self)
+        damping = {"damping": self.damping} if self.damping else {}
+        return values | damping | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
 
     @property
     def last_time(self) -> float:
@@ -209,7 +227,7 @@ class BaseCase(Keys):
     @condition
     def _check_dissipation(self) -> Self:
         """The case with its damping or its temperature in the record of the model."""
-        return self.model_copy(update={"model": dissipative_model(self)})
+        return self.model_copy(update={"model": _dissipative(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
@@ -337,3 +355,69 @@ class ErrorCase(BaseCase):
 
 class FunctionsCase(FunctionKeys, ErrorCase):
     """The keys of errors of expectations of test functions."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Damping and temperature
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _damped(case: Any) -> Any:
+    """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    if large(case.model):
+        raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
+    degrees = casimir_degrees(case.model)
+    if len(degrees) != conserved(case.model):
+        fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
+        raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
+    most = _MOST_DECAY / max(degrees, default=1) / case.last_time
+    if case.damping > most:
+        fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
+        raise wrong(fault, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
+    return damped(case.model, case.damping)
+
+
+def _dissipative(case: Any) -> Any:
+    """The record of the model of a case with its damping or at its temperature."""
+    if math.isfinite(case.temperature):
+        return _thermal(case)
+    return _damped(case) if case.damping else case.model
+
+
+def _thermal(case: Any) -> Any:
+    """The record of the model of a case at its temperature; raises the error about it if it cannot be."""
+    model, temperature = case.model, case.temperature
+    if temperature == 0:
+        right = "for selective decay at the rate gamma take a small one, T, and sigma = sqrt(2*gamma*T)"
+        raise wrong("is 0, at which friction would be infinite", right, "temperature")
+    if case.damping:
+        raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
+    if described(case.noise):
+        fault = "is given beside noise, and friction belongs to Brownian motion"
+        raise wrong(fault, "leave out one of them", "temperature")
+    if not noise_indices(model):
+        fault = "is given to a model without noise, which nothing would bring to it"
+        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
+    if temperature < 0 and not has_compact_surfaces(model):
+        fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
+        raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
+    return thermal(model, temperature)
+
+
+def has_compact_surfaces(model: Any) -> bool:
+    """Whether the quadratic Casimir functions that grow in every direction in which they change add up to all of |y|.
+
+    Sufficient, not necessary: Casimir functions of other forms are not looked at.
+    """
+    if large(model) or squared_length_is_casimir(model):
+        return True
+    total = np.zeros((dimension(model), dimension(model)))
+    for c in range(conserved(model)):
+        with suppress(ValueError):  # it is not quadratic
+            b, Q = casimir_form(model, c)
+            total += 0 if b.any() else semidefinite(Q)
+    return bool(np.linalg.eigvalsh(total)[0] > 1e-9)

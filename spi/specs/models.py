@@ -141,7 +141,7 @@ def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
-    """The keys of a model: those that identify it, `telling`, and the fields of its record, all of them if `complete`."""
+    """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
