@@ -5,11 +5,11 @@ exponentials and shears, with rates large or small, are all judged alike.
 """
 
 import contextlib
-import functools
 import hashlib
 import inspect
 import itertools
 import math
+from functools import cache, partial
 
 import numpy as np
 
@@ -214,16 +214,16 @@ def _moves(B, slopes):
 
 def _gradients(model, y):
     for e, slope in zip(unit_vectors(len(y)), drift_gradient(model, y), strict=True):
-        if differ_from_derivative(slope, lambda z: hamiltonian(model, z), y, e, drift_gradient(model, y)):
+        if differ_from_derivative(slope, partial(hamiltonian, model), y, e, drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    yield from _hessian("drift", "", lambda z: drift_gradient(model, z), lambda z, w: drift_hessian(model, z, w), y, v)
+    yield from _hessian("drift", "", partial(drift_gradient, model), partial(drift_hessian, model), y, v)
     for k in inexact_pieces(model):
-        gradient, hessian = lambda z, k=k: piece_gradient(model, k, z), lambda z, w, k=k: piece_hessian(model, k, z, w)
+        gradient, hessian = partial(piece_gradient, model, k), partial(piece_hessian, model, k)
         yield from _hessian("piece", f", k = {k},", gradient, hessian, y, v)
     for k in range(noises(model)):
-        gradient, hessian = lambda z, k=k: noise_gradient(model, k, z), lambda z, w, k=k: noise_hessian(model, k, z, w)
+        gradient, hessian = partial(noise_gradient, model, k), partial(noise_hessian, model, k)
         yield from _hessian("noise", f", k = {k},", gradient, hessian, y, v)
         for w in (gradient(y), hessian(y, v)):
             if differ(noise_structure(model, k, y, w), structure(model, y, w), EXACT):
@@ -252,7 +252,7 @@ def check_brackets(model, y):
             yield "lie_bracket is not the gradient of w . structure(y, v), a function that is linear in y"
     for k, j in itertools.combinations(range(noises(model)), 2) if answers(noise_bracket_gradient, model) else ():
         slope = np.dot(v, noise_bracket_gradient(model, j, k, y))
-        if differ_from_derivative(slope, lambda z, j=j, k=k: _bracket(model, j, k, z), y, v, *_sizes(model, j, k, y)):
+        if differ_from_derivative(slope, partial(_bracket, model, j, k), y, v, *_sizes(model, j, k, y)):
             yield f"noise_bracket_gradient, j = {j}, k = {k}, is not the gradient of grad Ĥ_j . B grad Ĥ_k"
 
     if answers(bracket_factors, model):
@@ -281,7 +281,7 @@ def _sizes(model, j, k, y):
 _PASSED: set[tuple[type, str]] = set()  # in this process: a class, and the digest of numbers and an initial state
 
 
-@functools.cache
+@cache
 def _digest_of_checks():
     """A digest of the code of the checks, so that models are checked again when it changes."""
     return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
