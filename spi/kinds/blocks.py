@@ -20,7 +20,7 @@ from spi.schemes import typical_ns
 from spi.statistics.accumulators import Sums
 from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mean_over_paths
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
-from spi.storage.stored import Array, Described, Stored, array
+from spi.storage.stored import Array, Described, array
 
 from .plans import Cost, Done, PathsPlan, Plan, State
 
@@ -182,14 +182,6 @@ class BlocksPlan(PathsPlan, Blockwise):
         """The state of the first paths, as many as are computed without a gap."""
         paths = state.tally().leading(state.path_sets[0])
         return state.of(replace(self, case=self.case.model_copy(update={"samples": paths}))) if paths else None
-
-    def estimates(self, sums: Any) -> dict[str, Any]:
-        """The fields of the record that follow from the sums over all paths."""
-        raise NotImplementedError
-
-    def results(self, state: State) -> Stored:
-        """The results of one scheme of a case, from its final state."""
-        return self.record(**(self.whole(state) | self.estimates(state.total())))
 
 
 def lanes_of(states: np.ndarray, d: int) -> np.ndarray:

@@ -96,6 +96,11 @@ class State:
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
 
+    def complete(self) -> int:
+        """The number of first path sets of which all paths are computed."""
+        whole = [self.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(self.path_sets)]
+        return [*whole, False].index(False)
+
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
         return [
@@ -284,9 +289,13 @@ class Plan:
         """The progress of a state."""
         raise NotImplementedError
 
+    def estimates(self, sums: Any) -> dict[str, Any]:
+        """The fields of the record that follow from the sums over all paths of the only path set."""
+        raise NotImplementedError
+
     def results(self, state: State) -> Stored:
         """The results, from the final state; there are no long computations or measurements here."""
-        raise NotImplementedError
+        return self.record(**(self.whole(state) | self.estimates(state.total())))
 
     @property
     def model(self) -> Any:

@@ -13,7 +13,7 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
-from ..kinds.answer.study import Prediction, prediction
+from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
@@ -331,7 +331,7 @@ def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[st
         def tick(number: int, state: State = state) -> None:
             watch.report(progress_of_part(state, number, 1))
 
-        while (predicted := prediction(answer, state.extra)) is None:
+        while (predicted := answer.prediction(state.extra)) is None:
             advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
             allocate(0, state, tick)
         yield plan.case.name, predicted

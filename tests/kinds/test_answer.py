@@ -194,14 +194,14 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
     """Where the planner is told that there is no bias, one step finer says otherwise, and it goes on."""
     ask = {**ASKED, "accuracy": 6e-3, "sampling": True, "extrapolate": [0], "seed": 3}
     honest = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
-    whole, calls = study._whole, []
+    allocated, calls = study.AnswerPlan._allocated, []
 
     def blind(p, state, extra, stage):
         calls.append(stage)
-        found = whole(p, state, extra, stage)
+        found = allocated(p, state, extra, stage)
         return found._replace(base=0, finest=1, wanted=np.maximum(found.wanted, planner.pilot_of(0, len(found.wanted))))
 
-    monkeypatch.setattr(study, "_whole", blind)
+    monkeypatch.setattr(study.AnswerPlan, "_allocated", blind)
     found = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
     assert calls and found.chosen.smallest_step < 0.5 and found.chosen.passed
     assert abs(found.value[0] - honest.value[0]) < 2 * (found.half[0] + honest.half[0])
@@ -442,7 +442,7 @@ def test_seconds_are_kept_where_solving_is_tried(sigma, initial):
     plan, extra = state.plan, state.extra
     sampled = sum(plan.costs[number] * tally.paths for number, tally in state.tallies.items())
     assert len(extra.efforts) and set(extra.efforts) <= {56.0, 120.0, 248.0, 504.0, 1016.0}
-    assert 0.2 < study.solved_seconds(plan, extra) + sampled <= 1.5 * 2.0
+    assert 0.2 < plan.solved_seconds(extra) + sampled <= 1.5 * 2.0
 
 
 def answered(model, function, initial, final_time, **keys):

@@ -32,19 +32,20 @@ class Refiner:
 
 def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
     """(the decisions at the end, all seconds of typical speed), where sampling takes per_sample / accuracy^2."""
-    monkeypatch.setattr(study, "refining_of", lambda p: refiner)
-    case = SimpleNamespace(accuracy=accuracy, seconds=seconds)
-    plan, extra = SimpleNamespace(case=case, solvable=True), Decisions.initial(SETS, 1, False)
+    monkeypatch.setattr(study.AnswerPlan, "refining", refiner)
+    monkeypatch.setattr(study.AnswerPlan, "solvable", True)
+    plan = study.AnswerPlan(case=SimpleNamespace(accuracy=accuracy, seconds=seconds), part=None)
+    extra = Decisions.initial(SETS, 1, False)
     sampling = per_sample / accuracy**2
     aim = accuracy * max(1.0, math.sqrt(sampling / seconds))
 
     def after_pilot(plan, state):
         return state.extra._replace(stage=WHOLE, work=sampling, aim=aim)
 
-    monkeypatch.setattr(study, "_after_pilot", after_pilot)
+    monkeypatch.setattr(study.AnswerPlan, "_after_pilot", after_pilot)
     while extra.stage != DONE and not (extra.solving == study.SAMPLING and extra.stage == WHOLE):
         assert extra.stage == PILOTING
-        extra = study.next_decisions(plan, SimpleNamespace(extra=extra))
+        extra = plan.next_allocation(SimpleNamespace(extra=extra))
     solved = refiner.takes * sum(refiner.seconds[: len(extra.refined)])
     return extra, solved + (sampling if extra.solving == study.SAMPLING else 0.0)
 
@@ -104,6 +105,6 @@ def test_seconds_hold_for_what_is_solved_and_what_it_leaves_for_samples(monkeypa
     extra, _ = decided(monkeypatch, refiner, 1e6, 1e-9, seconds)
     solved = takes * sum(refiner.seconds[: len(extra.refined)])
     assert 0.2 * seconds < solved <= seconds or len(extra.refined) == len(refiner.seconds)
-    plan = SimpleNamespace(case=SimpleNamespace(seconds=seconds))
-    assert study.solved_seconds(plan, extra) == pytest.approx(solved)  # not what is usual
-    assert study.seconds_left(plan, extra) == pytest.approx(max(seconds - solved, 0.02 * seconds))
+    plan = study.AnswerPlan(case=SimpleNamespace(seconds=seconds), part=None)
+    assert plan.solved_seconds(extra) == pytest.approx(solved)  # not what is usual
+    assert plan.seconds_left(extra) == pytest.approx(max(seconds - solved, 0.02 * seconds))

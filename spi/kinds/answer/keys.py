@@ -18,16 +18,16 @@ from spi.statistics.claims import claimable
 
 from .results import Answer
 
-#: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
+#: The default schemes, the first tuple that a model can have: exact flows, or schemes without any.
 CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoint",), ("euler_maruyama",))
 
 #: The finest step is final_time / 2^FINEST.
 FINEST = 16
 
-#: The pilot has so many samples of each of the levels 1 to PILOT_LEVELS.
+#: The samples of each level of the pilot, and its levels 1 to PILOT_LEVELS.
 PILOT_SAMPLES, PILOT_LEVELS = 1024, 7
 
-#: No sum of float64 is known to better than this, relative to the largest values that it has.
+#: The accuracy of sums of float64, relative to their largest terms.
 ROUNDING = 1e-13
 
 
@@ -60,7 +60,7 @@ class Case(FunctionKeys, BaseCase):
 
     @property
     def step_levels(self) -> tuple[int, ...]:
-        """The levels l of the steps T / 2^l to choose from; one more is kept for the check."""
+        """The levels l of the steps T / 2^l to choose from; one more is for the check."""
         if self.steps is None:
             return tuple(range(FINEST))
         return tuple(sorted({round(math.log2(self.final_time / h)) for h in self.steps}))
@@ -75,8 +75,8 @@ class Case(FunctionKeys, BaseCase):
         """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
         if self.schemes:
             return super()._check_names()
-        found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
-        return BaseCase._check_names(self.model_copy(update={"schemes": found}))
+        schemes = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
+        return BaseCase._check_names(self.model_copy(update={"schemes": schemes}))
 
     @condition
     def _check_extrapolate(self) -> Self:
@@ -89,19 +89,15 @@ class Case(FunctionKeys, BaseCase):
         for h in self.steps or ():
             level = min(max(round(math.log2(end / h)), 0), FINEST - 1)
             if abs(end / 2.0**level - h) > RATIO * h:
-                what = f"has {quantity(h)}, which is not final_time / 1, 2, 4, ..., {2 ** (FINEST - 1)}"
-                raise wrong(what, f"the nearest is {quantity(end / 2.0**level)}", "steps")
+                mistake = f"has {quantity(h)}, which is not final_time / 1, 2, 4, ..., {2 ** (FINEST - 1)}"
+                raise wrong(mistake, f"the nearest is {quantity(end / 2.0**level)}", "steps")
         least = min(self.extrapolate) + 2
         if levels[0] >= PILOT_LEVELS:
-            what = f"has at most {quantity(max(self.steps or ()))}"
-            raise wrong(what, f"the largest must be at least {quantity(end / 2 ** (PILOT_LEVELS - 1))}", "steps")
+            mistake = f"has at most {quantity(max(self.steps or ()))}"
+            raise wrong(mistake, f"the largest must be at least {quantity(end / 2 ** (PILOT_LEVELS - 1))}", "steps")
         if levels[-1] - levels[0] + 1 < least:
-            what = f"has {entries_in(len(levels))}, too few to tell the bias from"
-            raise wrong(
-                what,
-                f"must have {least} or more, as in [{quantity(end / 8)}, {quantity(end / 2 ** (least + 2))}]",
-                "steps",
-            )
+            right = f"must have {least} or more, as in [{quantity(end / 8)}, {quantity(end / 2 ** (least + 2))}]"
+            raise wrong(f"has {entries_in(len(levels))}, too few to tell the bias from", right, "steps")
         return self
 
     @condition
@@ -111,8 +107,8 @@ class Case(FunctionKeys, BaseCase):
             values = np.abs([np.broadcast_to(as_numpy(tree)(y), 1)[0] for tree in self.expressions])
         least = ROUNDING * float(values.max(initial=0.0, where=np.isfinite(values)))
         if self.accuracy < least:
-            what = f"is {self.accuracy:g}, below what float64 knows of such values"
-            raise wrong(what, f"must be at least {1.5 * least:.1g}", "accuracy")
+            mistake = f"is {self.accuracy:g}, below what float64 knows of such values"
+            raise wrong(mistake, f"must be at least {1.5 * least:.1g}", "accuracy")
         return self
 
     @condition

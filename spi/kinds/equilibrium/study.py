@@ -244,8 +244,7 @@ class EquilibriumPlan(Plan):
 
     def so_far(self, state: State) -> State | None:
         """The state of the first step sizes, as many as are complete."""
-        complete = [state.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(state.path_sets)]
-        steps = self.case.steps[: [*complete, False].index(False)]
+        steps = self.case.steps[: state.complete()]
         return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
 
     def results(self, state: State) -> Equilibrium:

@@ -265,8 +265,7 @@ class StabilityPlan(Plan):
 
     def so_far(self, state: State) -> State | None:
         """The state of the first values, as many as are complete."""
-        complete = [state.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(state.path_sets)]
-        if not (count := [*complete, False].index(False)):
+        if not (count := state.complete()):
             return None
         sweep, extra = self.case.sweep, state.extra
         fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])

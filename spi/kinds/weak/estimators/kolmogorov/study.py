@@ -17,7 +17,7 @@ from spi.kinds.plans import Cost, Done, State
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order
 
-from ...results import Unsampled, WeakErrors
+from ...results import Unsampled
 from ...study import WeakPlan
 from .keys import demands_of, question
 
@@ -91,9 +91,9 @@ class KolmogorovPlan(WeakPlan):
         """0 or 1 of 1; no standard error."""
         return Done(state.tally().paths, 1, float("nan"))
 
-    def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state."""
-        solved, combine = state.total(), self.extrapolation
+    def estimates(self, solved: Solution) -> dict[str, Any]:
+        """The weak errors and expectations."""
+        combine = self.extrapolation
         error, bound = combine.combined(solved.error), combine.combined_bounds(solved.error_bound)
         h, resolved = self.h, np.abs(error) >= _CLEAR * bound
         unsampled = Unsampled(
@@ -104,7 +104,7 @@ class KolmogorovPlan(WeakPlan):
             notes=solved.notes,
         )
         each = zip(error, bound, resolved, strict=True)
-        estimated = {
+        return {
             "error": error,
             "resolved": resolved,
             "expectation": combine.combined(solved.value),
@@ -113,7 +113,6 @@ class KolmogorovPlan(WeakPlan):
             "accuracy": self.case.accuracy,
             "cpu_seconds": solved.cpu_seconds,
         }
-        return WeakErrors(**(self.whole(state) | estimated))
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
