@@ -55,8 +55,15 @@ def index(entries: list[dict[str, str]]) -> dict[str, Any]:
             rare = math.log(1 + (len(entries) - holders[word] + 0.5) / (holders[word] + 0.5))
             weights[word].append([i, round(rare * weight * factor, 2)])
     weights |= {word: weights[known] for word, known in SYNONYMS.items() if known in weights}
-    shown = [[entry["location"], entry["title"], entry["text"][:200]] for entry in entries]
+    shown = [[entry["location"], entry["title"], _summary(entry)] for entry in entries]
     return {"entries": shown, "weights": weights, "ignored": sorted(IGNORED)}
+
+
+def _summary(entry: dict[str, str]) -> str:
+    """The beginning of an entry, without the marks of links to headings and without its title."""
+    text = entry["text"].replace("\N{PILCROW SIGN} ", "")
+    title, _, rest = text.partition(entry["title"] + " ")
+    return (text if title else rest)[:200]
 
 
 def _titles(entries: list[dict[str, str]]) -> dict[str, set[str]]:
