@@ -226,14 +226,6 @@ def test_a_broken_link_is_noticed(tmp_path):
     assert "no_such_page.md" in done.stderr
 
 
-@pytest.mark.parametrize(("inches", "pixels"), [((18, 6), (1200, 400)), ((6, 4), (900, 600)), ((8, 24), (1000, 3000))])
-def test_pictures_of_the_gallery_can_be_read(monkeypatch, inches, pixels):
-    """As wide as a page of the site or wider, at up to 150 pixels per inch, unless they are very high."""
-    monkeypatch.setattr(gallery.views, "figure", lambda results: Figure(figsize=inches))
-    with Image.open(io.BytesIO(gallery.picture(None))) as drawn:
-        assert drawn.size == pixels and drawn.mode == "P"
-
-
 def test_the_gallery_takes_what_results_there_are(tmp_path):
     (tmp_path / "toda_weak.h5").write_bytes(b"")
     assert gallery.found(tmp_path, "toda_weak", "laptop") == ("laptop", tmp_path / "toda_weak.h5")
