@@ -276,7 +276,9 @@ class WeakErrors(Stored):
     functions: tuple[str, ...] = axis("test function", name="function")
     h: Array = axis("step size", "time")
     error: Array = array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))", claim=_ERROR)
-    expectation: Array = array("function h", "expectation of phi", "value", "E phi(y_h(T))", claim=_EXPECTATION)
+    expectation: Array = array(
+        "function h", "expectation of the test function", "value", "E phi(y_h(T))", claim=_EXPECTATION
+    )
     resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
     orders: tuple[Order, ...] = array("function", "", name="order")
     nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
