@@ -40,9 +40,9 @@ def grid(verdicts: Sequence[Verdict], then: str = " ") -> Grid:
 
 def _at(one: Verdict) -> str:
     """The step size and the swept value of what came out."""
-    found = one.found
-    h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
-    swept = found.swept_places.items() if found else ()
+    quantity = one.found
+    h = f"h = {power_of_two(quantity.h)}" if quantity and quantity.h is not None else ""
+    swept = quantity.swept_places.items() if quantity else ()
     return ", ".join(filter(None, (h, *(f"{word} = {value:g}" for word, value in swept))))
 
 
@@ -53,8 +53,8 @@ def came_out(one: Verdict) -> str:
     return _number(one.found) + f" ({one.found.lost})" * bool(one.found.lost)
 
 
-def _number(found: Quantity) -> str:
-    _, _, value, low, high, *_ = found
+def _number(quantity: Quantity) -> str:
+    value, low, high = quantity.value, quantity.low, quantity.high
     if value != value:
         return "not resolved"
     form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"
@@ -63,15 +63,15 @@ def _number(found: Quantity) -> str:
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """How many claims have which verdict, and a line for each that did not pass; nothing if there are no claims."""
+    """The number of claims with each verdict, and a line for each that did not pass; nothing without claims."""
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
-    yield from (f"{name}: {verdict}: case {told}" for verdict, told in complaints(verdicts))
+    yield from (f"{name}: {verdict}: case {details}" for verdict, details in complaints(verdicts))
 
 
 def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
-    """Of each claim that did not pass the verdict, and whose it is with what came out."""
+    """The verdict on each claim that did not pass, and its subject with the result."""
     return [
         (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
         for one in verdicts
@@ -80,7 +80,7 @@ def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
 
 
 def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> dict[str, str]:
-    """What a record of a table gets of the verdicts on its case, scheme, eps, estimator and test function.
+    """The columns of a row of numbers with the verdicts on its case, scheme, eps, estimator and test function.
 
     That is the worst verdict on each quantity, ``claim[order]``, whatever the step size and the swept value of the
     record; `owner` is the case in the spec.
@@ -93,9 +93,9 @@ def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> 
     return worst
 
 
-def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
-    about, extrapolate = found.about, record.get("extrapolate") or 0
-    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": found.function}
+def _is_about(quantity: Quantity, record: dict[str, Any]) -> bool:
+    about, extrapolate = quantity.about, record.get("extrapolate") or 0
+    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": quantity.function}
     return extrapolate == about.extrapolate and all(
         record.get(name) in (value, None) for name, value in own.items() if value not in (None, "")
     )
