@@ -1,6 +1,7 @@
-"""What is the same in all figures: places and letters of panels, their limits, marks and legends, and panels declared."""
+"""What is the same in all figures: places and letters of panels, limits, marks, legends, and panels declared."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def arranged(*groups, cases=1, facts=()):
 @pytest.mark.parametrize(
     ("groups", "cases", "shape"),
     [((1,), 1, (1, 1)), ((2, 2), 1, (2, 2)), ((6,), 1, (2, 3)), ((4, 4), 1, (2, 4)), ((4, 4, 1), 1, (3, 3)),
-     ((3,), 2, (2, 3)), ((2,), 3, (2, 3)), ((1,), 5, (2, 3)), ((5,), 2, (3, 4))],
+     ((3,), 2, (2, 3)), ((2,), 3, (2, 3)), ((1,), 5, (2, 3)), ((5,), 2, (4, 3))],
 )  # fmt: skip
 def test_places_of_panels(groups, cases, shape):
     spots = [ax.get_subplotspec() for ax in arranged(*groups, cases=cases).axes]
@@ -92,7 +93,7 @@ def test_a_legend_has_eight_entries_at_most(count):
     fig.draw_without_rendering()
     plots.part_ends(ax)
     boxes = sorted((text.get_window_extent() for text in ends.values()), key=lambda box: box.y0)
-    assert all(one.y1 <= other.y0 + 1 for one, other in zip(boxes, boxes[1:], strict=False))
+    assert all(one.y1 <= other.y0 + 1 for one, other in pairwise(boxes))
 
 
 def test_texts_are_moved_apart_as_little_as_needed():

@@ -18,7 +18,7 @@ from work_results import work_results
 
 from spi import storage
 from spi.drawing import page, style
-from spi.kinds.trajectory import fields
+from spi.kinds.trajectory import figure_fields as fields
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Order

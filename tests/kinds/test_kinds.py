@@ -71,10 +71,12 @@ def breaches(kind):
     taken = {
         "table.rows": get_args(kind.table.rows.__annotations__.get("readings")),
         "table.show": get_args(kind.table.show.__annotations__.get("readings")),
-        "figure.draw": get_args(*get_args(kind.figure.draw.__annotations__["cases"])),
     }
     if kind.keys.Case.quantities:
         taken["results.quantities"] = get_args(kind.results.quantities.__annotations__.get("readings"))
+    panels = [panel for each in kind.figure.draw.panels.values() for panel in each if hasattr(panel, "field")]
+    fields = {field.name for field in record.described}
+    found += [f"figure: {panel.field} is no field" for panel in panels if panel.field.split(".")[0] not in fields]
     return found + [f"{name} does not take the kind's readings" for name, types in taken.items() if types != (record,)]
 
 

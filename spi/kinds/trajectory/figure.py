@@ -10,8 +10,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from spi.drawing import page, panels, plots, style
 from spi.models.zeitlin.fields import enstrophy
 
-from .fields import film as film
-from .fields import need_lattice, spectra, vorticities
+from .figure_fields import film as film
+from .figure_fields import need_lattice, spectra, vorticities
 from .results import Trajectory
 
 Readings = Sequence[Trajectory]
