@@ -223,3 +223,51 @@ def check_page(page, text):
             CHECKS[block.language](block)
     for command in commands_of(page, text):
         check_command(command)
+
+
+# --- prose -----------------------------------------------------------------------------------------------------------
+
+#: Words that pages avoid, as patterns, and what stands in their place.
+AVOID = {
+    r"beside": "next to, in addition to, compared with",
+    r"tells?|told": "states, shows, prints",
+    r"lies|(?-i:lie)|lay(?= (?:in|on|at|behind)\b)": "is, are",
+    r"so many(?! that)(?! \w+ that)": "the number",
+    r"but for": "except for, up to",
+    r"in place of": "instead of",
+    r"whoever|whatever it is": "anyone who",
+    r"as ever": "as usual",
+    r"what comes out|what came out": "results",
+    r"what is (?:not )?(?:had|known|told|said|named|kept|lost|wanted|asked)": "the noun itself",
+    r"(?:goes?|gone|going) on(?! for)": "continues, resumes",
+    r"asks? (?:for|of)|asked for": "needs, requires",
+    r"two roads|its mood|one likes|by turns|be it": "the plain word",
+    r"for good": "permanently",
+    r"shall": "must, will",
+}
+
+
+def sentences(text):
+    """The sentences of a page that are prose: no code, tables, headings or formulas; a link is its text."""
+    text = re.sub(r"<!--.*?-->", "", _BLOCK.sub("\n\n", text), flags=re.DOTALL)
+    text = re.sub(r"^(?: {4}|\||#|!\[).*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^ *(?:[*-]|\d+\.) ", "\n\n", text, flags=re.MULTILINE)
+    text = re.sub(r"`[^`]*`", "`code`", re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text))
+    for paragraph in re.split(r"\n\s*\n", text):
+        parts = re.split(r"(?<=[.?!:;])\s+(?=[A-Z(`*])", " ".join(paragraph.split()))
+        yield from (part for part in parts if len(part.split()) > 1)
+
+
+def avoided(text):
+    """The words of a page that it should avoid, each with the sentence and what to write."""
+    for sentence in sentences(text):
+        for pattern, instead in AVOID.items():
+            for found in re.findall(rf"\b(?:{pattern})\b", sentence, re.IGNORECASE):
+                yield f"'{found}' (write {instead}): {sentence}"
+
+
+def first_example(text):
+    """How many characters stand before the first block that a reader can run or paste; None if there is none."""
+    text = re.sub(r"^<!--.*?-->\n", "", text, flags=re.MULTILINE)
+    found = re.search(r"^```(?:sh|yaml|python|bibtex)$", text, re.MULTILINE)
+    return found and found.start()

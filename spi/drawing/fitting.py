@@ -7,10 +7,10 @@ from operator import itemgetter
 from typing import Any
 from weakref import WeakSet
 
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from . import page, plots
 
@@ -167,11 +167,11 @@ def _thin(axis: Any) -> None:
     """Leave out every other label of the ticks of an axis until none touches the next."""
     while len(shown := _labels(axis)) > 1 and _touch(axis, [label for _, label in shown]):
         places = [place for place, _ in shown][::2]
-        if isinstance(axis.get_major_formatter(), FixedFormatter):
+        if isinstance(axis.get_major_formatter(), ticker.FixedFormatter):
             axis.set_ticks(places, labels=[label.get_text() for _, label in shown][::2])
         else:
-            axis.set_major_locator(FixedLocator(places))
-        axis.set_minor_formatter(NullFormatter())
+            axis.set_major_locator(ticker.FixedLocator(places))
+        axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _labels(axis: Any) -> list[tuple[float, Text]]:

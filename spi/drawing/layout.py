@@ -138,7 +138,8 @@ def _matrix(groups: list[list[plots.Plot]], most: int, wide: bool = False) -> li
         rows += _even(single, most) + ([group] if len(group) <= most else _even(group, most))
         single = []
     rows += _even(single, most)
-    return rows if len(everything) > _FULL * len(rows) * max(map(len, rows)) else _even(everything, most, wide)
+    full = len(everything) > _FULL * len(rows) * max(map(len, rows))
+    return rows if full and _shape(rows) <= _TALL else _even(everything, most, wide)
 
 
 def _even(plots: Sequence[plots.Plot], most: int, wide: bool = False) -> list[list[plots.Plot]]:

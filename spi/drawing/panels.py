@@ -40,8 +40,8 @@ class Values(NamedTuple):
 
     def beside(self, suffix: str) -> plots.Array | None:
         """The field whose name has a suffix, as ``_stderr``; None if there is none."""
-        found: plots.Array | None = getattr(self.owner, self.name + suffix, None)
-        return found
+        field: plots.Array | None = getattr(self.owner, self.name + suffix, None)
+        return field
 
     def interval(self, factor: float, own: Any = None, record: Any = None) -> tuple[plots.Array, ...]:
         """The ends of the 95 % intervals, half as wide as `factor` standard errors or as `own`; () without any."""
@@ -138,22 +138,22 @@ class CurvePanel(NamedTuple):
 
     def expand(self, records: Records, looks: Looks) -> Iterator[Any]:
         """The panels of one case."""
-        known = [(record, values) for record in records if (values := values_of(record, self.field, self.axes))]
-        known = [
+        pairs = [(record, values) for record in records if (values := values_of(record, self.field, self.axes))]
+        pairs = [
             (record, values)
-            for record, values in known
+            for record, values in pairs
             if (self.nan_diverged or np.isfinite(values.values).any())
             and all(place(record) is not None for place in self.at.values())
         ]
-        if not known:
+        if not pairs:
             return
-        first, values = known[0]
-        everything = np.concatenate([values.values.ravel() for _, values in known])
+        first, values = pairs[0]
+        everything = np.concatenate([values.values.ravel() for _, values in pairs])
         count = values.values.shape[values.axes.index(self.facet)] if self.facet else 1
         names = names_along(first, self.facet, count) if self.facet else [""]
-        shown = [record for record, _ in known]
+        shown = [record for record, _ in pairs]
         drawn = [
-            self.then(self._plot(known, looks, place, names[place]), shown, place)
+            self.then(self._plot(pairs, looks, place, names[place]), shown, place)
             for place in range(count)
             if self.only(first, place)
         ]
@@ -161,16 +161,16 @@ class CurvePanel(NamedTuple):
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
 
-    def _plot(self, known: Sequence[tuple[Any, Values]], looks: Looks, place: int, name: str) -> plots.Plot:
-        first, values = known[0]
-        drawn = [line for record, found in known for line in self._lines(record, found, looks, place, len(known))]
+    def _plot(self, pairs: Sequence[tuple[Any, Values]], looks: Looks, place: int, name: str) -> plots.Plot:
+        first, values = pairs[0]
+        drawn = [line for record, own in pairs for line in self._lines(record, own, looks, place, len(pairs))]
         scale = "steps" if self.over == "h" else "log" if self.over == "n" else "linear"
         own: plots.Draw | None = None
         if self.over == "value":
             at = plots.places(np.concatenate([line.x for line in drawn]))
             drawn, scale = [line._replace(x=at.of(line.x)) for line in drawn], at.scale
             own = at.dress
-        across, theory = self._theory(known, place)
+        across, theory = self._theory(pairs, place)
         if self.lines:
             own = _shades(own, first, self.lines)
         return plots.Plot(
@@ -183,7 +183,7 @@ class CurvePanel(NamedTuple):
             scale,
             self.log,
             across=across,
-            slopes=self.slopes([record for record, _ in known]) if callable(self.slopes) else self.slopes,
+            slopes=self.slopes([record for record, _ in pairs]) if callable(self.slopes) else self.slopes,
             zero=self.zero,
             top=self.top,
             shared=self.shared and place > 0,
@@ -231,11 +231,11 @@ class CurvePanel(NamedTuple):
         return taken.T if turned else taken
 
     def _theory(
-        self, known: Sequence[tuple[Any, Values]], place: int
+        self, pairs: Sequence[tuple[Any, Values]], place: int
     ) -> tuple[list[tuple[float, str]], list[plots.Series]]:
         """Values of theory: a number for the whole panel, or a line."""
         *parents, _ = self.field.split(".")
-        for record, _ in known if self.reference else ():
+        for record, _ in pairs if self.reference else ():
             theory = values_of(record, ".".join([*parents, self.reference]))
             if theory is None:
                 continue
@@ -300,19 +300,19 @@ class HistogramPanel(NamedTuple):
 
     def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
         """The panels of one case."""
-        known = [(record, values) for record in records if (values := values_of(record, self.field))]
-        known = [(record, values) for record, values in known if self.at(record) is not None]
-        if not known:
+        pairs = [(record, values) for record in records if (values := values_of(record, self.field))]
+        pairs = [(record, values) for record, values in pairs if self.at(record) is not None]
+        if not pairs:
             return
-        first, values = known[0]
+        first, values = pairs[0]
         along = values.axes.index("function")
         for f, name in enumerate(names_along(first, "function", values.values.shape[along])):
             if not self.only(first, f):
                 continue
             lines: list[plots.Series] = []
-            for record, found in known:
+            for record, own in pairs:
                 index: Any = (f, self.at(record)) if along == 0 else (self.at(record), f)
-                lines = [*self._lines(record, found, index, looks), *lines]
+                lines = [*self._lines(record, own, index, looks), *lines]
             lines.sort(key=lambda line: line.label == "exact")
             peak = max(float(np.nanmax(line.y, initial=0.0)) for line in lines)
             title, label = style.long_title(first, "function", f), self.label.format(f=name.strip("$"))
@@ -345,16 +345,16 @@ class MapPanel(NamedTuple):
 
     def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
         """A panel for each scheme and time, and one for the law."""
-        known = [record for record in records if getattr(record, self.field) is not None]
-        for record in known:
+        shown = [record for record in records if getattr(record, self.field) is not None]
+        for record in shown:
             for i, t in enumerate(getattr(record, self.field).t.tolist()):
                 title = f"{style.label(record.about)}, $t={style.number(t)}$"
-                yield plots.Plot(title=title, own=partial(self._own, record, i, known), aspect=0.8)
-        if known and self.law and getattr(getattr(known[0], self.field), self.law) is not None:
-            yield plots.Plot(title=self.law_title, own=partial(self._own, known[0], None, known), aspect=0.8)
+                yield plots.Plot(title=title, own=partial(self._own, record, i, shown), aspect=0.8)
+        if shown and self.law and getattr(getattr(shown[0], self.field), self.law) is not None:
+            yield plots.Plot(title=self.law_title, own=partial(self._own, shown[0], None, shown), aspect=0.8)
 
-    def _own(self, record: Any, i: int | None, known: Records, ax: Axes) -> list[plots.Entry]:
-        return self.draw(ax, record, i, known)
+    def _own(self, record: Any, i: int | None, records: Records, ax: Axes) -> list[plots.Entry]:
+        return self.draw(ax, record, i, records)
 
 
 class Own(NamedTuple):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from matplotlib import ticker
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -14,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from . import page, style
 
@@ -314,24 +314,24 @@ def step_axis(ax: Axes, h: Array) -> None:
     exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
     every = 1 if len(exponents) <= 5 else 2 if len(exponents) <= 13 else 4
     powers = (2.0**exponents).tolist()
-    ax.xaxis.set_major_locator(FixedLocator(powers[::-1][::every]))
-    ax.xaxis.set_minor_locator(FixedLocator(powers) if every > 1 else NullLocator())
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x, steps=True)}$"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_major_locator(ticker.FixedLocator(powers[::-1][::every]))
+    ax.xaxis.set_minor_locator(ticker.FixedLocator(powers) if every > 1 else ticker.NullLocator())
+    ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"${style.number(x, steps=True)}$"))
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
     """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
     low, high = xlim or (x[x > 0].min(initial=np.inf), x.max(initial=0.0))
     if low < high < _SHORT * low:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x)}$"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"${style.number(x)}$"))
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _scaled(ax: Axes, label: str) -> str:
     """The label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
-    formatter = ScalarFormatter(useOffset=False)
+    formatter = ticker.ScalarFormatter(useOffset=False)
     formatter.set_scientific(False)
     ax.yaxis.set_major_formatter(formatter)
     largest = max(map(abs, ax.get_ylim()))
@@ -379,8 +379,8 @@ def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int =
     shown = values[order].tolist()
     powers = not steps and all(value > 0 and math.isclose(math.log10(value) % 1, 0) for value in shown)
     names = [style.power(value) if powers else style.number(value, steps) for value in shown]
-    axis.set_major_locator(FixedLocator(at[order].tolist()))
-    axis.set_minor_locator(NullLocator())
+    axis.set_major_locator(ticker.FixedLocator(at[order].tolist()))
+    axis.set_minor_locator(ticker.NullLocator())
     axis.set_ticklabels([f"${name}$" for name in names])
 
 

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import FuncNorm, LogNorm, Normalize
+from matplotlib import colors
 from matplotlib.figure import Figure
 from scipy.interpolate import PchipInterpolator
 
@@ -80,13 +80,13 @@ def _over(
     for curve in curves:
         marker, colour = looks[curve.about.variant]
         x, value, expected = at.of(curve.values), curve.of("value"), curve.of("expected")
-        known = np.isfinite(expected)
-        dashes = "none" if known.all() else DASHES[estimators.index(curve.about.estimator) % len(DASHES)]
+        finite = np.isfinite(expected)
+        dashes = "none" if finite.all() else DASHES[estimators.index(curve.about.estimator) % len(DASHES)]
         look = {"marker": marker, "color": colour, "markersize": 5.5, "linestyle": dashes}
         names = [style.label(curve.about), *[curve.about.estimator] * (len(estimators) > 1)]
         ends = {name: np.where(np.isfinite(value), curve.of(name), np.nan) for name in ("low", "high")}
         lines.append(plots.series(x, value, look, ", ".join(names), poor=curve.poor & np.isfinite(value), **ends))
-        if known.any():
+        if finite.any():
             look = {"color": colour if len(curves) > 1 else plots.GREY, "linestyle": (0, (4, 2)), "linewidth": 1.1}
             name = r"theory, as $h\to0$" if curve.name == "order" else "theory"
             theory.setdefault(expected.tobytes(), []).append(plots.series(*_smooth(x, expected, at.scale), look, name))
@@ -107,8 +107,8 @@ def _over(
 
 def _smooth(x: plots.Array, y: plots.Array, scale: str) -> tuple[plots.Array, plots.Array]:
     """A smooth curve through values of theory, as monotone as they are."""
-    known = np.isfinite(y)
-    x, y = x[known], y[known]
+    finite = np.isfinite(y)
+    x, y = x[finite], y[finite]
     if len(x) < _FEWEST or (scale != "linear" and (x <= 0).any()):
         return x, y
     order = np.argsort(x)
@@ -198,7 +198,7 @@ def cell_borders(at: plots.Places) -> plots.Array:
     return borders if at.scale == "linear" else 2.0**borders
 
 
-def _norm(values: plots.Array, is_error: bool) -> Normalize | None:
+def _norm(values: plots.Array, is_error: bool) -> colors.Normalize | None:
     """The map from values to colours; where both signs occur each has the whole range of its own."""
     finite = values[np.isfinite(values)]
     if finite.size and finite.min() < 0 < finite.max():
@@ -210,10 +210,10 @@ def _norm(values: plots.Array, is_error: bool) -> Normalize | None:
         def backwards(u: Any) -> Any:
             return np.sinh(np.asarray(u) * whole) * _LINEAR * np.where(np.asarray(u) < 0, low, high)
 
-        return FuncNorm((forwards, backwards), -low, high)
+        return colors.FuncNorm((forwards, backwards), -low, high)
     positive = finite[finite > 0]
     if positive.size and (is_error or positive.max() > _WIDE * positive.min()):
-        return LogNorm(positive.min(), positive.max())
+        return colors.LogNorm(positive.min(), positive.max())
     return None
 
 

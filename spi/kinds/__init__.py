@@ -52,7 +52,7 @@ class ResultsModule(Protocol):
 
 
 class FigureModule(Protocol):
-    """``figure``: results as a figure, and as a film where there is a function ``film`` of the same arguments."""
+    """``figure``: ``draw = Figures(PANELS, FACTS)``, see ``spi.drawing.panels``, and perhaps a function ``film``."""
 
     def draw(self, title: str, cases: Sequence[Sequence[Any]]) -> "Figure":
         """The matplotlib figure of the results of each case."""

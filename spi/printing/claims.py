@@ -40,9 +40,9 @@ def grid(verdicts: Sequence[Verdict], then: str = " ") -> Grid:
 
 def _at(one: Verdict) -> str:
     """The step size and the swept value of what came out."""
-    found = one.found
-    h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
-    swept = found.swept_places.items() if found else ()
+    quantity = one.found
+    h = f"h = {power_of_two(quantity.h)}" if quantity and quantity.h is not None else ""
+    swept = quantity.swept_places.items() if quantity else ()
     return ", ".join(filter(None, (h, *(f"{word} = {value:g}" for word, value in swept))))
 
 
@@ -53,8 +53,8 @@ def came_out(one: Verdict) -> str:
     return _number(one.found) + f" ({one.found.lost})" * bool(one.found.lost)
 
 
-def _number(found: Quantity) -> str:
-    _, _, value, low, high, *_ = found
+def _number(quantity: Quantity) -> str:
+    value, low, high = quantity.value, quantity.low, quantity.high
     if value != value:
         return "not resolved"
     form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"
@@ -93,9 +93,9 @@ def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> 
     return worst
 
 
-def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
-    about, extrapolate = found.about, record.get("extrapolate") or 0
-    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": found.function}
+def _is_about(quantity: Quantity, record: dict[str, Any]) -> bool:
+    about, extrapolate = quantity.about, record.get("extrapolate") or 0
+    own = {"scheme": about.scheme, "eps": about.eps, "estimator": about.estimator, "function": quantity.function}
     return extrapolate == about.extrapolate and all(
         record.get(name) in (value, None) for name, value in own.items() if value not in (None, "")
     )

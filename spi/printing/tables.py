@@ -242,7 +242,7 @@ def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
 
 
 def _lines(record: Stored) -> Iterator[str]:
-    """What is to be said of a record, after its label, and what it says itself."""
+    """The common lines on a record, after its label, and its own."""
     for number, line in enumerate(_common(record)):
         yield f"    {line}" if number else f"{record.about.subject()}: {line}"
     yield from record.remarks()

@@ -1,4 +1,4 @@
-"""What all tables share: the console, the look of a table, and how numbers are written."""
+"""The console, the look of tables, and numbers as text."""
 
 import math
 import re
@@ -220,7 +220,7 @@ def order_text(order: float, low: float, high: float, expected: float | None = N
 
 
 def angle_note(largest: float) -> str:
-    """What is to be said about rotations by large angles, or an empty text.
+    """A remark on rotations by large angles, or an empty text.
 
     The product that gives an angle is rounded, so that an angle of 10^6 rad is known to about 10^-10 rad.
     """

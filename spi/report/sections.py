@@ -1,4 +1,4 @@
-"""What a report says of each experiment."""
+"""The sections of a report, one for each experiment."""
 
 import json
 import math
@@ -112,7 +112,7 @@ class Section(NamedTuple):
 
 
 def section(path: Path, results: Results, anchor: str) -> Section:
-    """What is to be said of the results in the file `path`.
+    """The section on the results in the file `path`.
 
     ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
     """
@@ -145,7 +145,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 
 def _items(results: Results) -> Iterator[Titled | str]:
-    """What `spi show` prints, the tables of claims among it."""
+    """The tables and lines of `spi show`, those of claims among them."""
     for items, judged in views.by_cases(results):
         for item in [*items, *[printed_claims.grid(judged)] * bool(judged)]:
             yield Titled.of(item) if isinstance(item, Grid) else item.text
@@ -158,7 +158,7 @@ def _headlines(read: Sequence[Stored]) -> Facts:
         cases = by_case(read)
         each = [curves(quantities(case), read[0].headline) for case in cases]
         of_cases = list(zip(views.titles(cases), each, strict=True))
-    return [(title if len(of_cases) > 1 else "", sweeps.headline(found)) for title, found in of_cases if found]
+    return [(title if len(of_cases) > 1 else "", sweeps.headline(shown)) for title, shown in of_cases if shown]
 
 
 def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
@@ -177,7 +177,7 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
 
 
 def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
-    """What the results cost, as far as all kinds store it."""
+    """Time and paths of results."""
     seconds = math.fsum(one.wall_seconds for one in read)
     yield "time", f"{duration(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
     for label, name, form in (("paths", "samples", ",.0f"), ("time per step and path", "ns_per_step", ".3g")):

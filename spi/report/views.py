@@ -47,8 +47,8 @@ def wholes(read: Sequence[Stored]) -> list[Whole]:
 def _whole(read: list[Stored]) -> Whole:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
-    known = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
-    return Whole(swept.owner, swept.title, read, known)
+    shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    return Whole(swept.owner, swept.title, read, shown)
 
 
 def readings(results: Results) -> list[Stored]:
@@ -64,8 +64,8 @@ def _reading(kind: str, group: Group) -> Stored:
     try:
         return KINDS[kind].results.Record.of(group)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        whose = f"the group {group.name} cannot be read as results of kind {kind} ({what})"
+        reason = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        whose = f"the group {group.name} cannot be read as results of kind {kind} ({reason})"
         raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
@@ -167,21 +167,21 @@ def figure(
     if unfinished and style == "paper":
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        told = f"{title} ({unfinished})" if unfinished else title
+        heading = f"{title} ({unfinished})" if unfinished else title
         over = wholes(read)
-        drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
+        drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
         if page.current().width is not None:
             fitting.settle(drawn)
         return drawn
 
 
-def _swept_figure(kind: str, title: str, found: Sequence[Whole]) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[Whole]) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import style
     from ..drawing.sweeps import draw, draw_maps
 
     drawn = []
-    for whole in found:
+    for whole in cases:
         own = [{name: getattr(one, name, None) for name in _FACTS} for one in whole.readings]
         facts, _ = style.split_facts([style.facts(one, **of) for one, of in zip(whole.readings, own, strict=True)])
         if whole.curves:
@@ -201,8 +201,8 @@ def film(results: Results) -> "Film":
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
     with page.applied():
-        found: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
-        return found
+        film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
+        return film
 
 
 def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:

@@ -221,6 +221,9 @@ TIMES = ("seconds", "ns_per_step", "cost_rate")
 _ROUNDING = 1e-9
 
 
+_OF_ITS_RUN = ("threads",)
+
+
 def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool, rounding: float = 0.0) -> list[str]:
     """The names of all that is not the same in `stored` as in what was `derived`, times only if they are wanted.
 

@@ -2,18 +2,34 @@
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import NonNegative, Positive, dimension, flows_lacking, has_friction, large
+from ..ensemble.protocol import (
+    NonNegative,
+    Positive,
+    casimir_degrees,
+    conserved,
+    dimension,
+    flows_lacking,
+    has_friction,
+    large,
+    noise_indices,
+    squared_length_is_casimir,
+)
 from ..ensemble.scheme_protocol import judges, needs_areas
+from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
+from ..models.damped import damped
 from ..models.delegation import undamped
+from ..models.thermal import thermal
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -49,8 +65,9 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
-from .temperature import dissipation, dissipative_model
 
+_MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
+LAWS = ("law", "distance", "moments")  # panels about a stationary law
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
 
@@ -61,7 +78,7 @@ class FunctionKeys(Keys):
         pydantic.Field(default_factory=dict)
     )
 
-    if TYPE_CHECKING:  # what every case has
+    if TYPE_CHECKING:  # attributes of every case
         model: Any
         variables: tuple[str, ...]
 
@@ -121,20 +138,20 @@ class BaseCase(Keys):
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
-    #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
+    #: The keys that decide no path of a part: names, numbers of paths, other parts, derived quantities and figures.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
-    #: key -> a value with which it is left out of what decides results, as where there is no such key.
+    #: key -> the value with which it is left out of the data that decide results, as in specs from before it was a key.
     unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
-    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
+    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
-    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: without which `accuracy` asks for an answer, where it may
+    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: keys without which `accuracy` makes the kind an answer
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -159,7 +176,7 @@ class BaseCase(Keys):
 
     @property
     def runs(self) -> list[tuple[str, float | None]]:
-        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        """(scheme, eps or None) of each run: schemes of the multiscale system once for each eps."""
         return [(s, eps) for s in self.schemes for eps in (self.eps if self.row(s).multiscale else [None])]
 
     @property
@@ -200,7 +217,8 @@ class BaseCase(Keys):
         for key, value in values.items():
             if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
                 values[key] = "; ".join(map(str, value))
-        return values | dissipation(self)
+        damping = {"damping": self.damping} if self.damping else {}
+        return values | damping | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
 
     @property
     def last_time(self) -> float:
@@ -210,7 +228,7 @@ class BaseCase(Keys):
     @condition
     def _check_dissipation(self) -> Self:
         """The case with its damping or its temperature in the record of the model."""
-        return self.model_copy(update={"model": dissipative_model(self)})
+        return self.model_copy(update={"model": _dissipative(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
@@ -219,7 +237,7 @@ class BaseCase(Keys):
 
     @condition
     def _check_names(self) -> Self:
-        """All schemes are in the table of schemes or among the compositions; the case with those that it uses."""
+        """All schemes are in the table or among the compositions; the case without unused compositions."""
         names = (*SCHEMES, *self.compositions)
         for n, name in enumerate(self.schemes_used):
             if name not in names:
@@ -356,3 +374,69 @@ class ErrorCase(BaseCase):
 
 class FunctionsCase(FunctionKeys, ErrorCase):
     """The keys of errors of expectations of test functions."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Damping and temperature
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _damped(case: Any) -> Any:
+    """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    if large(case.model):
+        raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
+    degrees = casimir_degrees(case.model)
+    if len(degrees) != conserved(case.model):
+        fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
+        raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
+    most = _MOST_DECAY / max(degrees, default=1) / case.last_time
+    if case.damping > most:
+        fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
+        raise wrong(fault, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
+    return damped(case.model, case.damping)
+
+
+def _dissipative(case: Any) -> Any:
+    """The record of the model of a case with its damping or at its temperature."""
+    if math.isfinite(case.temperature):
+        return _thermal(case)
+    return _damped(case) if case.damping else case.model
+
+
+def _thermal(case: Any) -> Any:
+    """The record of the model of a case at its temperature; raises the error about it if it cannot be."""
+    model, temperature = case.model, case.temperature
+    if temperature == 0:
+        right = "for selective decay at the rate gamma take a small one, T, and sigma = sqrt(2*gamma*T)"
+        raise wrong("is 0, at which friction would be infinite", right, "temperature")
+    if case.damping:
+        raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
+    if described(case.noise):
+        fault = "is given beside noise, and friction belongs to Brownian motion"
+        raise wrong(fault, "leave out one of them", "temperature")
+    if not noise_indices(model):
+        fault = "is given to a model without noise, which nothing would bring to it"
+        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
+    if temperature < 0 and not has_compact_surfaces(model):
+        fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
+        raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
+    return thermal(model, temperature)
+
+
+def has_compact_surfaces(model: Any) -> bool:
+    """Whether the quadratic Casimir functions that grow in every direction in which they change add up to all of |y|.
+
+    Sufficient, not necessary: Casimir functions of other forms are not looked at.
+    """
+    if large(model) or squared_length_is_casimir(model):
+        return True
+    total = np.zeros((dimension(model), dimension(model)))
+    for c in range(conserved(model)):
+        with suppress(ValueError):  # it is not quadratic
+            b, Q = casimir_form(model, c)
+            total += 0 if b.any() else semidefinite(Q)
+    return bool(np.linalg.eigvalsh(total)[0] > 1e-9)

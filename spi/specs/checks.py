@@ -18,7 +18,7 @@ from ..systems.keys import MOST
 from .keys import quantity, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
-_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
+_MOST_STEPS = 2**34  # of the reference step: the range of the counter of random numbers
 
 
 def check_count(end: float, step: float, key: str) -> None:

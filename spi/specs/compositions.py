@@ -75,8 +75,7 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", "name") from None
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__qualname__, __base__=Told, **fields).model_validate(data)
-    orders = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
-    stated: dict[str, Any] = {key: math.nan if value is None else value for key, value in orders.items()}
+    stated: dict[str, Any] = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
     return Scheme(
         record=cls(**{key: getattr(keys, key) for key in fields}),
         label="",
@@ -84,7 +83,7 @@ def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
         reference=f"{data['name']} in {data['python']}",
         look=("", ""),
         work=10.0,
-        **stated,
+        **(stated | {key: math.nan for key, value in stated.items() if value is None}),
     )
 
 
@@ -107,7 +106,7 @@ def check_steps(compositions: dict[str, Any], model: Any, initial: tuple[float, 
 Stages = tuple[Flows, ...]
 
 _MOST_STAGES = 16  # each becomes compiled code of its own
-_OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
+_OF_VARIANTS = ("eps", "extrapolated")  # second words in the names of variants of a scheme
 _COIN, _SHARED = "coin", "shared"
 _WORDS = (*ORDERS, _COIN, _SHARED)
 _SUPPLYING = ("loops", "areas")
@@ -187,7 +186,7 @@ def weak_order(stages: Stages, model: Any) -> float:
     """
     if has_loops(stages):
         return 1.0
-    if large(model):  # of hundreds of flows four tell the same
+    if large(model):  # four of its hundreds of flows suffice
         model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
     if repeats_increments(stages, model):
         return 1.0

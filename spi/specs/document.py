@@ -108,12 +108,12 @@ class Document:
         return None if node.tag.endswith(":null") else node.value
 
     def _check_text(self, text: str, loc: Location) -> None:
-        """Refuse what no results file can hold, and what a terminal would take for a command."""
+        """Refuse control characters, which a terminal obeys, and surrogates, which no results file can hold."""
         if bad := next((c for c in text if unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n"), None):
             self.fail(loc, f"has the character U+{ord(bad):04X}; remove it")
 
     def _mapping(self, node: yaml.MappingNode, loc: Location, around: tuple[yaml.Node, ...]) -> dict[str, Any]:
-        """A dict; what ``<<`` merges in is overridden by the mapping's own keys."""
+        """A dict; its own keys override those merged in by ``<<``."""
         merged: dict[str, Any] = {}
         own: dict[str, Any] = {}
         # What is merged in comes first, so that the mapping's own keys have the last word on places too.

@@ -44,10 +44,10 @@ PROFILES = ("laptop", "paper", "quick")
 #: The keys of a file that are none of its cases.
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
-#: The kind of what names an accuracy in place of how it is to be reached.
+#: The kind of experiments that name an accuracy and leave steps and samples to the program.
 ANSWER = "answer"
 
-#: Of one layer most values are left as they are: only all layers together are sure to say what they mean.
+#: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
 
 
@@ -192,7 +192,7 @@ class Experiment(NamedTuple):
         None  #: the claims of all cases, as ``spi.statistics.claims.of_text`` reads them; None if there are none
     )
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
-    called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
+    called: str = ""  #: its name in messages and commands: its path, or the name of one that comes with the program
 
     @property
     def results_name(self) -> str:
@@ -206,7 +206,7 @@ class Experiment(NamedTuple):
 
     @property
     def paths_hash(self) -> str:
-        """As `hash`, but the same whatever the numbers of samples: paths are the same then."""
+        """As `hash`, but without the numbers of samples, which change no path."""
         cases = self.effective["cases"].items()
         paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
         return _hash({**self.effective, "cases": paths})
@@ -292,7 +292,7 @@ def load(
 
 
 def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
-    """The text of an experiment as plain data; `place` is what stands before the number of a line in messages."""
+    """The text of an experiment as plain data; `place` precedes the numbers of lines in messages."""
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")

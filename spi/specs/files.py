@@ -27,7 +27,7 @@ from ..storage.records import Group
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
-_BINARY = "data:application/octet-stream;base64,"  # what begins a text that stands for bytes
+_BINARY = "data:application/octet-stream;base64,"  # the prefix of a text that encodes bytes
 
 
 def as_text(data: bytes) -> str:
@@ -103,9 +103,8 @@ class Files:
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
-            right = (
-                f"did you mean '{Path(path).with_name(near[0])}'?" if near else "paths begin at the folder of the spec"
-            )
+            right = "paths begin at the folder of the spec"
+            right = f"did you mean '{Path(path).with_name(near[0])}'?" if near else right
             raise wrong(f"is {shown(path)}, and there is no file {file}", right, key) from None
         except UnicodeDecodeError:
             raise wrong(f"is {shown(path)}, which is not UTF-8", "save the file as UTF-8", key) from None

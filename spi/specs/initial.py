@@ -38,7 +38,7 @@ from .files import Files, array_in, check_finite, content, state_in, unpacked
 from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How an ``initial`` at random is read: laws of states, of which each path has its own.
+# Laws of initial states, of which each path has its own.
 #
 # initial: {law: uniform_on_surface, through: [0, 0, 1]}
 # initial: {law: gibbs, through: [0, 0, 1], temperature: 0.2}
@@ -454,7 +454,7 @@ def _at_random(text: str, energy: float, seed: int, n: int) -> tuple[float, ...]
 def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str) -> np.ndarray:
     """The values of an expression in some names at points (names, ...), all of them finite."""
     try:
-        if other := re.search(r"\b[yY][0-9]+\b", text):  # what components of states are called
+        if other := re.search(r"\b[yY][0-9]+\b", text):  # the names of components of states
             raise NumberError(f"unknown word '{other[0]}'")
         tree = parse_expression(text, len(names), names)
     except NumberError as error:

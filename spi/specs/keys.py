@@ -109,7 +109,7 @@ def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
 
 
 def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
-    """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
+    """The annotation of a mapping of one of these classes, which the value of `key`, one of `names`, tells apart."""
     allowed = dict.fromkeys(k for cls in classes for k in cls.model_fields)
 
     def check(data: Any) -> Any:
@@ -168,7 +168,7 @@ def _read(hint: Any) -> Any:
 
 
 def text_in(hint: Any) -> str | None:
-    """The text in an annotation, which says what it is."""
+    """The description in an annotation."""
     return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
 
 
@@ -186,7 +186,7 @@ def _record_of(cls: Any) -> Any:
 
 
 def powers_of_two(value: Any) -> Any:
-    """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
+    """The entries of a range such as 2^-5 .. 2^-13, as texts; a list as it is."""
     if isinstance(value, list):
         if ranges := [entry for entry in value if isinstance(entry, str) and ".." in entry]:
             raise wrong(f"has a range in a list, {shown(ranges[0])}", f"write it without brackets: {ranges[0]}")
@@ -215,7 +215,7 @@ def _complex_modes(value: Any) -> Any:
     return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
 
 
-NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
+NAME = "^[A-Za-z0-9_]+$"  #: pattern of names that a user gives
 
 
 def by_name(value: Any) -> Any:
@@ -261,10 +261,10 @@ CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Errors of pydantic in the words of a spec file: where in it, what is wrong, what would be right.
+# Errors of pydantic in the words of a spec file: place, fault, remedy.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: type of an error of pydantic -> what would be right, where its own words are not those of a spec file
+#: type of an error of pydantic -> remedy, where its own words are not those of a spec file
 _RIGHT = {
     "bool_type": "must be true or false",
     "string_type": "must be text",

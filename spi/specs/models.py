@@ -36,7 +36,7 @@ from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion
 #     model: {algebra: so(3), hamiltonian: y1^2/2 + y2^2/4, noises: [y3], sigma: [0.1]}
 #     model: {system: heavy_top.yaml, parameters: {weight: 2}}
 #
-# What the spec says beside ``system`` overrides what the file says, parameters and sizes one by one.
+# Keys beside ``system`` override those of the file, parameters and sizes one by one.
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: Keys whose mappings are overridden entry by entry.
@@ -74,7 +74,7 @@ def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:
 
 
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a system with those that stand above them."""
+    """The keys of a system, overridden by those of a higher layer."""
     pairs = {key: (below.get(key), above.get(key)) for key in BY_ENTRY}
     both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
     return {**below, **above, **both}
@@ -141,7 +141,7 @@ def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
-    """The keys of a model: those that tell which it is, and the fields of its record, all of them if `complete`."""
+    """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
@@ -176,9 +176,8 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
-        raise wrong(
-            f"is {shown(data['name'])}, whose field {taken} has the name of a key", f"rename it; {remedy}", "name"
-        )
+        fault = f"is {shown(data['name'])}, whose field {taken} has the name of a key"
+        raise wrong(fault, f"rename it; {remedy}", "name")
     return _record(cls, keys.model_validate(data))
 
 
@@ -191,9 +190,8 @@ def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
     """The class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
-        raise wrong(
-            f"is {shown(path)}", "must be the path of a Python file, seen from the folder of this one", "python"
-        )
+        right = "must be the path of a Python file, seen from the folder of this one"
+        raise wrong(f"is {shown(path)}", right, "python")
     module = files.module(path, "python")
     here = [
         name
@@ -202,16 +200,12 @@ def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
     ]
     name = data.get("name")
     if name is None:
-        raise wrong(
-            "missing key 'name'", f"add name: the class in {path}, one of {', '.join(here) or '(none yet)'}", "name"
-        )
+        right = f"add name: the class in {path}, one of {', '.join(here) or '(none yet)'}"
+        raise wrong("missing key 'name'", right, "name")
     cls = getattr(module, name, None) if isinstance(name, str) else None
     if cls is None:
-        raise wrong(
-            f"is {shown(name)}, for which there is no class in {path}",
-            suggestion(name, here) if here else f"write a {remedy}",
-            "name",
-        )
+        right = suggestion(name, here) if here else f"write a {remedy}"
+        raise wrong(f"is {shown(name)}, for which there is no class in {path}", right, "name")
     return cls
 
 

@@ -1,10 +1,10 @@
-"""A parameter and its values: what comes out is a curve over them.
+"""The key ``sweep``, a parameter and its values: results are curves over them.
 
     sweep: {sigma: [0.1, 1, 10]}
     sweep: {s: 2^-4 .. 2^0, of: [order, error]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-or two of them, and what comes out is a map over both:
+or two of them, and results are maps over both:
 
     sweep: {sigma: 2^-4 .. 2^0, T: [0.1, 1, 10]}
 
@@ -30,7 +30,7 @@ from .models import BY_ENTRY, SOURCES, names_under, system_in_file
 
 POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
 _NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: the same elsewhere
+PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand in other kinds
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
 SWEEP += "of two parameters a map"
@@ -74,7 +74,7 @@ _Values = Annotated[
 
 
 def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
-    """The sweep that a mapping of a word and its values says, and perhaps of what; none for nothing."""
+    """The sweep of a mapping {word: values, of: quantities}; None for None."""
     if value is None:
         return None
     if not isinstance(value, dict):
@@ -162,7 +162,7 @@ def _putting(
 
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """A sweep with what stands above it: another parameter or other values, or another choice of what is shown."""
+    """A sweep, overridden by a higher layer: by another parameter, other values or another choice of quantities."""
     return {key: value for key, value in below.items() if key == "of" or above.keys() - {"of"} <= below.keys()} | above
 
 

@@ -25,7 +25,9 @@ A field that is None is not stored.  Axes that no field describes, as "casimir",
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
 
 The 95 % interval of a field ``x`` is that from ``x_low`` to ``x_high`` where there are such fields or properties, or
-``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :func:`estimate`.
+``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :meth:`Stored.estimate`.
+
+The file is long because declaring, storing, reading and estimating are one mechanism.
 """
 
 import math
@@ -71,7 +73,7 @@ EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in whic
 
 
 class Claimed(NamedTuple):
-    """How specs may claim a field; texts are names of fields or properties of the record."""
+    """The claims that specs may make about a field; texts are names of fields or properties of the record."""
 
     sense: str  #: in which a bare number is meant
     name: str = ""  #: of the quantity, if it is not that under which the field is stored

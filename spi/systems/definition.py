@@ -147,13 +147,10 @@ class _Reader(Data):
 
     def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
-        if ("algebra" in self.data) == ("bracket" in self.data):
-            fault = (
-                "has algebra and bracket; leave one out"
-                if "algebra" in self.data
-                else "missing key 'algebra'; add algebra: or bracket:"
-            )
-            raise DefinitionError(fault, *(["bracket"] if "algebra" in self.data else ["algebra"]))
+        if {"algebra", "bracket"} <= {*self.data}:
+            raise DefinitionError("has algebra and bracket; leave one out", "bracket")
+        if not {"algebra", "bracket"} & {*self.data}:
+            raise DefinitionError("missing key 'algebra'; add algebra: or bracket:", "algebra")
         sizes = Symbols(indices=self.sizes)
         variables = [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
         if "bracket" in self.data:

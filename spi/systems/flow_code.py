@@ -17,8 +17,7 @@ from .symbolics import Symbolics, reduced
 # Source of flows as loops over tables of components, see ``ensemble/protocol.py``.
 #
 # A motion moves block by block.  Blocks that move alike, by rates that no block changes, are rows of one table; the
-# text
-# of what one of them does, in its own components, is the shape.
+# text of the motion of one of them, in its own components, is the shape.
 # ---------------------------------------------------------------------------------------------------------------------
 
 FROM = 13  #: components from which on a system has tables
@@ -59,7 +58,7 @@ class Tables:
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
     def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
-        """That of a flow, given its :func:`.motion_code.motions` with so many parameters; () if it has none."""
+        """The table of a flow, given its :func:`.motion_code.motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()
@@ -157,7 +156,7 @@ class Tables:
     # ---- the class -------------------------------------------------------------------------------------------------
 
     def lines(self, drift: Sequence[Any], noise: Sequence[Any], friction: Sequence[Any]) -> list[str]:
-        """Traits and methods, given the tables of pieces and noises, and what :meth:`friction` says of these."""
+        """Traits and methods, given the tables of pieces and noises, and the :meth:`friction` of each noise."""
         if not self.shapes or len(self.shapes) > _SHAPES or len(self.slopes) > _SHAPES:
             return []
         lines = ["", f"row_length = {self.length}"]
@@ -213,7 +212,7 @@ class Writer(NamedTuple):
 
     names: Mapping[Any, str]  #: how symbols are called
     world: Symbolics
-    motions: Mapping[Any, Any]  #: key -> (name, motion, what moves, whether it is given the model)
+    motions: Mapping[Any, Any]  #: key -> (name, motion, generators, whether it is given the model)
 
     def words(self, heads: Sequence[str], calls: Sequence[Call]) -> list[str]:
         """Two methods, of flows and of their angles."""
@@ -306,13 +305,15 @@ LONG = 150  #: lines from which on a motion is long
 
 _SINE = re.compile(r"(\w+), (\w+) = sin_versine\(angles, (.*)\)")
 
-Motions = Mapping[Any, tuple[str, Motion, Sequence[Generator], bool]]  #: key -> (name, motion, by what, is given model)
+Motions = Mapping[
+    Any, tuple[str, Motion, Sequence[Generator], bool]
+]  #: key -> (name, motion, generators, is given model)
 
 
 def motion_functions(motions: Motions, bracket: Bracket, phases: int) -> list[list[str]]:
-    """The lines of the functions of all motions; `phases`: how many angles those return that are divided.
+    """The lines of the functions of all motions; `phases`: the number of angles returned by divided ones.
 
-    A long motion is divided: what it takes sines of, and what is done with them.  The latter is the same for angles of
+    A long motion is divided: the angles of its sines, and the use of these sines.  The latter is the same for angles of
     all sizes and is compiled once, where a model says how many sines there are (``phases``).
     """
     return [

@@ -27,7 +27,7 @@ _MOST_KEPT = 20  # linear functions s
 
 
 def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Term | None:
-    """The term that a function of such quadratic functions and linear ones is; None if it is none."""
+    """A function of such quadratic functions and of linear ones as a term; None if it is no such function."""
     if not all(map(world.bracket.is_affine, world.used(expression))):
         return None
     search = _Search(world, casimirs)

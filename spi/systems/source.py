@@ -373,9 +373,8 @@ class _Generator:
             functions.append(self.coefficients.function())
             parts.append(self.coefficients.head())
         parts += ["\n" + "\n".join(lines) for lines in functions]
-        parts += [
-            "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
-        ]
+        body = ["    " + line if line else "" for line in body]
+        parts.append("\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *body]))
         moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",

@@ -24,10 +24,6 @@ from .symbolics import echelon, without
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Joint generalised eigenspaces of commuting real matrices.
-#
-# On one of them M_j = chi_j + N_j with numbers chi_j and commuting nilpotent N_j.  Complex ones come in conjugate
-# pairs,
-# of which one is kept.
 # ---------------------------------------------------------------------------------------------------------------------
 
 EIGEN_DIGITS = 120  #: a k-fold eigenvalue that has only one eigenvector is found to 1/k of them
@@ -334,7 +330,7 @@ def blocks(matrices: Sequence[Matrix]) -> list[Block]:
 
 
 def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tuple[list[Space], float]:
-    """(spaces, what they lose, see :func:`loss`); Inseparable if that is too much and there is no other way."""
+    """(spaces, their :func:`loss`); Inseparable if that is too much and there is no other way."""
     mixed, values, spaces = separated(matrices, order)
     lost = loss(spaces, matrices, order)
     if lost < _BEARABLE or has_turn:
@@ -370,10 +366,10 @@ def _turn(entries: Matrix, order: Sequence[int]) -> tuple[Matrix, mpmath.mpf] | 
 
 
 def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int]) -> float:
-    """By how much the terms that a motion adds up exceed what they add up to, over a time of 1 over the largest rate.
+    """The factor by which the terms that a motion adds up exceed their sum, over a time of 1 over the largest rate.
 
-    What one component adds to another is taken to be 1, or as much as (1 - |M|/m)^-1 has there if that is more: |M| is
-    the sum of the matrices without their signs, m twice its spectral radius.
+    The contribution of one component to another is taken to be 1, or the entry of (1 - |M|/m)^-1 if that is more: |M|
+    is the sum of the matrices without their signs, m twice its spectral radius.
     """
     size = np.abs(sum(np.array(matrix.apply(abs).tolist(), float) for matrix in matrices))
     radius = float(max(abs(np.linalg.eigvals(size))))

@@ -193,7 +193,7 @@ def split(
     """
     terms: list[Term] = []
     crossing: list[Any] = []
-    lacking: list[tuple[Any, str]] = []  # what has no exact flow, and why
+    lacking: list[tuple[Any, str]] = []  # (addend without an exact flow, reason)
     left = list(addends)
     while left:
         addend = left.pop(0)
@@ -285,7 +285,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Pa
 
 
 def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
-    """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
+    """The terms of a sum that is written as a product: expanded, or else its parts as they are written."""
     try:
         return _terms(expanded, world, lambda part: None)
     except NoExactFlow as refused:

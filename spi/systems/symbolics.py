@@ -124,9 +124,8 @@ def check_name(name: str, key: str) -> None:
     """DefinitionError if a parameter or a size cannot have this name in formulas."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
     if not is_name or name in TAKEN:
-        raise DefinitionError(
-            "is not a valid name; use letters from a to z and digits, and not the name of a function", key, name
-        )
+        right = "use letters from a to z and digits, and not the name of a function"
+        raise DefinitionError(f"is not a valid name; {right}", key, name)
 
 
 def polynomial(value: Any, formulas: Symbols) -> Polynomial:
@@ -168,15 +167,10 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
                     continue
                 value = factor.base.xreplace(world.parameters).xreplace(constants)
                 if value == 0:
-                    name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
-                    raise DefinitionError(
-                        f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
-                        *(
-                            ["parameters", name]
-                            if any(name == str(symbol) for symbol in world.parameters)
-                            else ["hamiltonian"]
-                        ),
-                    )
+                    name = min(map(str, factor.base.free_symbols), default="")
+                    keys = ("parameters", name) if name in map(str, world.parameters) else ("hamiltonian",)
+                    fault = f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0"
+                    raise DefinitionError(f"{fault}; take another value", *keys)
         if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
             name = world.name(function)
             fault = f"has no finite real value at these parameters: '{shortened(name)}'"

@@ -56,7 +56,7 @@ def arranged(*groups, cases=1, facts=()):
 @pytest.mark.parametrize(
     ("groups", "cases", "shape"),
     [((1,), 1, (1, 1)), ((2, 2), 1, (2, 2)), ((6,), 1, (2, 3)), ((4, 4), 1, (2, 4)), ((4, 4, 1), 1, (3, 3)),
-     ((3,), 2, (2, 3)), ((2,), 3, (2, 3)), ((1,), 5, (2, 3)), ((5,), 2, (3, 4))],
+     ((3,), 2, (2, 3)), ((2,), 3, (2, 3)), ((1,), 5, (2, 3)), ((5,), 2, (4, 3))],
 )  # fmt: skip
 def test_places_of_panels(groups, cases, shape):
     spots = [ax.get_subplotspec() for ax in arranged(*groups, cases=cases).axes]

@@ -49,7 +49,7 @@ from spi.schemes import SCHEMES, of_model, weak_exponents
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import acting_flows, flows, indices_of, is_own_reverse
 from spi.specs import SpecError
-from spi.specs.temperature import has_compact_surfaces
+from spi.specs.cases import has_compact_surfaces
 
 TEMPERATURE = 0.3
 STATE = (0.5, 0.6, -0.4)

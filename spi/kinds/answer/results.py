@@ -1,4 +1,4 @@
-"""What is stored of an answer."""
+"""The record of an answer."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ class Levels(Described):
 
 
 class Chosen(Described):
-    """What was chosen for sampling, and how the check came out."""
+    """The scheme and steps chosen for sampling, and the outcome of the check."""
 
     scheme: str = fact("scheme that was chosen", name="chosen_scheme", column=True)
     extrapolated: int = fact("levels of extrapolation", name="extrapolated", column=True)

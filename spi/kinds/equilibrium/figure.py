@@ -74,22 +74,22 @@ def _is_chosen(reading: Equilibrium, place: int) -> bool:
 
 def _law(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """Frequency over exact probability in bins of equal probability, at the largest step size without lost paths."""
-    known = [(one, law, one.largest_finite) for one, law in with_laws(readings) if one.largest_finite is not None]
-    if not known:
+    laws = [(one, law, one.largest_finite) for one, law in with_laws(readings) if one.largest_finite is not None]
+    if not laws:
         return
-    first = known[0][0]
-    variables = [v for v in range(len(known[0][1].variables)) if _is_chosen(first, v)]
+    first = laws[0][0]
+    variables = [v for v in range(len(laws[0][1].variables)) if _is_chosen(first, v)]
     drawn, reach = [], []
-    for k, (one, law, i) in enumerate(known):
+    for k, (one, law, i) in enumerate(laws):
         bins = law.fraction.shape[2]
-        x = (np.arange(bins) + 0.5) / bins + APART * (k - (len(known) - 1) / 2)
+        x = (np.arange(bins) + 0.5) / bins + APART * (k - (len(laws) - 1) / 2)
         look, label = panels.scheme_look(one, looks, markersize=3.5), style.label(one.about)
         arrays = [(bins * law.fraction[i, v], INTERVAL * bins * law.fraction_stderr[i, v]) for v in variables]
         drawn.append([plots.series(x, value, look, label, half) for value, half in arrays])
         reach.append(max(float(np.nanmax(np.abs(value - 1) + half)) for value, half in arrays))
     room = 1.08 * max(NARROWEST, min(reach), min(max(reach), max(WIDEST, 3 * min(reach))))
     for i, v in enumerate(variables):
-        name = style.maths(known[0][1].variables[v], first.about.variables)
+        name = style.maths(laws[0][1].variables[v], first.about.variables)
         yield plots.Plot(
             [lines[i] for lines in drawn],
             x=f"distribution function of {name}",
@@ -103,12 +103,12 @@ def _law(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
 
 def _moments(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """Means less exact values in standard errors, of each scheme at the largest step size without lost paths."""
-    known = [(one, law, one.largest_finite) for one, law in with_laws(readings) if one.largest_finite is not None]
-    if not known:
+    laws = [(one, law, one.largest_finite) for one, law in with_laws(readings) if one.largest_finite is not None]
+    if not laws:
         return
-    names = [style.maths(name, known[0][0].about.variables) for name in known[0][1].moments]
+    names = [style.maths(name, laws[0][0].about.variables) for name in laws[0][1].moments]
     lines = []
-    for k, (one, law, i) in enumerate(known):
+    for k, (one, law, i) in enumerate(laws):
         x = np.arange(len(names)) + 0.12 * (k - (len(readings) - 1) / 2)
         look = panels.scheme_look(one, looks, linestyle="none")
         lines.append(plots.series(x, law.z[i], look, style.label(one.about)))

@@ -63,16 +63,16 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
 
 def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[Statistics]) -> list[plots.Entry]:
     """The density at one of the times, or the Gibbs law, in the colours of all schemes at that time."""
-    found: Any = reading.density_map
+    density_map: Any = reading.density_map
     at = -1 if m is None else m
-    values = found.law if m is None else found.density[m]
+    values = density_map.law if m is None else density_map.density[m]
     highest = max(float(one.density_map.density[at].max()) for one in readings if one.density_map) or 1.0
     density = np.where(values > 0, values, np.nan)
-    edges = maps.cell_edges(found, at)
-    cells = maps.on_sphere(found, at, density) if found.is_sphere else (*edges, density.T)
-    maps.draw_cells(ax, reading.about, found, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
+    edges = maps.cell_edges(density_map, at)
+    cells = maps.on_sphere(density_map, at, density) if density_map.is_sphere else (*edges, density.T)
+    maps.draw_cells(ax, reading.about, density_map, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
     used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
-    if not found.is_sphere and used[0].size:  # as far as there are paths
+    if not density_map.is_sphere and used[0].size:  # as far as there are paths
         xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
         ax.set(xlim=xlim, ylim=ylim)
     return []

@@ -1,4 +1,4 @@
-"""What is stored of statistics."""
+"""The record of statistics."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""What is stored of strong errors."""
+"""The record of strong errors."""
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table

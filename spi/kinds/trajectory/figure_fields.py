@@ -24,7 +24,7 @@ _ROUNDING = float(np.finfo(float).eps)  # of the largest energy: what is less is
 _SPARE = 1e-3  # of the smallest energy at the last time: how far down the spectra at earlier times are shown
 _INERTIAL = -3.0  # the power of k with which the energy falls where enstrophy goes to small scales
 _LEAST_SHELLS = 6  # for a line of this slope
-_STEEP = 3.0  # a spectrum whose slope differs by more has no line of that slope beside it
+_STEEP = 6.0  # a spectrum whose slope differs by more has no line of that slope beside it
 _SEEN = 0.01  # by which a field must exceed the range of the colours so that the colour bar shows it
 
 # ---------------------------------------------------------------------------------------------------------------------

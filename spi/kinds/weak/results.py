@@ -1,4 +1,4 @@
-"""What is stored of weak errors."""
+"""The record of weak errors by one estimator, with its tables and remarks (hence more than 600 lines)."""
 
 import json
 import math
@@ -34,7 +34,7 @@ _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one ex
 
 
 class Sampled(Described):
-    """What only estimates from samples have."""
+    """Fields of estimates from samples."""
 
     error_stderr: Array = array("function h", "standard error of the weak error", "value")
     error_without: Array | None = array(
@@ -48,7 +48,7 @@ class Sampled(Described):
 
 
 class Unsampled(Described):
-    """What only the solvers without sampling have."""
+    """Fields of the solvers without sampling."""
 
     error_bound: Array = array("function h", "bound of the numerical error of the weak error", "value")
     expectation_bound: Array = array("function h", "bound of the numerical error of the expectation", "value")
@@ -166,7 +166,7 @@ class Differences(Described):
 
 
 class Quasi(Described):
-    """What only estimates from quasi-random points have."""
+    """Fields of estimates from quasi-random points."""
 
     gain: Array = array("function h", "variance of the expectation by independent paths over that by as many points")
     scrambles: int = fact("number of independent scrambles", name="scrambles")
@@ -276,7 +276,9 @@ class WeakErrors(Stored):
     functions: tuple[str, ...] = axis("test function", name="function")
     h: Array = axis("step size", "time")
     error: Array = array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))", claim=_ERROR)
-    expectation: Array = array("function h", "expectation of phi", "value", "E phi(y_h(T))", claim=_EXPECTATION)
+    expectation: Array = array(
+        "function h", "expectation of the test function", "value", "E phi(y_h(T))", claim=_EXPECTATION
+    )
     resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
     orders: tuple[Order, ...] = array("function", "", name="order")
     nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
@@ -439,7 +441,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement | None:
-    """How a sampled estimate compares with the one without sampling among `readings`; None if there is none."""
+    """Compare a sampled estimate with the one without sampling among `readings`; None if there is none."""
     whose = reading.about.case, reading.about.variant
     same = [one for one in readings if (one.about.case, one.about.variant) == whose]
     exact, bounds = next(((one, one.unsampled) for one in same if one.unsampled), (None, None))
@@ -565,7 +567,7 @@ def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
 
 
 def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, sampled: Sampled) -> Iterator[dict[str, Any]]:
-    """Of fewer paths than all; expectations and orders are known of all only."""
+    """The rows of fewer paths than all; expectations and orders are known of all only."""
     for n, samples in enumerate(prefixes.samples.tolist()):
         fewer = replace(
             reading,
@@ -595,7 +597,7 @@ def _resolution(notes: dict[str, Any]) -> str:
 
 
 def _reference(reading: WeakErrors) -> str:
-    """How much of the errors of a record its reference lacks."""
+    """The share of the errors of a record that its reference lacks."""
     reference, differences = reading.reference_step, reading.differences
     order = 2.0 if differences else reading.expected_order
     where = f"the reference at h_ref = {power_of_two(reference)}"

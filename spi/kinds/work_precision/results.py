@@ -1,4 +1,4 @@
-"""What is stored of errors and the times of paths."""
+"""The record of errors and of the times of paths."""
 
 import math
 import re
