@@ -322,7 +322,7 @@ def step_axis(ax: Axes, h: Array) -> None:
 
 def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
     """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
-    low, high = xlim or (x[x > 0].min(initial=np.inf), x.max(initial=0.0))
+    low, high = xlim or (min(x[x > 0], default=0.0), max(x, default=0.0))
     if low < high < _SHORT * low:
         ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"${style.number(x)}$"))
@@ -339,7 +339,7 @@ def _scaled(ax: Axes, label: str) -> str:
     if -3 < exponent < 4:
         return label
     ax.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
-    return rf"{label}  in  $10^{{{exponent}}}$"
+    return rf"{label} in $10^{{{exponent}}}$"
 
 
 class Places(NamedTuple):
