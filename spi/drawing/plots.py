@@ -203,8 +203,10 @@ def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
     if log:
         far = (top / bottom) ** 3
         return np.where(np.isfinite(y) & (y > 0), np.clip(y, bottom / far, top * far), np.nan)
-    far = _OUT * (top - bottom)
-    return np.where(np.isfinite(y), np.clip(y, bottom - far, top + far), np.nan)
+    far, half = _OUT * (top - bottom), (top - bottom) / 2
+    near = (y >= bottom - half) & (y <= top + half)
+    beside = np.convolve(near, [1, 0, 1])[1:-1] > 0  # on its way out of the panel, or in
+    return np.where(np.isfinite(y) & (near | beside), np.clip(y, bottom - far, top + far), np.nan)
 
 
 def _lost(line: Series, inside: Array) -> int | None:

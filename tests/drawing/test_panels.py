@@ -133,6 +133,12 @@ def test_a_dense_line_is_marked_where_it_leaves_and_where_it_ends():
     assert len(line_of(ax, "a").get_markevery() * [0]) < 10
 
 
+def test_a_line_far_outside_is_drawn_on_its_way_out_and_in():
+    y = np.array([2.0, 1e9, -1e9, 1e9, 3.0, np.nan, 2.0])
+    _, ax = drawn(plots.Series(np.arange(7.0), y, LOOK, "a"), ylim=(1.0, 4.0))
+    np.testing.assert_array_equal(line_of(ax, "a").get_ydata(), [2, 304, np.nan, 304, 3, np.nan, 2])
+
+
 @pytest.mark.parametrize(("exponent", "named"), [(-15, True), (0, False), (7, True)])
 def test_tiny_and_huge_values_have_their_power_in_the_label(exponent, named):
     _, ax = drawn(plots.series(H, H * 10.0**exponent, LOOK, "a"), y="$C$")
