@@ -4,11 +4,13 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 EXPERIMENTS = $(basename $(notdir $(wildcard experiments/*.yaml)))
 
-SPI = $(VENV)/bin/spi
+#: Where programs of an environment are, on Windows elsewhere.
+BIN = $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+SPI = $(BIN)/spi
 INSTALLED = $(VENV)/.installed
 INSTALLED_TEST = $(VENV)/.installed-test
 # Without compiling all of the packages, of which most modules are never imported: that takes longer than to unpack them.
-PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --no-compile --constraint constraints.txt
+PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile --constraint constraints.txt
 
 GALLERY ?= results/gallery
 PROFILE ?= quick
@@ -19,7 +21,7 @@ PROFILE ?= quick
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-all test-uncompiled test-oldest test-next lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-uncompiled test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -45,13 +47,13 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
 test: $(INSTALLED_TEST) ## set up and run the tests (7 minutes on two cores); ROOM=specs: those of one room
-	$(VENV)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(TESTS)
 
 test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products, builds, every experiment
-	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "" $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "" $(TESTS)
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
-	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest $(TESTS)
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(TESTS)
 
 # Deprecations are the business of versions that are current.
 OLDEST = .venv-oldest
@@ -72,16 +74,19 @@ test-next: ## the same tests (or ROOM) with the newest versions of the index, pa
 	$(NEXT)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
 
 lint: $(INSTALLED_TEST) ## linter, format and types
-	$(VENV)/bin/ruff check
-	$(VENV)/bin/ruff format --check
-	$(VENV)/bin/mypy
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
 
 check: lint ## lint, and validate every experiment
 	$(SPI) check experiments/*.yaml
 
 docs: $(INSTALLED_TEST) ## the documentation as a site, in site/; its reference pages are written from the code
-	$(VENV)/bin/python docs/generate/reference.py
-	$(VENV)/bin/python -m mkdocs build --quiet
+	$(BIN)/python docs/generate/reference.py
+	$(BIN)/python -m mkdocs build --quiet
+
+wheel: $(INSTALLED_TEST) ## the source archive and the wheel, in dist/
+	$(BIN)/python -m build
 
 figures: $(EXPERIMENTS) ## run and plot every experiment
 
@@ -89,17 +94,17 @@ figures: $(EXPERIMENTS) ## run and plot every experiment
 gallery: $(INSTALLED) ## run every experiment (PROFILE=quick) and put all on one page, GALLERY/gallery.html, and in docs/
 	$(SPI) run --profile $(PROFILE) --out $(GALLERY) experiments/*.yaml || [ $$? -eq 4 ]
 	$(SPI) report --results $(GALLERY) --profile $(PROFILE) --out $(GALLERY)/gallery.html
-	$(VENV)/bin/python docs/generate/gallery.py $(GALLERY) $(PROFILE)
+	$(BIN)/python docs/generate/gallery.py $(GALLERY) $(PROFILE)
 
 $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
 	$(SPI) run $<
 	$(SPI) plot $<
 
 bench: $(INSTALLED) ## the table of kernels: every model and scheme against a naive loop (5 minutes)
-	$(VENV)/bin/python benchmarks/kernels.py
+	$(BIN)/python benchmarks/kernels.py
 
 bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, where they are installed
-	$(VENV)/bin/python benchmarks/peers.py
+	$(BIN)/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
 	rm -rf results site .venv $(OLDEST) $(NEXT) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

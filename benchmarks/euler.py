@@ -29,8 +29,8 @@ from matplotlib.figure import Figure
 
 from spi import storage
 from spi.models.zeitlin.fields import vorticity
+from spi.models.zeitlin.resolution import cell, ratios
 from spi.report import views
-from spi.running.remarks import cell, ratios
 
 POINTS = 256  # of the grid, a side
 LONGEST = 0.02  # step

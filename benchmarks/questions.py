@@ -128,7 +128,7 @@ def best_fixed(plan: Any, state: State, accuracy: float) -> float:
         w = weights(exponents[:n])
         finest = next((k for k in range(n + 1, LEVELS - 1) if _bias(known, exponents, n, k) <= 0.5 * accuracy), None)
         if finest is not None:
-            variance = known.value_variance[min(finest, known.known)].max()
+            variance = known.value_variance[min(finest, known.last)].max()
             cost = sum(rate[LEVELS + finest - i] for i in range(len(w)))
             works.append(variance * cost * (INTERVAL / (accuracy - _bias(known, exponents, n, finest))) ** 2)
     return float(min(works))

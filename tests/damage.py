@@ -1,54 +1,29 @@
-"""Results files broken in any way, and whether the program refuses them in one line.
-
-    python tests/damage.py 1000
-
-breaks that many files and says what came of them; ``test_damage.py`` does the same with few.
-"""
+"""Results files broken in any way, and whether the program refuses them in one line: the means of test_damage.py."""
 
 import contextlib
 import io
-import json
-import random
+import os
 import sys
-import tempfile
 import traceback
-from collections import Counter
-from pathlib import Path
 
 import h5py
 import numpy as np
-from damaged_sums import SUMS, broken_main, sums_main
-from equilibrium_results import equilibrium, equilibrium_group
 from filled_results import filled
-from stability_results import stability, stability_group
-from strong_results import strong, strong_group
-from trajectory_results import trajectories, trajectory_group
-from weak_results import weak, weak_group
-from work_results import work_results
 
 from spi import cli, storage
+from spi.kinds import KINDS
 from spi.storage.files import with_checksum
 from spi.storage.records import Results
 
-T = np.linspace(0.0, 1.0, 9)
+#: How many times as many random cases the tests of damage, mutations and kills try, for a search of an hour.
+MANY = int(os.environ.get("SPI_TEST_MANY", "1"))
 
 
 def originals(folder):
     """The bytes of a results file of each kind."""
-    y = np.stack([np.cos(T), np.sin(T), 0 * T], axis=1)
-    each = {
-        "strong": strong(strong_group("splitting"), strong_group("midpoint", implicit=True)),
-        "weak": weak(*(weak_group("splitting_order2", name, functions=1) for name in ("plain", "kolmogorov"))),
-        "trajectory": trajectories(trajectory_group("splitting", T, y, np.ones((T.size, 1)))),
-        "stability": stability(stability_group("splitting", law=True)),
-        "equilibrium": equilibrium(equilibrium_group("splitting")),
-        "work_precision": work_results(),
-    }
-    for kind in ("equilibrium", "statistics", "lyapunov", "answer"):
-        each[f"{kind}, filled"] = Results({"kind": kind, "title": "A title"}, (filled(kind),))
-    for name, results in each.items():
-        storage.write(folder / f"{name}.h5", results)
-    return {name: (folder / f"{name}.h5").read_bytes() for name in each}
+    for kind in KINDS:
+        storage.write(folder / f"{kind}.h5", Results({"kind": kind, "title": "A title"}, (filled(kind),)))
+    return {kind: (folder / f"{kind}.h5").read_bytes() for kind in KINDS}
 
 
 def flip_bits(draw, data):
@@ -212,36 +187,3 @@ def with_a_true_checksum_without(data, name):
     with h5py.File(memory, "r+") as file:
         del file[name]
     return with_checksum(memory.getvalue())
-
-
-def main(count):
-    draw, found, worst = random.Random(1), Counter(), []
-    with tempfile.TemporaryDirectory() as there:
-        kept, folder = Path(there, "originals"), Path(there, "broken")
-        kept.mkdir()
-        folder.mkdir()
-        whole = originals(kept)
-        for number in range(count):
-            damage, kind = (DAMAGES + MENDED)[number % len(DAMAGES + MENDED)], draw.choice(list(whole))
-            command, code, refused, err = answer(draw, folder, damage(draw, whole[kind]), damage in MENDED)
-            found[
-                damage.__name__, ("shown" if code in (0, 1, 4) else "refused") if refused else f"{command}: {code}"
-            ] += 1
-            worst += [] if refused else [(damage.__name__, kind, command, code, err)]
-            for made in folder.iterdir():
-                made.unlink()
-    print(json.dumps({"; ".join(key): n for key, n in sorted(found.items())}, indent=1))
-    print(f"{count} broken files, {count - len(worst)} refused in one line with exit code 2, or shown if they may be")
-    print(*worst, sep="\n")
-    with tempfile.TemporaryDirectory() as there:
-        wrong = sum(sums_main(draw, Path(there, kind), count // 20, kind) for kind in SUMS)
-        broken = sum(broken_main(draw, Path(there, f"{kind}, broken"), count // 20, kind, DAMAGES[:6]) for kind in SUMS)
-    total = count // 20 * len(SUMS)
-    print(f"{total} edited sums, {total - wrong} gone on with or left out")
-    print(f"{total} broken sums, {total - broken} computed from nothing, or from whole ones, with equal bits")
-    wrong += broken
-    return 1 if worst or wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000))

@@ -1,7 +1,4 @@
-"""Files of sums that were edited, their checksums and digests being right: a run goes on or begins anew, and ends well.
-
-``damage.py`` tries as many as it is told; ``test_damage.py`` does the same with few.
-"""
+"""Files of sums that were edited, with right checksums and digests: a run goes on or begins anew, and ends well."""
 
 import contextlib
 import copy

@@ -42,7 +42,7 @@ _NOTES = re.compile(r"(?:^<!-- [a-z ]+: .*? -->\n)*\Z", re.MULTILINE)
 _COMMAND = re.compile(r"(?<![\w/.'\[-])spi +([a-z][^;|&`]*)")
 
 
-LANGUAGES = ("", "latex", "math", "python", "sh", "text", "toml", "yaml")
+LANGUAGES = ("", "bibtex", "latex", "math", "python", "sh", "text", "toml", "yaml")
 
 
 def page_name(page):
@@ -116,6 +116,8 @@ def whole(block):
     """The spec that a block of YAML is, or of which it is a part."""
     text = re.sub(r"\A\s*#.*\n", "", block.text)
     within = block.notes.get("within")
+    if "in file" in block.notes:
+        return changed(block, Path(block.notes["in file"]).read_text(encoding="utf-8"))
     if within is None:
         if not re.search("^kind:", text, re.MULTILINE):
             raise Wrong(f"{block.place}: is no whole spec; say <!-- within: NAME --> above of which it is a part")
@@ -147,8 +149,8 @@ def check_command(command):
         given = _given(*command.arguments, spoken_of=command.spoken_of)
         results = [spec for spec in given.get("specs") or () if spec.suffix == ".h5"]
         if written := [spec for spec in given.get("specs") or () if spec not in results]:
-            wanted = [given.get(key) for key in ("profile", "overrides", "samples", "seed", "kind")]
-            options.load(written, *wanted)
+            chosen = {name: given[name] for name in options.RunOptions._fields if name in given}
+            options.load(written, options.RunOptions(**chosen))
         for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")]), *results]:
             name = Path(source).name.partition(".")[0]
             if name not in shipped.names() and not Path(f"{name}.yaml").exists():
@@ -164,9 +166,9 @@ def _given(name, *rest, spoken_of):
         command = group.get_command(context, name)
         if command is None:
             raise Wrong("no such command")
-        options = {option for parameter in command.get_params(context) for option in parameter.opts}
+        named = {option for parameter in command.get_params(context) for option in parameter.opts}
         if unknown := next(
-            (word for word in rest if word.startswith("--") and word.partition("=")[0] not in options), None
+            (word for word in rest if word.startswith("--") and word.partition("=")[0] not in named), None
         ):
             raise Wrong(f"no such option: {unknown}")
         return command.make_context(name, list(rest), parent=context, resilient_parsing=spoken_of).params
@@ -221,3 +223,51 @@ def check_page(page, text):
             CHECKS[block.language](block)
     for command in commands_of(page, text):
         check_command(command)
+
+
+# --- prose -----------------------------------------------------------------------------------------------------------
+
+#: Words that pages avoid, as patterns, and what stands in their place.
+AVOID = {
+    r"beside": "next to, in addition to, compared with",
+    r"tells?|told": "states, shows, prints",
+    r"lies|(?-i:lie)|lay(?= (?:in|on|at|behind)\b)": "is, are",
+    r"so many(?! that)(?! \w+ that)": "the number",
+    r"but for": "except for, up to",
+    r"in place of": "instead of",
+    r"whoever|whatever it is": "anyone who",
+    r"as ever": "as usual",
+    r"what comes out|what came out": "results",
+    r"what is (?:not )?(?:had|known|told|said|named|kept|lost|wanted|asked)": "the noun itself",
+    r"(?:goes?|gone|going) on(?! for)": "continues, resumes",
+    r"asks? (?:for|of)|asked for": "needs, requires",
+    r"two roads|its mood|one likes|by turns|be it": "the plain word",
+    r"for good": "permanently",
+    r"shall": "must, will",
+}
+
+
+def sentences(text):
+    """The sentences of a page that are prose: no code, tables, headings or formulas; a link is its text."""
+    text = re.sub(r"<!--.*?-->", "", _BLOCK.sub("\n\n", text), flags=re.DOTALL)
+    text = re.sub(r"^(?: {4}|\||#|!\[).*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^ *(?:[*-]|\d+\.) ", "\n\n", text, flags=re.MULTILINE)
+    text = re.sub(r"`[^`]*`", "`code`", re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text))
+    for paragraph in re.split(r"\n\s*\n", text):
+        parts = re.split(r"(?<=[.?!:;])\s+(?=[A-Z(`*])", " ".join(paragraph.split()))
+        yield from (part for part in parts if len(part.split()) > 1)
+
+
+def avoided(text):
+    """The words of a page that it should avoid, each with the sentence and what to write."""
+    for sentence in sentences(text):
+        for pattern, instead in AVOID.items():
+            for found in re.findall(rf"\b(?:{pattern})\b", sentence, re.IGNORECASE):
+                yield f"'{found}' (write {instead}): {sentence}"
+
+
+def first_example(text):
+    """How many characters stand before the first block that a reader can run or paste; None if there is none."""
+    text = re.sub(r"^<!--.*?-->\n", "", text, flags=re.MULTILINE)
+    found = re.search(r"^```(?:sh|yaml|python|bibtex)$", text, re.MULTILINE)
+    return found and found.start()

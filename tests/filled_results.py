@@ -11,6 +11,7 @@ from spi.storage.stored import Meaning, stored_names
 FACTS = {int: 3, float: 0.5, bool: True, str: "a text", tuple[float, ...]: (0.5, 1.0), tuple[int, ...]: (1, 2)}
 SIZE = 4  # of every axis but those of texts
 TEXTS = ("a", "b")  # which are the names of what such an axis has
+WORDS = {"measure": "strong"}  # texts of which not all are possible
 
 
 def sizes_of(cls, outer=Meaning()):  # noqa: B008
@@ -39,17 +40,34 @@ def fields_of(cls, sizes, panels, outer=Meaning()):  # noqa: B008
             value = value if field.type is Order else (value,) * shape[0]
         elif field.meaning.is_axis:
             value = np.arange(1.0, SIZE + 1) if field.type is np.ndarray else TEXTS
+        elif field.name == "resolved":
+            value = np.ones(shape, bool)
         elif field.type is np.ndarray:
             value = next(rise) * (1.0 + np.arange(np.prod(shape, dtype=int)).reshape(shape))
         else:
-            value = FACTS.get(field.type, TEXTS)
+            value = WORDS.get(field.name, FACTS.get(field.type, TEXTS))
         found[field.name] = value
     return found
 
 
+#: Panels for which the filled records lack something: several eps, prefixes of paths, a third component, a fluid.
+SPECIAL = {
+    "trajectory": ("sphere", "vorticity", "spectrum", "enstrophy"),
+    "weak": ("seconds", "eps"),
+    "statistics": ("variance",),
+    "equilibrium": ("histogram",),
+}
+
+
+def panels_of(kind):
+    """The names of the panels of a kind that show something of filled records, () of one that has no choice."""
+    names = getattr(KINDS[kind].results, "PANELS", getattr(KINDS[kind].keys, "PANELS", ()))
+    return tuple(name for name in names if name not in SPECIAL.get(kind, ()))
+
+
 def filled(kind, scheme="splitting", **others):
     """A group of a kind, with what differs from that."""
-    record, results = KINDS[kind].results.Record, KINDS[kind].results
-    fields = fields_of(record, sizes_of(record), getattr(results, "PANELS", TEXTS))
+    record = KINDS[kind].results.Record
+    fields = fields_of(record, sizes_of(record), panels_of(kind) or TEXTS)
     fields = {name: value for name, value in fields.items() if name not in ("wall_seconds", "threads")}
     return group_of(record, "main", scheme, {"scheme_label": scheme}, **(fields | others))

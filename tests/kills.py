@@ -1,15 +1,9 @@
-"""Runs that are killed at random moments, and commands that are asked to stop: the means of test_kills.py.
+"""Runs that are killed at random moments, and commands that are asked to stop: the means of test_kills.py."""
 
-    python tests/kills.py 100
-
-kills runs that often, of each kind in turn, and asks commands as often to stop, and says what came of it.
-"""
-
+import contextlib
 import os
-import random
 import subprocess
 import sys
-import tempfile
 import time
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,8 +12,10 @@ import numpy as np
 
 from spi import storage
 from spi.running import run as runner
+from spi.running import shards
+from spi.running.checkpoint import Shard
 from spi.running.load import load_answer
-from spi.running.run import Limits, Watch, load
+from spi.running.run import Limits, Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -154,38 +150,32 @@ def stopped_at(share, *arguments):
     return answer.returncode, answer.stderr, at
 
 
-def main(count):
-    draw, wrong, began = random.Random(1), 0, time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        kinds, done, context, whole = sorted(RUNS), 0, forks(), {}
-        while done < count:
-            kind = kinds[len(whole) % len(kinds)]
-            number, out = len(whole), Path(folder, f"killed{len(whole)}")
-            out.mkdir()
-            if kind not in whole:
-                run(kind, Path(folder, kind))
-                whole[kind] = numbers(runner.results_path(experiment(kind), Path(folder, kind)))
-            whole[number] = killed(kind, out, 4, draw, context)
-            done += whole[number]
-            equal = numbers(runner.results_path(experiment(kind), out)) == whole[kind]
-            wrong += not equal or bool(stray(kind, out))
-            print(
-                f"{kind}: {whole[number]} kills met it at work; {'equal' if equal else 'DIFFERENT'}, {stray(kind, out)}"
-            )
-        print(f"{done} kills, {wrong} wrong, {time.monotonic() - began:.0f} s", flush=True)
-        results = runner.results_path(experiment("strong"), Path(folder, "strong"))
-        commands = ("check", "rigid_body_strong"), ("plot", results), ("show", results), ("report", results)
-        for number in range(count):
-            share, command = draw.random(), commands[number % len(commands)]
-            code, err, at = stopped_at(
-                share, *command, *(["--out", f"{folder}/r"] if command[0] in ("plot", "report") else [])
-            )
-            right = (code, err) == (3, "spi: stopped\n") or (code == 0 and "Traceback" not in err)
-            wrong += not right
-            print("" if right else f"WRONG: {command[0]}, call {at}: exit code {code}: {err}\n", end="", flush=True)
-    print(f"{count} commands asked to stop, {wrong} wrong in all, {time.monotonic() - began:.0f} s")
-    return 1 if wrong else 0
+class Interruptions:
+    """Interrupts a run after every few reports of something new."""
+
+    def __init__(self, after):
+        self.after, self.seen = after, set()
+
+    def __call__(self, progress):
+        place = progress.case, progress.part, progress.done
+        if place not in self.seen:
+            self.seen.add(place)
+            if len(self.seen) % self.after == 0:
+                raise KeyboardInterrupt
 
 
-if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 100))
+def interrupted(experiment, out):
+    """The results file of a run that is interrupted again and again."""
+    stops = Interruptions(7)
+    while True:
+        with contextlib.suppress(Stopped):
+            return runner.run(experiment, out, watch=Watch(report=stops))
+
+
+def in_shards(experiment, out):
+    """The results file of three shards that are merged, as often as it takes."""
+    while True:
+        for number in (3, 1, 2):
+            shards.run_shard(experiment, Shard(number, 3), out)
+        with contextlib.suppress(Stopped):
+            return shards.merge(experiment, out)

@@ -2,7 +2,8 @@
 
 import math
 
-from spi.storage.records import Description, Part
+from spi.storage.records import Part
+from spi.storage.stored import Description
 
 DESCRIBED = {
     "seed": 1,
@@ -25,7 +26,7 @@ def group_of(record, case, scheme, told, **fields):
     """
     known = DESCRIBED | {"scheme_label": scheme, "case_title": case} | told
     parameters = {name.removeprefix("model_"): known.pop(name) for name in list(known) if name.startswith("model_")}
-    about = {name: known.pop(name) for name in Description._fields if name in known}
+    about = {name: known.pop(name) for name in Description.__dataclass_fields__ if name in known}
     part = Part(scheme, eps=about["eps"], extrapolate=about["extrapolate"])
     whose = {"case": case, "variant": part.variant, "scheme": scheme, "parameters": parameters}
     timed = {"wall_seconds": 12.5, "threads": 4}

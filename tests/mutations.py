@@ -1,21 +1,13 @@
-"""Spec files made from the experiments by random changes, and whether ``spi check`` takes or refuses them in one line.
-
-    python tests/mutations.py 10000 7
-
-checks that many, as many of each kind, from the seed 7 (1 without), and says what came of them; ``test_mutations.py``
-does the same with few.
+"""Spec files made from the experiments by random changes, and whether ``spi check`` takes or refuses them in one line:
+the means of test_mutations.py.
 """
 
 import contextlib
 import copy
 import os
-import random
 import re
 import signal
-import sys
-import tempfile
 import traceback
-from collections import Counter
 from pathlib import Path
 
 import yaml
@@ -288,24 +280,3 @@ def limited(seconds):
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         signal.signal(signal.SIGVTALRM, before)
-
-
-def main(count, seed=1):
-    draw, found, of_kinds, wrong = random.Random(seed), Counter(), Counter(), 0
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(count):
-            kind = list(TEXTS)[number % len(TEXTS)]
-            what, code, right, err, text = answer(draw, Path(folder), kind)
-            found[what, code] += 1
-            of_kinds[kind, "taken" if code == 0 else "refused"] += right
-            if not right:
-                wrong += 1
-                print(f"WRONG: {kind}: {what}, exit code {code}: {err[-3000:]}\n{text[:3000]}\nEND", flush=True)
-    print(*(f"{what}: exit code {code}: {n}" for (what, code), n in sorted(found.items(), key=str)), sep="\n")
-    print(*(f"{kind}: {what}: {n}" for (kind, what), n in sorted(of_kinds.items())), sep="\n")
-    print(f"{count} specs, {count - wrong} taken or refused in one line, as they should be")
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:])) if sys.argv[1:] else main(10_000))

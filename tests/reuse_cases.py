@@ -1,8 +1,6 @@
 """Specs that are changed a little, and run onto the folder of the unchanged one: the means of test_reuse.py.
 
-    python tests/reuse_cases.py [KIND ...]
-
-runs all changes of every key of every kind, and says what came of them.  The keys are those of the schema, values of a
+The keys are those of the schema, values of a
 key are those of the specs here and what can be made of them, and of the schema: a new key needs no line here, unless
 nothing else makes a value that it can have.
 """
@@ -11,10 +9,7 @@ import functools
 import io
 import json
 import shutil
-import sys
 import tempfile
-import time
-from collections import Counter
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -267,7 +262,7 @@ def changes(kind):
             values = others(data[key], words_of(keys[key])) if key in data else from_nothing(keys[key])
             found += [(key, Spec.of(data | {key: value})) for value in values]
             found.append((key, Spec.of({name: value for name, value in data.items() if name != key})))
-        for name, _ in before.files:
+        for name in [name for name, _ in before.files if not layer or name.partition(".")[0] in layer]:
             found += [(name, Spec.of(data, **{name: number})) for number in range(1, len(FILES[name]))]
         for key, after in found:
             if before.told != after.told and (before.told, after.told) not in seen:
@@ -346,28 +341,3 @@ def outcomes(some):
                     continue
                 begun = begun or run(before, folder)
                 yield change, *run_onto(before, after, folder)
-
-
-def main(kinds):
-    found, wrong = Counter(), 0
-    for kind in kinds:
-        began, valid = time.process_time(), set()
-        for change, what, more in outcomes(changes(kind)):
-            found[kind, what] += 1
-            valid |= {change.key} if what != INVALID else set()
-            if what == DIFFERENT:
-                wrong += 1
-                print(f"{kind}: {more}: {change.told}", flush=True)
-        never = keys_of(kind).keys() - valid
-        print(
-            kind,
-            {what: n for (one, what), n in found.items() if one == kind},
-            f"{time.process_time() - began:.0f} s",
-            f"never: {sorted(never)}",
-            flush=True,
-        )
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:] or list(SPECS)))

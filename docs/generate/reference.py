@@ -1,7 +1,7 @@
 """Writes the pages of ``docs/reference`` from the code: ``python docs/generate/reference.py [FOLDER]``.
 
 What stands there is asked of the program itself: the command line, the JSON Schema of spec files, the models, the
-schemes, the experiments that come with it, and the glossary of CONTRIBUTING.md.
+schemes and the experiments that come with it.
 
 Short form: pages
 """
@@ -225,7 +225,7 @@ SCHEMES_PAGE = """# Schemes
 A step of size h leads from y to z. Y_H is the vector field B ∇H, and exp(t Y_H) y its exact flow; f = B ∇H,
 fₖ = B ∇Ĥₖ, and dWₖ is the increment of Wₖ over the step. *Strong order* holds with several noises that do not
 commute, *with one noise* also with several that commute. Custom compositions of flows need no program: see
-[compositions](../compositions.md). Labels such as "eq. slpI" are those of the paper,
+[compositions](../compositions.md). Equations and remarks have the numbers of the paper,
 [arXiv:2111.07387](https://arxiv.org/abs/2111.07387).
 
 """
@@ -280,12 +280,6 @@ def _call(name: str, function: Any) -> str:
     return textwrap.fill(f"spi.{name}({', '.join(given)})", 100, subsequent_indent=" " * len(f"spi.{name}("))
 
 
-def glossary() -> str:
-    """The glossary of CONTRIBUTING.md."""
-    page = FOLDER.parents[1].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
-    return "# Glossary\n" + page.partition("\n## Glossary\n")[2].partition("\n## ")[0]
-
-
 PAGES = {
     "commands": commands,
     "spec": spec_keys,
@@ -294,7 +288,6 @@ PAGES = {
     "experiments": experiments,
     "results": stored.page,
     "python": python,
-    "glossary": glossary,
 }
 
 

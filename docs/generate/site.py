@@ -1,16 +1,22 @@
-"""What MkDocs does with the pages beyond Markdown: formulas become MathML, and blocks of code get colours.
+"""What MkDocs does with the pages beyond Markdown: formulas become MathML, blocks of code get colours, pictures link to
+themselves in full size, and the search works without a server.
 
 A formula stands in a block of the language `math`, in LaTeX, as GitHub shows it too.  Browsers draw MathML themselves,
 so that nothing is loaded when a page is read.
 """
 
 import re
+import sys
+from pathlib import Path
 from typing import Any
 
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from pygments.formatters import HtmlFormatter
+
+sys.path.append(str(Path(__file__).parent))
+import search
 
 _BLOCK = re.compile(r"^```math\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -29,6 +35,25 @@ def _mathml(latex: str) -> str:
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Called by MkDocs for each page."""
     return with_formulas(markdown)
+
+
+def with_links(html: str) -> str:
+    """A page in HTML where each picture that is no link is a link to its file."""
+    return _PICTURE.sub(lambda found: found[1] or f'<a href="{found[3]}">{found[2]}</a>', html)
+
+
+#: A picture within a link, or a picture and its file.
+_PICTURE = re.compile(r'(<a [^>]*>\s*<img [^>]*>\s*</a>)|(<img [^>]*src="([^"]*)"[^>]*>)')
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Called by MkDocs for each page, when it is HTML."""
+    return with_links(html)
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Called by MkDocs behind its plugins, when the site is written."""
+    search.write(Path(config.site_dir) / "search")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

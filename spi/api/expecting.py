@@ -3,19 +3,19 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import grid, integrated, paths_of
+from ..ensemble.loop import Grid, paths_of
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..kinds.answer import study
 from ..kinds.answer.results import Answer
 from ..kinds.blocks import BlocksPlan
-from ..kinds.plans import State
+from ..kinds.plans import State, path_grid
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
 from ..printing.text import human_time
@@ -23,13 +23,11 @@ from ..running import workers
 from ..running.compiling import compile_missing
 from ..running.run import kernel_calls
 from ..specs import SpecError
-from ..statistics.estimators import GROUPS, group_counts, mean_over_paths, standard_deviation, with_powers
-from ..statistics.tallies import sum_of_fields
+from ..statistics.accumulators import Array, Sums, counted, moments
+from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from .paths import plan_of
 from .progress import Line
 from .specs import of_mapping, whole
-
-_BATCH_BYTES = 16e6  # of final states
 
 Phi = Callable[[np.ndarray], Any]  #: values (paths,) of states (d, paths)
 
@@ -63,121 +61,89 @@ def expectations(
     """
     count = whole("samples", samples, 2)
     keys = {"initial": initial, "final_time": final_time, "seed": seed} | options
-    each = _plans(model, scheme, keys, np.atleast_1d(np.asarray(steps, dtype=object)).tolist())
-    finest = each[-1]
-    phis = _callables(functions, finest)
-    doublings = [_doublings(one.case.step, finest.case.step) for one in each]
-    state = State(_means_plan(finest, doublings, phis, count))
-    with Line("expectations", progress) as line:
-        compile_missing([(scheme, call) for call in state.plan.kernel_calls()], line.watch.report_compiling)
-        workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
-    h = [one.case.step for one in each]
-    about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
-    return _dataset(state.total(), list(phis), h, about)
-
-
-def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[str, Phi], samples: int) -> Any:
-    """The plan of the paths at all step sizes."""
-    case, h = finest.case, finest.case.step
-    terms = fourier_terms(case.model, [finest.scheme], h, areas=case.areas)
-    times = grid(h, round(case.final_time / h), doublings, case.truncate_noise, area_terms=terms)
-    return MeansPlan(case=case, part=finest.part, grid=times, samples=samples, functions=functions)
-
-
-def _plans(model: Any, scheme: str, keys: dict[str, Any], steps: list[Any]) -> list[TrajectoryPlan]:
-    """The plans of paths with each step size, from large to small."""
-    if not steps:
+    sizes = np.atleast_1d(np.asarray(steps, dtype=object)).tolist()
+    if not sizes:
         raise SpecError("steps: is an empty list; give a step size, or several")
-    return sorted((plan_of(model, scheme, keys | {"step": h}) for h in steps), key=lambda one: -one.case.step)
+    each = sorted((plan_of(model, scheme, keys | {"step": h}) for h in sizes), key=lambda plan: -plan.case.step)
+    h, finest = [plan.case.step for plan in each], each[-1]
+    of_case: Any = {"case": finest.case, "part": finest.part, "functions": _callables(functions, finest)}
+    plan = MeansPlan(**of_case, h=tuple(h), count=count)
+    state = State(plan)
+    with Line("expectations", progress) as line:
+        compile_missing([(scheme, call) for call in plan.kernel_calls()], line.watch.report_compiling)
+        workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
+    about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
+    return _dataset(state.total(), list(plan.functions), h, about)
 
 
-def _callables(functions: Any, ready: TrajectoryPlan) -> dict[str, Phi]:
-    """The functions by their names."""
-    named = functions if isinstance(functions, Mapping) else {"phi": functions}
-    return {str(name): one if callable(one) else _parsed(str(name), one, ready) for name, one in named.items()}
+def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
+    """The functions by their names, of expressions by NumPy; SpecError if one is none."""
+    d, phis = len(finest.initial), {}
+    for name, phi in functions.items() if isinstance(functions, Mapping) else [("phi", functions)]:
+        try:
+            phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, finest.case.variables))
+        except NumberError as error:
+            right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2, or a Python function"
+            raise SpecError(f"functions.{name}: is '{phi}' ({error}); {right}") from None
+    return phis
 
 
-def _parsed(name: str, text: Any, ready: TrajectoryPlan) -> Phi:
-    d = len(ready.initial)
-    try:
-        phi: Phi = as_numpy(parse_expression(str(text), d, ready.case.variables))
-        return phi
-    except NumberError as error:
-        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2, or a Python function"
-        raise SpecError(f"functions.{name}: is '{text}' ({error}); {right}") from None
+class EndSums(Sums):
+    """Sums over some paths, for F functions at L step sizes."""
 
-
-def _doublings(h: float, finest: float) -> int:
-    """How often the smallest step is doubled."""
-    doublings = round(math.log2(h / finest))
-    if abs(finest * 2.0**doublings - h) > 1e-12 * h:
-        raise SpecError(f"steps: has {h:g}, which is not 1, 2, 4, 8, ... times the smallest, {finest:g}; take others")
-    return doublings
-
-
-class Sums(NamedTuple):
-    """What is known of some paths, for F functions at L step sizes."""
-
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    values: np.ndarray  #: (1, L, F, GROUPS) sums of phi
-    apart: np.ndarray  #: (2, L, F, GROUPS) of phi(y) - phi(y_0), which loses fewer digits, and of its square
-    nonfinite: np.ndarray  #: (L,)
-
-    def plus(self, later: "Sums") -> "Sums":
-        """These paths and some later ones."""
-        return sum_of_fields(self, later)
+    values: Array = moments("level function", 1)  #: of phi
+    apart: Array = moments("level function")  #: of phi(y) - phi(y_0), which loses fewer digits
+    nonfinite: Array = counted("level")
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeansPlan(BlocksPlan):
     """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
+    sums = EndSums
+
     functions: dict[str, Phi]
+    h: tuple[float, ...]  #: step sizes, from large to small
+    count: int  #: of paths
+
+    @property
+    def samples(self) -> int:
+        """The number of paths."""
+        return self.count
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
+        doublings = [round(math.log2(step / self.h[-1])) for step in self.h]
+        for step, times in zip(self.h, doublings, strict=True):
+            if abs(self.h[-1] * 2.0**times - step) > 1e-12 * step:
+                right = f"not 1, 2, 4, 8, ... times the smallest, {self.h[-1]:g}; take others"
+                raise SpecError(f"steps: has {step:g}, which is {right}")
+        return path_grid(self.case, self.part, self.h[-1], doublings)
 
     @property
     def at_start(self) -> np.ndarray:
         """(F,) phi(y_0), from which values are counted for their spread; 0 where it is not finite."""
         y = np.repeat(np.reshape(self.initial, (-1, 1)), LANES, axis=1)
-        values = np.array([self._values(name, y)[0] for name in self.functions])
+        values = np.array([_values_of(name, phi, y)[0] for name, phi in self.functions.items()])
         return np.where(np.isfinite(values), values, 0.0)
 
-    def _values(self, name: str, y: np.ndarray) -> np.ndarray:
-        """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
-        return _values_of(name, self.functions[name], y)
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"level": len(self.steps), "function": len(self.functions)}
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
-        shape = len(self.steps), len(self.functions), GROUPS
-        return Sums(0, 0.0, 0.0, np.zeros((1, *shape)), np.zeros((2, *shape)), np.zeros(len(self.steps), int))
-
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        return max(1, int(_BATCH_BYTES / (8 * LANES * len(self.steps) * (len(self.initial) + 3 * len(self.functions)))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
-        what = self.scheme, self.model, self.initial, self.grid, self.stream
-        states, _ = integrated(*what, first, blocks, end)
+        states, _ = self.integrated(first, blocks, end)
         y = paths_of(states, len(self.initial))[..., : end - first * LANES]
-        values = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
+        values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
         for level, of_level in enumerate(y):
-            for f, name in enumerate(self.functions):
-                values[level, f, : y.shape[-1]] = self._values(name, of_level)
-        return np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
-
-    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
-        """The sums with the values `at`, of which the first is that of block `first`."""
-        values = rows[at]
-        real = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+            for f, (name, phi) in enumerate(self.functions.items()):
+                values[level, f, : y.shape[-1]] = _values_of(name, phi, of_level)
+        values = np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
         with np.errstate(all="ignore"):
             apart = values - self.at_start[:, np.newaxis]
-        return sums._replace(
-            values=with_powers(sums.values, values, first, end),
-            apart=with_powers(sums.apart, apart, first, end),
-            nonfinite=sums.nonfinite + (~np.isfinite(values).all(axis=2) & real).sum(axis=(0, 2)),
-        )
+        return {"values": values, "apart": apart, "nonfinite": np.logical_not(np.isfinite(values).all(axis=2))}
 
 
 def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
@@ -193,12 +159,7 @@ def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
     return values
 
 
-def _of_blocks(name: str, phi: Phi) -> Phi:
-    """A function of states (d, paths) as one of states (d, ...)."""
-    return lambda y: _values_of(name, phi, y.reshape(len(y), -1)).reshape(y.shape[1:])
-
-
-def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
+def _dataset(sums: EndSums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
     mean, _ = mean_over_paths(sums.values[0], counts)
@@ -244,22 +205,28 @@ def answer(
     """
     keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
     named = functions if isinstance(functions, Mapping) else {"phi": functions}
-    python = tuple((str(name), _of_blocks(str(name), phi)) for name, phi in named.items() if callable(phi))
+    python = {str(name): phi for name, phi in named.items() if callable(phi)}
     if python:  # formulas that every system has stand for them
         named = {name: f"y1^{n}" if callable(phi) else phi for n, (name, phi) in enumerate(named.items(), 2)}
         functions, options = named, options | {"sampling": True}
+
+    def of_blocks(name: str, phi: Phi) -> Phi:
+        """A function of states (d, paths) as one of states (d, ...)."""
+        return lambda y: _values_of(name, phi, y.reshape(len(y), -1)).reshape(y.shape[1:])
+
     data = {"kind": "answer", "model": model, "functions": functions, **keys, **options}
     (case,) = of_mapping(data, "answer", place="").cases
-    plan: Any = replace(study.plan(case, study.parts(case)[0]), python=python)
+    own = tuple((name, of_blocks(name, phi)) for name, phi in python.items())
+    plan: Any = replace(study.plan(case, study.parts(case)[0]), python=own)
     state = State(plan)
+
+    def tick(number: int) -> None:
+        """Show the share of the predicted work, which no clock decides."""
+        done, total, _ = plan.progress(state)
+        line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)
+
     with Line("answer", progress) as line:
         compile_missing(kernel_calls([plan]), line.watch.report_compiling)
-        workers.advance_here([state], lambda number: _share(line, plan, state))
-    found: Answer = plan.results(state)
-    return found
-
-
-def _share(line: Line, plan: Any, state: State) -> None:
-    """Say how much is done of what is predicted, which no clock decides."""
-    done, total, _ = plan.progress(state)
-    line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)
+        workers.advance_here([state], tick)
+    result: Answer = plan.results(state)
+    return result

@@ -131,7 +131,7 @@ class Integrator:
         `areas` (steps, paths, pairs) and `coins` (steps, paths) are what the scheme needs besides; ``noise`` has both.
         `time` is that of the first step, for a model that depends on time.
         """
-        y = self._states(y)
+        y = _array("y", y, self.dimension)
         n, parts = len(y), self.substeps
         dW = _array("dW", dW, n, self.noises)
         steps, rest = divmod(len(dW), parts)
@@ -156,29 +156,25 @@ class Integrator:
         for name, value, unit in (("first_path", first_path, LANES), ("first_step", first_step, STEPS_PER_TOSS)):
             if whole(name, value, 0) % unit:
                 raise SpecError(f"{name}: is {value}; must be a multiple of {unit}")
-        return self._moved(self._states(y), self._stream(seed), steps, first_step, first_path, out)
+        y = _array("y", y, self.dimension)
+        return self._moved(y, self._stream(seed), steps, first_step, first_path, out)
 
     def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
-        """What :meth:`sample` uses, arrays dW, areas, coins: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+        """The noise of :meth:`sample`, (dW, areas, coins): ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         given = empty_noise(self._scheme, self._model, *shape)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
         stream = self._stream(seed)
         if isinstance(stream, Driver):
-            from_step, from_path = first
-            dW = stream.increments(self.step_size, from_step, shape[0], from_path, shape[1], self.noises, self.substeps)
-            tossed = len(given.coins) > 0
-            coins = stream.coins(from_step, shape[0], from_path, shape[1]) if tossed else given.coins
-            return Noise(dW, given.areas, coins)
+            portion = first[0], shape[0], first[1], shape[1]
+            dW = stream.increments(self.step_size, *portion, self.noises, self.substeps)
+            return Noise(dW, given.areas, stream.coins(*portion) if len(given.coins) else given.coins)
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
         return Noise(*given[:3])
 
     def _stream(self, seed: int) -> Any:
         """The noise of a run with this seed."""
         return stream_of(self._case.model_copy(update={"seed": whole("seed", seed, 0)}))
-
-    def _states(self, y: Any) -> Array:
-        return _array("y", y, self.dimension)
 
     def _moved(
         self,
@@ -204,8 +200,7 @@ class Integrator:
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():
             for piece, given, begin, last in noise.pieces(self._scheme, self._model, times, first, blocks, end):
-                what = states, piece, given, self._observer, self._report, begin, last
-                integrate(self._scheme, self._model, *what)
+                integrate(self._scheme, self._model, states, piece, given, self._observer, self._report, begin, last)
         out[...] = states.reshape(blocks, d, LANES).transpose(0, 2, 1).reshape(-1, d)[:paths]
         return out
 
@@ -219,7 +214,7 @@ class Integrator:
 
     @property
     def report(self) -> dict[str, float]:
-        """What the scheme reports of the last call, of its equations, and the largest angle above pi/4."""
+        """The report of the scheme on its equations in the last call, and the largest angle above pi/4."""
         total = add_reports(np.zeros((1, len(REPORT))), self._report)[0]
         return {name: float(value) for name, value in report_columns(total).items()}
 
@@ -227,11 +222,11 @@ class Integrator:
 def _array(name: str, value: Any, *shape: int, first: int | None = None) -> Array:
     """An argument as an array (first, *shape) of floats in C order, where no `first` means any; SpecError otherwise."""
     try:
-        found = np.ascontiguousarray(value)
-        found = found.astype(float, casting="same_kind" if found.dtype.kind == "c" else "unsafe", copy=False)
+        array = np.ascontiguousarray(value)
+        array = array.astype(float, casting="same_kind" if array.dtype.kind == "c" else "unsafe", copy=False)
     except (TypeError, ValueError):
         raise SpecError(f"{name}: is {value!r}; must be an array of numbers") from None
-    if found.ndim != 1 + len(shape) or found.shape[1:] != shape or first not in (None, len(found)):
+    if array.ndim != 1 + len(shape) or array.shape[1:] != shape or first not in (None, len(array)):
         right = ", ".join(map(str, ("any" if first is None else first, *shape)))
-        raise SpecError(f"{name}: has shape {found.shape}; must be ({right})")
-    return found
+        raise SpecError(f"{name}: has shape {array.shape}; must be ({right})")
+    return array

@@ -12,7 +12,8 @@ from ..ensemble.loop import integrated
 from ..ensemble.observer import invariants_of, state_recorder
 from ..ensemble.random_states import block_states
 from ..kinds.plans import State
-from ..kinds.trajectory.study import TrajectoryPlan, plan
+from ..kinds.trajectory import study
+from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
 from ..running import workers
 from ..running.compiling import compile_missing, physical_memory
@@ -76,14 +77,14 @@ def trajectory(
     count = None if samples is None else whole("samples", samples, 1)
     if observe is not None and count is None:
         raise SpecError("samples: missing; add samples, how many paths are observed")
-    asked = {"initial": initial, "final_time": final_time, "step": step, "seed": seed, "path": path, "every": every}
-    ready = plan_of(model, scheme, asked | options)
+    keys = {"initial": initial, "final_time": final_time, "step": step, "seed": seed, "path": path, "every": every}
+    plan = plan_of(model, scheme, keys | options)
     with Line("trajectory", progress) as line:
         if count is None:
-            return _one_path(ready, line)
+            return _one_path(plan, line)
         if observe is None:
-            return _all_states(ready, count, line)
-        return _observed(ready, count, observe, line)
+            return _all_states(plan, count, line)
+        return _observed(plan, count, observe, line)
 
 
 def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
@@ -95,64 +96,55 @@ def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
     if len(case.runs) > 1:
         raise SpecError(f"eps: has {len(case.runs)} values; must be one number here")
     ((name, eps),) = case.runs
-    return plan(case, Part(name, eps=eps))
+    return study.plan(case, Part(name, eps=eps))
 
 
-def _compile(ready: Any, line: Line) -> None:
-    """Compile what is missing of the kernels of a plan."""
-    compile_missing(kernel_calls([ready]), line.watch.report_compiling)
-
-
-def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
+def _one_path(plan: Any, line: Line) -> xr.Dataset:
     """One path with its invariants."""
-    of_any_kind: Any = ready
-    state = State(of_any_kind)
-    _compile(ready, line)
-    workers.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
-    found = dataset_of(ready.results(state).group())
-    found.attrs = _without_experiment(found.attrs)
-    return found
+    state = State(plan)
+    compile_missing(kernel_calls([plan]), line.watch.report_compiling)
+    workers.advance_here([state], lambda number: line.share("path", plan.progress(state).done, 1))
+    dataset = dataset_of(plan.results(state).group())
+    dataset.attrs = _of_paths(dataset.attrs)
+    return dataset
 
 
-def times_of(ready: TrajectoryPlan) -> np.ndarray:
+def times_of(plan: TrajectoryPlan) -> np.ndarray:
     """The times of the stored states."""
-    return np.arange(ready.case.steps_stored + 1) * ready.case.every * ready.case.step
+    return np.arange(plan.case.steps_stored + 1) * plan.case.every * plan.case.step
 
 
-def _check_memory(ready: TrajectoryPlan, paths: int) -> None:
-    """Warn where the states of so many paths take much memory; SpecError if this machine has less."""
-    times, d, every = ready.case.steps_stored + 1, len(ready.initial), ready.case.every
+def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.ndarray]:
+    """The states (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
+
+    Warns where they take much memory; SpecError if this machine has less.
+    """
+    times, d, every = plan.case.steps_stored + 1, len(plan.initial), plan.case.every
+    most, total = max(1, int(_BATCH_BYTES / (8 * LANES * times * d))), math.ceil(samples / LANES)
+    paths = LANES * (total if at_once else min(most, total))
     size, memory = 8.0 * paths * times * d, physical_memory()
-    what = f"the states of {paths} paths at {times} times take {size / 1e9:.3g} GB at once"
+    states = f"the states of {paths} paths at {times} times take {size / 1e9:.3g} GB at once"
     if memory is not None and size > memory:
         right = f"store fewer, e.g. every={every * math.ceil(2 * size / memory)}"
-        raise SpecError(f"every: is {every}: {what}, and this machine has {memory / 1e9:.3g} GB; {right}")
+        raise SpecError(f"every: is {every}: {states}, and this machine has {memory / 1e9:.3g} GB; {right}")
     if size > _MUCH_BYTES:
-        warnings.warn(f"{what}; a larger every= stores fewer", stacklevel=2)
-
-
-def _batches(ready: TrajectoryPlan, samples: int, line: Line, only_some: bool = False) -> Iterator[np.ndarray]:
-    """The states (paths, times, d) of the first so many paths, block after block; `only_some` are kept at a time."""
-    times, d = ready.case.steps_stored + 1, len(ready.initial)
-    most = max(1, int(_BATCH_BYTES / (8 * LANES * times * d)))
-    total = math.ceil(samples / LANES)
-    _check_memory(ready, LANES * (min(most, total) if only_some else total))
-    _compile(ready, line)
+        warnings.warn(f"{states}; a larger every= stores fewer", stacklevel=2)
+    compile_missing(kernel_calls([plan]), line.watch.report_compiling)
     for first in range(0, total, most):
         line.share("paths", first, total)
         blocks = min(most, total - first)
         y = np.empty((blocks, times, d * LANES))
-        y[:, 0] = block_states(ready.initial, ready.stream, first, blocks)
-        what = ready.scheme, ready.model, ready.initial, ready.grid, ready.stream, first, blocks, samples
-        integrated(*what, state_recorder(ready.grid, y, ready.case.every))
+        y[:, 0] = block_states(plan.initial, plan.stream, first, blocks)
+        recorder = state_recorder(plan.grid, y, every)
+        integrated(plan.scheme, plan.model, plan.initial, plan.grid, plan.stream, first, blocks, samples, recorder)
         lanes = y.reshape(blocks, times, d, LANES).transpose(0, 3, 1, 2)
         yield lanes.reshape(-1, times, d)[: samples - first * LANES]
 
 
-def _all_states(ready: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
+def _all_states(plan: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
     """The states of all paths with their invariants."""
-    y = np.concatenate(list(_batches(ready, samples, line)))
-    energy, conserved = invariants_of(ready.model, y.reshape(-1, y.shape[2]), np.tile(times_of(ready), len(y)))
+    y, times = np.concatenate(list(_batches(plan, samples, line, at_once=True))), times_of(plan)
+    energy, conserved = invariants_of(plan.model, y.reshape(-1, y.shape[2]), np.tile(times, len(y)))
     return xr.Dataset(
         {
             "y": (("path", "t", "component"), y, {"long_name": "state"}),
@@ -161,44 +153,43 @@ def _all_states(ready: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
         },
         {
             "path": np.arange(samples),
-            "t": ("t", times_of(ready), {"long_name": "time"}),
-            "component": component_names(ready.case.variables, y.shape[2]),
+            "t": ("t", times, {"long_name": "time"}),
+            "component": component_names(plan.case.variables, y.shape[2]),
             "casimir": np.arange(conserved.shape[1]),
         },
-        _attributes(ready),
+        _attributes(plan),
     )
 
 
-def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line) -> xr.Dataset:
-    """What an observer makes of all paths."""
-    found: dict[str, list[np.ndarray]] = {}
-    times = times_of(ready)
-    for y in _batches(ready, samples, line, only_some=True):
-        told = observe(times, y)
-        for name, values in told.items() if isinstance(told, dict) else [("observed", told)]:
-            values = np.asarray(values)
+def _observed(plan: TrajectoryPlan, samples: int, observe: Observer, line: Line) -> xr.Dataset:
+    """The values that an observer makes of all paths."""
+    parts: dict[str, list[np.ndarray]] = {}
+    times = times_of(plan)
+    for y in _batches(plan, samples, line, at_once=False):
+        observed = observe(times, y)
+        for name, returned in observed.items() if isinstance(observed, dict) else [("observed", observed)]:
+            values = np.asarray(returned)
             if name in ("path", "t"):
                 raise ValueError(f"observe returned {name}, which is the name of an axis; take another")
             if values.shape[:1] != y.shape[:1]:
-                what = f"returned {name} of shape {values.shape} for {len(y)} paths"
-                raise ValueError(f"observe {what}; the first axis must be that of the paths")
-            found.setdefault(name, []).append(values)
-    arrays = {name: np.concatenate(parts) for name, parts in found.items()}
-
-    def axes(name: str, values: np.ndarray) -> tuple[str, ...]:
-        along = values.shape[1:2] == times.shape and len(times) != len(ready.initial)
-        return "path", *("t" if along and i == 1 else f"{name}_{i}" for i in range(1, values.ndim))
-
-    variables = {name: (axes(name, values), values) for name, values in arrays.items()}
+                problem = f"returned {name} of shape {values.shape} for {len(y)} paths"
+                raise ValueError(f"observe {problem}; the first axis must be that of the paths")
+            parts.setdefault(name, []).append(values)
+    variables = {}
+    for name, arrays in parts.items():
+        values = np.concatenate(arrays)
+        along = values.shape[1:2] == times.shape and len(times) != len(plan.initial)
+        axes = "path", *("t" if along and i == 1 else f"{name}_{i}" for i in range(1, values.ndim))
+        variables[name] = axes, values
     coordinates = {"path": np.arange(samples), "t": ("t", times, {"long_name": "time"})}
-    return xr.Dataset(variables, coordinates, _attributes(ready))
+    return xr.Dataset(variables, coordinates, _attributes(plan))
 
 
-def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:
-    """What was integrated."""
-    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description().attributes()})
+def _attributes(plan: TrajectoryPlan) -> dict[str, Any]:
+    """The attributes of many paths."""
+    return _of_paths({"step": plan.case.step, "every": plan.case.every, **plan.description().attributes()})
 
 
-def _without_experiment(attributes: dict[str, Any]) -> dict[str, Any]:
-    """The attributes that say something of paths, as far as they are known."""
+def _of_paths(attributes: dict[str, Any]) -> dict[str, Any]:
+    """The attributes that say something of paths, as far as they have values."""
     return {name: value for name, value in attributes.items() if value is not None and name not in _OF_EXPERIMENTS}

@@ -1,4 +1,4 @@
-"""How far a run is: in a notebook one display that is updated, in a terminal one line that is written over."""
+"""The progress of a run: in a notebook one display that is updated, in a terminal one line that is written over."""
 
 import math
 import sys
@@ -33,30 +33,29 @@ class Line:
 
     @property
     def watch(self) -> Watch:
-        """What a run is given to tell how far it is."""
+        """The callbacks for a run."""
         return Watch(self._report, self._report_compiling, self._tell) if self.shown else NOBODY
 
-    def share(self, what: str, done: float, total: float, work: Work | None = None) -> None:
-        """Say how much of a whole is done, or of work without paths that goes on."""
-        self._write(f"{self.name}: {_so_far(work) if work else f'{what} {done / total:.0%}'}")
+    def share(self, unit: str, done: float, total: float, work: Work | None = None) -> None:
+        """Show the share of a whole that is done, or that of work without paths that is under way."""
+        self._write(f"{self.name}: {_so_far(work) if work else f'{unit} {done / total:.0%}'}")
 
     def _report(self, progress: Progress) -> None:
-        where = f"{progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         if progress.work:
-            self._write(f"{self.name}: {where} {_so_far(progress.work)}")
-            return
-        known = "" if math.isnan(progress.stderr) else f", standard error {progress.stderr:.1e}"
-        self._write(f"{self.name}: {where} {progress.done / progress.total:.0%}{known}")
+            news = [_so_far(progress.work)]
+        else:
+            news = [f"{progress.done / progress.total:.0%}", progress.precision]
+        self._write(f"{self.name}: {progress.place} {', '.join(filter(None, news))}")
 
     def _report_compiling(self, news: Compiling) -> None:
-        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.told}")
+        self._write(f"{self.name}: compiling {news.title}, {news.number} of {news.described}")
 
     def _tell(self, news: str) -> None:
         self._write(news, end="\n")
         self.length = 0
 
     def _write(self, text: str, end: str = "") -> None:
-        """Write over what stands in the line; with an end of line, what stays."""
+        """Write over the line; with an end of line, a text that stays."""
         if self.shown and self.in_notebook:
             self._display(text, end)
         elif self.shown:
@@ -66,7 +65,7 @@ class Line:
             self.length = len(cut)
 
     def _display(self, text: str, end: str) -> None:
-        """The same in a notebook, which keeps what is written over by carriage returns."""
+        """Write in a notebook, which does not take carriage returns."""
         if end:
             self.stream.write(text + end)
             self.stream.flush()

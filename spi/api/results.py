@@ -14,14 +14,13 @@ import xarray as xr
 
 from .. import storage
 from ..drawing import as_bytes, style
-from ..kinds import KINDS
 from ..report import views
 from ..running import finding
-from ..specs import SpecError
 from ..statistics import claims
+from ..statistics.claims import quantities
 from ..storage import records
 from ..storage.records import INTERVAL
-from ..storage.stored import by_case
+from ..storage.stored import Description, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -39,27 +38,34 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
     for reading, name in zip(readings, results.parts, strict=True):
         arrays = results[name].dataset
         wanted = quantity or ("error" if "error" in arrays else "y")
-        if wanted not in arrays or not {"h", "t"} & set(arrays[wanted].dims):
-            able = [str(one) for one, array in arrays.items() if {"h", "t"} & set(array.dims)]
+        able = [str(array) for array, values in arrays.items() if {"h", "t"} & set(values.dims)]
+        if wanted not in able:
             raise ValueError(f"{name} has no {wanted} against h or t; give quantity= one of {', '.join(able)}")
+        x = "h" if "h" in arrays[wanted].dims else "t"
         marker, colour = looks[reading.about.variant]
-        own: dict[str, Any] = {"marker": marker} if "h" in arrays[wanted].dims else {}
-        lines = list(_lines(arrays, wanted))
+        own: dict[str, Any] = {"marker": marker} if x == "h" else {}
+        lines = list(_lines(arrays, wanted, x))
         if len(lines) == 1:  # the colours of several lines of one part are left to matplotlib
             own["color"] = colour
-        for label, x, y, half in lines:
+        for label, y, half in lines:
             text = ", ".join(filter(None, (style.label(reading.about), label)))
-            ax.errorbar(x, y, half, **{"label": text, **own, **look})
-        _dress(ax, arrays[wanted])
+            ax.errorbar(arrays[x].to_numpy(), y, half, **{"label": text, **own, **look})
+        if x == "h":
+            ax.set_xscale("log", base=2)
+            if wanted == "error":
+                ax.set_yscale("log", nonpositive="clip")
+        for get, set_label, values in (
+            (ax.get_xlabel, ax.set_xlabel, arrays[x]),
+            (ax.get_ylabel, ax.set_ylabel, arrays[wanted]),
+        ):
+            if not get():
+                set_label(str(values.attrs.get("long_name", str(values.name).replace("_", " "))))
     return ax
 
 
-def _lines(arrays: xr.Dataset, quantity: str) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray | None]]:
-    """(what tells it from others, x, y, half the interval) of each line, one for each place along other axes than x."""
-    values = arrays[quantity]
-    x = "h" if "h" in values.dims else "t"
-    if quantity == "error":
-        values = abs(values)
+def _lines(arrays: xr.Dataset, quantity: str, x: str) -> Iterator[tuple[str, np.ndarray, np.ndarray | None]]:
+    """(label, y, half the interval) of each line, one for each place along other axes than x."""
+    values = abs(arrays[quantity]) if quantity == "error" else arrays[quantity]
     stderr = arrays.get(f"{quantity}_stderr")
     half = arrays.get(f"{quantity}_bound") if stderr is None else INTERVAL * stderr
     others = [dim for dim in values.dims if dim != x]
@@ -67,60 +73,26 @@ def _lines(arrays: xr.Dataset, quantity: str) -> Iterator[tuple[str, np.ndarray,
         at = dict(zip(others, place, strict=True))
         names = [str(arrays[dim].values[i]) if dim in arrays.coords else f"{dim} {i}" for dim, i in at.items()]
         width = None if half is None else half.isel(at).to_numpy()
-        yield ", ".join(names), values[x].to_numpy(), values.isel(at).to_numpy(), width
-
-
-def _dress(ax: "Axes", values: xr.DataArray) -> None:
-    """Scales and labels, where the axes have none yet."""
-    if "h" in values.dims:
-        ax.set_xscale("log", base=2)
-        if values.name == "error":
-            ax.set_yscale("log", nonpositive="clip")
-    if not ax.get_xlabel():
-        ax.set_xlabel(_long_name(values["h" if "h" in values.dims else "t"]))
-    if not ax.get_ylabel():
-        ax.set_ylabel(_long_name(values))
-
-
-def _long_name(values: xr.DataArray) -> str:
-    """What an array is called in print."""
-    return str(values.attrs.get("long_name", str(values.name).replace("_", " ")))
-
-
-def shown_in_notebooks(figure: "Figure") -> "Figure":
-    """The figure, which a notebook shows even where nothing has told it how to show figures of matplotlib."""
-
-    setattr(figure, "_repr_png_", partial(as_bytes, figure, "png"))  # noqa: B010 (which mypy would ask for)
-    return figure
+        yield ", ".join(names), values.isel(at).to_numpy(), width
 
 
 def dataset_of(group: records.Group) -> xr.Dataset:
     """The arrays of a group with their coordinates; components of states are called as in expressions."""
-    coordinates: dict[str, Any] = {
-        name: (name, _labels(group, name, values), group.notes.get(name)) for name, values in group.coordinates.items()
-    }
-    if "swept_word" in group.attributes:  # so that parts can be put together along the parameter
-        coordinates[group.attributes["swept_word"]] = ((), group.attributes["swept_value"])
-    if "swept_second_word" in group.attributes:
-        coordinates[group.attributes["swept_second_word"]] = ((), group.attributes["swept_second_value"])
-    variables = {name: (axes, values, group.notes.get(name)) for name, (axes, values) in group.variables.items()}
+    about = Description.of(group)
+    values = dict(group.coordinates)
+    if "component" in values:
+        values["component"] = np.array(component_names(about.variables, len(values["component"])))
+    coordinates: dict[str, Any] = {name: (name, along, group.notes.get(name)) for name, along in values.items()}
+    if about.swept:  # so that parts can be put together along the parameter
+        coordinates |= {word: ((), value) for word, value in about.swept.places.items()}
+    variables = {name: (axes, array, group.notes.get(name)) for name, (axes, array) in group.variables.items()}
     attributes = {name: value for name, value in group.attributes.items() if value is not None}
     return xr.Dataset(variables, coordinates, attributes)
 
 
-def _labels(group: records.Group, name: str, values: np.ndarray) -> np.ndarray:
-    """The values of a coordinate; of components their names."""
-    if name != "component":
-        return values
-    return np.array(component_names(records.Description.of(group).variables, len(values)))
-
-
 def component_names(named: tuple[str, ...], count: int) -> list[str]:
-    """What the components of a state are called in expressions: as the system has `named` them, or y1, y2, ..."""
+    """The names of the components of a state in expressions: those in the system, `named`, or y1, y2, ..."""
     return list(named) or [f"y{i + 1}" for i in range(count)]
-
-
-_ORDERS = ("order", "uniform_order")
 
 
 class Results:
@@ -145,7 +117,7 @@ class Results:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What is known of the whole experiment: kind, title, profile, seed, versions, ..."""
+        """The attributes of the whole experiment: kind, title, profile, seed, versions, ..."""
         return self.stored.attributes
 
     @property
@@ -165,25 +137,24 @@ class Results:
         """
         if not isinstance(name, str):
             raise TypeError(f"results are indexed by the name of a part, not by {name!r}; parts: {self._listed()}")
-        words = set(name.split("/"))
-        found = tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
-        if not found:
-            known = dict.fromkeys(word for part in self.parts for word in part.split("/"))
-            near = difflib.get_close_matches(name, [*known, *self.parts], 1)
+        groups = self._named(name)
+        if not groups:
+            words = dict.fromkeys(word for part in self.parts for word in part.split("/"))
+            near = difflib.get_close_matches(name, [*words, *self.parts], 1)
             raise KeyError(f"no part {name}; " + (f"did you mean {near[0]}?" if near else f"parts: {self._listed()}"))
-        return Results(records.Results(self._narrowed(found), found, self.stored.chunks), self.path)
+        owners = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
+        stated = claims.of_text(self.attributes.get("expect"))
+        expect = claims.as_text(claim for claim in stated if (claim.case, claim.scheme) in owners)
+        return Results(records.Results(self.attributes | {"expect": expect}, groups, self.stored.chunks), self.path)
 
     def __contains__(self, name: object) -> bool:
         """Whether there are parts of that name, as in :meth:`__getitem__`."""
-        return isinstance(name, str) and any(
-            set(name.split("/")) <= set(group.name.split("/")) for group in self.stored.groups
-        )
+        return isinstance(name, str) and bool(self._named(name))
 
-    def _narrowed(self, groups: tuple[records.Group, ...]) -> dict[str, Any]:
-        """The attributes with the claims about some groups only."""
-        stated = claims.of_text(self.attributes.get("expect"))
-        whose = {(records.Description.of(group).owner, group.attributes["scheme"]) for group in groups}
-        return self.attributes | {"expect": claims.as_text(one for one in stated if (one.case, one.scheme) in whose)}
+    def _named(self, name: str) -> tuple[records.Group, ...]:
+        """The parts whose names have all words of `name`."""
+        words = set(name.split("/"))
+        return tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parts)
@@ -232,29 +203,32 @@ class Results:
 
     @property
     def orders(self) -> pd.DataFrame:
-        """The fitted orders of convergence with their 95 % intervals, and what theory expects; empty where none is."""
+        """The fitted orders of convergence, their 95 % intervals and those of theory; empty where none is fitted."""
         rows = []
         for case in by_case(views.readings(self.stored)):
-            expected = {_key(one.about): getattr(one, "expected_order", None) for one in case}
-            for found in KINDS[self.kind].results.quantities(case):
-                if found.name in _ORDERS:
-                    which = {"estimator": found.about.estimator, "function": found.function}
-                    told = {"case": found.about.case, "scheme": found.about.variant, **which, "quantity": found.name}
-                    interval = {"order": found.value, "low": found.low, "high": found.high}
-                    rows.append(told | interval | {"expected": expected.get(_key(found.about))})
+            expected = {
+                (part.about.variant, part.about.estimator): getattr(part, "expected_order", None) for part in case
+            }
+            for fitted in quantities(case):
+                if fitted.name in ("order", "uniform_order"):
+                    about = fitted.about
+                    part = {"case": about.case, "scheme": about.variant, "estimator": about.estimator}
+                    interval = {"order": fitted.value, "low": fitted.low, "high": fitted.high}
+                    theory = {"expected": expected.get((about.variant, about.estimator))}
+                    rows.append(part | {"function": fitted.function, "quantity": fitted.name} | interval | theory)
         frame = pd.DataFrame(rows)
         return frame.drop(columns=[name for name in ("estimator", "function") if rows and not any(frame[name])])
 
     @property
     def claims(self) -> pd.DataFrame:
-        """What the spec expects of these parts, what came out, and the verdicts; empty where nothing is expected."""
+        """The claims of the spec about these parts, the results and the verdicts; empty where nothing is expected."""
         rows = [
             {
-                **{"case": one.claim.case, "subject": one.subject, "claim": one.claim.text},
-                **{name: getattr(one.found, name, float("nan")) for name in ("value", "low", "high")},
-                "verdict": one.verdict,
+                **{"case": judged.claim.case, "subject": judged.subject, "claim": judged.claim.text},
+                **{name: getattr(judged.found, name, float("nan")) for name in ("value", "low", "high")},
+                "verdict": judged.verdict,
             }
-            for one in views.verdicts(self.stored)
+            for judged in views.verdicts(self.stored)
         ]
         return pd.DataFrame(rows)
 
@@ -274,7 +248,9 @@ class Results:
             return draw_into(ax, self, quantity, look)
         if ignored := [*("quantity",) * (quantity is not None), *look]:
             raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
-        return shown_in_notebooks(views.figure(self.stored))
+        figure = views.figure(self.stored)
+        figure.__dict__["_repr_png_"] = partial(as_bytes, figure, "png")  # for notebooks that know not matplotlib
+        return figure
 
     def __repr__(self) -> str:
         where = f", {self.path}" if self.path else ""
@@ -311,14 +287,7 @@ def load(
     StorageError if there is no such file, or if it cannot be read; SpecError if `path` can be neither.
     """
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
-    if "out" in overrides:
-        raise SpecError(f"out: is now called results; write results={str(overrides['out'])!r}")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
-        file = finding.found(Path(path), Path(results), wanted)
+        file = finding.results_file(Path(path), Path(results), wanted)
         return Results(storage.read(file), file)
-
-
-def _key(about: records.Description) -> tuple[str, str]:
-    """What tells a part from others of its case."""
-    return about.variant, about.estimator

@@ -1,21 +1,18 @@
 """Experiments run from Python, by the same path as from the command line."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import scratch_folder
-from ..ensemble.loop import thread_count, use_threads
-from ..running import clusters, workers
+from ..ensemble.loop import limited_threads, thread_count
 from ..running import run as runs
+from ..running.clusters import workers_of
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
 from .specs import experiment_of, in_python, whole
-
-if TYPE_CHECKING:
-    from ..running.workers import Workers
 
 
 def run(
@@ -57,39 +54,19 @@ def run(
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
     experiment = experiment_of(what, name, profile, overrides, trust_code)
+    if workers is not None and not isinstance(workers, str):
+        whole("workers", workers, 1)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
-        stack.enter_context(_threads(threads))
-        pool = stack.enter_context(_pool(workers))
+        if threads is not None:
+            stack.enter_context(limited_threads(whole("threads", threads, 1, thread_count())))
+        pool = stack.enter_context(workers_of(workers))
         line = stack.enter_context(Line(experiment.name, progress))
         stack.enter_context(in_python())
         try:
             path = runs.run(experiment, folder, fresh, line.watch, workers=pool)
         except runs.Stopped as stopped:
-            kept = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is saved"
-            raise KeyboardInterrupt(kept) from None
-        found = load(path)
-    return found if out is not None else Results(found.stored)
-
-
-@contextlib.contextmanager
-def _threads(count: int | None) -> Iterator[None]:
-    """Set the number of threads within a block; SpecError if there are not that many."""
-    before = thread_count()
-    if count is not None:
-        whole("threads", count, 1)
-        try:
-            use_threads(count)
-        except ValueError as error:
-            raise SpecError(f"threads: is {count}; {str(error).lower()}") from None
-    try:
-        yield
-    finally:
-        use_threads(before)
-
-
-def _pool(asked: int | str | None) -> "contextlib.AbstractContextManager[Workers | None]":
-    """The processes that compute, None for this one alone."""
-    if asked is None:
-        return contextlib.nullcontext()
-    return clusters.connected(asked) if isinstance(asked, str) else workers.processes(whole("workers", asked, 1))
+            message = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is saved"
+            raise KeyboardInterrupt(message) from None
+        results = load(path)
+    return results if out is not None else Results(results.stored)

@@ -21,12 +21,12 @@ from ..storage import StorageError
 
 _AS_ARGUMENT = {
     **{"--fresh": "fresh=True", "--out": "out=", "--results": "results=", "--set ": ""},
-    "--profile": "profile",
+    **{"--profile": "profile", "`spi list`": "spi.experiments()"},
 }
 
 
 def experiment_of(
-    what: str | Path | Mapping[str, Any],
+    source: str | Path | Mapping[str, Any],
     name: str | None,
     profile: str | None,
     overrides: Mapping[str, Any],
@@ -37,17 +37,16 @@ def experiment_of(
     SpecError if anything is wrong; of a mapping it names no lines.
     """
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
-    check_type("spec", what, (str, Path, Mapping), right)
+    check_type("spec", source, (str, Path, Mapping), right)
     if "kind" in overrides:
         raise SpecError("kind: cannot be overridden; give a spec of the kind that you want")
     arrays: dict[str, str] = {}
     texts = as_overrides(overrides, arrays)
     with in_python():
-        if isinstance(what, Mapping):
-            return of_mapping(what, name or "experiment", profile or "laptop", texts, arrays=arrays)
-        added = tuple(arrays.items())
-        found = load_any(what, profile, texts, added, trust_code)
-    return found if name is None else found._replace(name=name)
+        if isinstance(source, Mapping):
+            return of_mapping(source, name or "experiment", profile or "laptop", texts, arrays=arrays)
+        experiment = load_any(source, profile, texts, tuple(arrays.items()), trust_code)
+    return experiment if name is None else experiment._replace(name=name)
 
 
 def as_overrides(overrides: Mapping[str, Any], arrays: dict[str, str]) -> list[str]:
@@ -79,7 +78,7 @@ def of_mapping(
 
 
 def model_keys(model: Any) -> Any:
-    """What stands under ``model:`` for a name, a mapping, a class or a record of one; SpecError if that is unknown."""
+    """The keys under ``model:`` for a name, a mapping, a class or a record of one; SpecError if that is unknown."""
     if isinstance(model, str):
         return {"name": model}
     cls = model if isinstance(model, type) else type(model)
@@ -88,9 +87,8 @@ def model_keys(model: Any) -> Any:
     parameters = {} if isinstance(model, type) else model._asdict()
     if "sigma" in parameters:  # a noise of strength 0 is None in a record
         parameters["sigma"] = [strength or 0 for strength in parameters["sigma"]]
-    built_in = next((name for name, known in MODELS.items() if known is cls), None)
-    telling = {"name": built_in} if built_in else {"python": _file_of(cls), "name": cls.__qualname__}
-    return telling | parameters
+    built_in = next((name for name, record in MODELS.items() if record is cls), None)
+    return ({"name": built_in} if built_in else {"python": _file_of(cls), "name": cls.__qualname__}) | parameters
 
 
 def _file_of(cls: type) -> str:
@@ -111,15 +109,16 @@ def check_type(name: str, value: Any, types: tuple[type, ...], right: str) -> No
         raise SpecError(f"{name}: is {reprlib.repr(value)}; {right}")
 
 
-_LARGEST = {"seed": 2**64 - 1, "first_path": 2**62, "first_step": 2**62}  # what their types in kernels hold
+_LARGEST = {"seed": 2**64 - 1, "first_path": 2**62, "first_step": 2**62}  # that their types in kernels hold
 
 
-def whole(name: str, value: Any, least: int) -> int:
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
     """A number of paths, or another whole number; SpecError if it is none."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise SpecError(f"{name}: is {value!r}; must be a whole number, at least {least}")
-    if value > _LARGEST.get(name, value):
-        raise SpecError(f"{name}: is {value}; must be at most {_LARGEST[name]}")
+    most = _LARGEST.get(name, most)
+    if most is not None and value > most:
+        raise SpecError(f"{name}: is {value}; must be at most {most}")
     return int(value)
 
 
@@ -144,5 +143,4 @@ def in_python() -> Iterator[None]:
 def _translated(message: str) -> str:
     for option, argument in _AS_ARGUMENT.items():
         message = message.replace(option, argument)
-    told = re.sub(r"`spi run ([^ `]+)( [^`]*)?`", lambda run: f"spi.run('{run[1]}'{', ...' * bool(run[2])})", message)
-    return told.replace("`spi list`", "spi.experiments()")
+    return re.sub(r"`spi run ([^ `]+)( [^`]*)?`", lambda run: f"spi.run('{run[1]}'{', ...' * bool(run[2])})", message)

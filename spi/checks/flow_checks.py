@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -99,11 +100,7 @@ def shown(y):
 
 
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
-_ANGLES = (
-    2.0**-6,
-    0.7,
-    30.0,
-)  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
+_ANGLES = 2.0**-6, 0.7, 30.0  # at which angle methods are compared: below each bound for cheaper sines, and above
 
 
 class NotedAngles(NamedTuple):
@@ -146,31 +143,40 @@ class _Flow(NamedTuple):
         return f"{self.part}_flow, k = {self.k},"
 
 
-def _flows_of(model, part, numbers, flow, angle):
-    for k in numbers:
+#: part -> (number of flows, those that are not exact, flow, angle)
+_PARTS = {
+    "drift": (pieces, inexact_pieces, drift_flow, drift_angle),
+    "noise": (noises, inexact_noises, noise_flow, noise_angle),
+}
+
+
+def _flows_of(model, part):
+    """{k: flow} of the pieces or the noises that have an exact flow."""
+    count, lacking, act, bound = _PARTS[part]
+    flows = {}
+    for k in sorted({*range(count(model))} - {*lacking(model)}):
         noted = np.zeros(1)
-        yield _Flow(
-            part,
-            k,
-            lambda t, y, k=k, noted=noted: flow(model, k, t, y, NotedAngles(noted)),
-            lambda t, y, k=k: angle(model, k, t, y),
-            noted,
-        )
+
+        def acting(t, y, k=k, noted=noted):
+            return act(model, k, t, y, NotedAngles(noted))
+
+        flows[k] = _Flow(part, k, acting, partial(bound, model, k), noted)
+    return flows
 
 
 def flows(model, y):
     """Yield complaints about the flows of pieces and noises at a state."""
     field = structure(model, y, drift_gradient(model, y))
-    lacking = inexact_pieces(model)
-    total = sum((np.array(structure(model, y, piece_gradient(model, k, y))) for k in lacking), np.zeros(len(y)))
+    fields = (structure(model, y, piece_gradient(model, k, y)) for k in inexact_pieces(model))
+    total = sum(map(np.array, fields), np.zeros(len(y)))
     size = float(np.linalg.norm(total))
-    for flow in _flows_of(model, "drift", _others(pieces(model), lacking), drift_flow, drift_angle):
+    for flow in _flows_of(model, "drift").values():
         rate = flow.rate(y, field)
         total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
         yield from _one_flow(model, flow, y, rate)
     if differ(total, field, DIFFERENCES, 1e-6 * size):
         yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
-    for flow in _flows_of(model, "noise", _others(noises(model), inexact_noises(model)), noise_flow, noise_angle):
+    for flow in _flows_of(model, "noise").values():
         field = structure(model, y, noise_gradient(model, flow.k, y))
         rate = flow.rate(y, field)
         if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
@@ -180,13 +186,12 @@ def flows(model, y):
 
 def commuting(model, y):
     """Yield complaints about noises that are declared to commute and do not."""
-    m, lacking = noises(model), inexact_noises(model)
-    flows = {flow.k: flow for flow in _flows_of(model, "noise", _others(m, lacking), noise_flow, noise_angle)}
+    m, flows = noises(model), _flows_of(model, "noise")
     for pair in commuting_noises(model):
         if pair not in itertools.combinations(range(m), 2):
             yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {m}"
             continue
-        if set(pair) & set(lacking):
+        if not {*pair} <= {*flows}:
             yield from _fields_commuting(model, y, pair)
             continue
         first, second = (flows[k] for k in pair)
@@ -219,13 +224,12 @@ def joint_flows(model, y):
     if not (answers(joint_flow, model) and answers(joint_angle, model)):
         yield "joint_noises needs the methods joint_flow and joint_angle"
         return
-    drift = list(_flows_of(model, "drift", range(pieces(model)), drift_flow, drift_angle))
-    noise = list(_flows_of(model, "noise", range(noises(model)), noise_flow, noise_angle))
+    drift, noise = _flows_of(model, "drift"), _flows_of(model, "noise")
     for k, group in enumerate(groups):
-        flows = [drift[k], *(noise[j] for j in group)]
-        fields = [drift_gradient(model, y), *(noise_gradient(model, j, y) for j in group)]
-        rates = [flow.rate(y, structure(model, y, field)) for flow, field in zip(flows, fields, strict=True)]
         if group:
+            flows = [drift[k], *(noise[j] for j in group)]
+            fields = [drift_gradient(model, y), *(noise_gradient(model, j, y) for j in group)]
+            rates = [flow.rate(y, structure(model, y, field)) for flow, field in zip(flows, fields, strict=True)]
             yield from _joint(model, k, y, flows, [_TIMES[i % 2] / rate for i, rate in enumerate(rates)])
 
 
@@ -244,11 +248,6 @@ def _joint(model, k, y, flows, times):
     if not noted[0] <= (said := joint_angle(model, k, t, s, y)) * (1.0 + 1e-9) and math.isfinite(noted[0]):
         problem = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
         yield f"joint_angle, k = {k}, {problem}"
-
-
-def _others(count, lacking):
-    """The numbers 0, ..., count - 1 that are not in `lacking`."""
-    return [k for k in range(count) if k not in lacking]
 
 
 def _velocity(flow, y, rate):

@@ -5,11 +5,11 @@ exponentials and shears, with rates large or small, are all judged alike.
 """
 
 import contextlib
-import functools
 import hashlib
 import inspect
 import itertools
 import math
+from functools import cache, partial
 
 import numpy as np
 
@@ -94,9 +94,9 @@ def states_on_surface(y, model, count=2):
 def _keep_their_sign(y, model):
     """For each component whether it never changes its sign: it is not 0, and nothing moves it where it is 0."""
     keeps = []
-    for e in np.eye(len(y)):
+    for e in unit_vectors(len(y)):
         without = tuple(np.where(e, 0.0, y).tolist())
-        keeps.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, tuple(e.tolist()))))
+        keeps.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, e)))
     return keeps
 
 
@@ -121,16 +121,15 @@ def _moved(y, model, gradients, least):
 def _along(y, model, gradient, part):
     """The state moved by the share `part` of its size along the field of a linear function, by Runge-Kutta steps."""
 
-    def field(z):
-        return np.array(structure(model, tuple(z.tolist()), tuple(gradient.tolist())))
+    gradient = tuple(gradient.tolist())
 
-    slopes = [
-        structure_derivative(model, tuple(y.tolist()), tuple(e), tuple(gradient.tolist())) for e in np.eye(len(y))
-    ]
+    def field(z):
+        return np.array(structure(model, tuple(z.tolist()), gradient))
+
+    slopes = [structure_derivative(model, tuple(y.tolist()), e, gradient) for e in unit_vectors(len(y))]
     size = np.linalg.norm(y)
-    speed = max(
-        np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS
-    )  # near a rest point the steps stay stable
+    # near a rest point the steps stay stable
+    speed = max(np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS)
     h = part * size / speed / _STEPS if speed else 0.0
     return runge_kutta(field, y, h, _STEPS)
 
@@ -157,22 +156,12 @@ def check_model(record, states, written=True, finite_at=()):
 
 def _complaints(model, y, all_checks=None):
     """The complaints of the first check that has any at one state; later checks depend on earlier ones."""
-    for checks in all_checks or (
-        _shapes,
-        _structure,
-        _gradients,
-        check_brackets,
-        flows,
-        commuting,
-        joint_flows,
-    ):
+    for checks in all_checks or (_shapes, _structure, _gradients, check_brackets, flows, commuting, joint_flows):
         try:
             complaints = list(checks(model, y))
         except Exception as error:
-            place = inspect.trace()[-1]
-            complaints = [
-                f"{place.function}, line {place.lineno}, raises {type(error).__name__} at y = {shown(y)}: {error}"
-            ]
+            at = inspect.trace()[-1]
+            complaints = [f"{at.function}, line {at.lineno}, raises {type(error).__name__} at y = {shown(y)}: {error}"]
         if complaints:
             return complaints
     return []
@@ -212,12 +201,9 @@ def _structure(model, y):
     if differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), EXACT, terms):
         yield "structure violates Jacobi's identity"
     for c in range(conserved(model)):
-        if all(_moves(B, both) for both in zip(*(_slopes(model, c, y, e) for e in units), strict=True)):
+        slopes = (derivatives_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units)
+        if all(_moves(B, both) for both in zip(*slopes, strict=True)):
             yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
-
-
-def _slopes(model, c, y, e):
-    return derivatives_along(lambda z: casimirs(model, z)[c], y, e)
 
 
 def _moves(B, slopes):
@@ -228,16 +214,16 @@ def _moves(B, slopes):
 
 def _gradients(model, y):
     for e, slope in zip(unit_vectors(len(y)), drift_gradient(model, y), strict=True):
-        if differ_from_derivative(slope, lambda z: hamiltonian(model, z), y, e, drift_gradient(model, y)):
+        if differ_from_derivative(slope, partial(hamiltonian, model), y, e, drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    yield from _hessian("drift", "", lambda z: drift_gradient(model, z), lambda z, w: drift_hessian(model, z, w), y, v)
+    yield from _hessian("drift", "", partial(drift_gradient, model), partial(drift_hessian, model), y, v)
     for k in inexact_pieces(model):
-        gradient, hessian = lambda z, k=k: piece_gradient(model, k, z), lambda z, w, k=k: piece_hessian(model, k, z, w)
+        gradient, hessian = partial(piece_gradient, model, k), partial(piece_hessian, model, k)
         yield from _hessian("piece", f", k = {k},", gradient, hessian, y, v)
     for k in range(noises(model)):
-        gradient, hessian = lambda z, k=k: noise_gradient(model, k, z), lambda z, w, k=k: noise_hessian(model, k, z, w)
+        gradient, hessian = partial(noise_gradient, model, k), partial(noise_hessian, model, k)
         yield from _hessian("noise", f", k = {k},", gradient, hessian, y, v)
         for w in (gradient(y), hessian(y, v)):
             if differ(noise_structure(model, k, y, w), structure(model, y, w), EXACT):
@@ -252,7 +238,7 @@ def _hessian(part, number, gradient, hessian, y, v):
     if differ_from_derivative(hessian(y, v), gradient, y, v):
         yield f"{part}_hessian{number} is not the derivative of {part}_gradient along v"
         return
-    matrix = matrix_of([hessian(y, tuple(e)) for e in np.eye(len(y)).tolist()])
+    matrix = matrix_of([hessian(y, e) for e in unit_vectors(len(y))])
     if differ(matrix, matrix.T, EXACT):
         yield f"{part}_gradient{number} is the gradient of no function: {part}_hessian is not symmetric"
 
@@ -261,12 +247,12 @@ def check_brackets(model, y):
     """Yield complaints about the brackets of a model at a state, where it has methods for them."""
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
     if answers(lie_bracket, model):
-        moved = np.array([structure(model, tuple(e), v) for e in np.eye(len(y)).tolist()])
+        moved = np.array([structure(model, e, v) for e in unit_vectors(len(y))])
         if not lie_poisson(model) or differ(lie_bracket(model, v, y), moved @ y, 1e-9, moved):
             yield "lie_bracket is not the gradient of w . structure(y, v), a function that is linear in y"
     for k, j in itertools.combinations(range(noises(model)), 2) if answers(noise_bracket_gradient, model) else ():
         slope = np.dot(v, noise_bracket_gradient(model, j, k, y))
-        if differ_from_derivative(slope, lambda z, j=j, k=k: _bracket(model, j, k, z), y, v, *_sizes(model, j, k, y)):
+        if differ_from_derivative(slope, partial(_bracket, model, j, k), y, v, *_sizes(model, j, k, y)):
             yield f"noise_bracket_gradient, j = {j}, k = {k}, is not the gradient of grad Ĥ_j . B grad Ĥ_k"
 
     if answers(bracket_factors, model):
@@ -295,7 +281,7 @@ def _sizes(model, j, k, y):
 _PASSED: set[tuple[type, str]] = set()  # in this process: a class, and the digest of numbers and an initial state
 
 
-@functools.cache
+@cache
 def _digest_of_checks():
     """A digest of the code of the checks, so that models are checked again when it changes."""
     return digest_of(sources("checks", "compiler", "ensemble", "numerics"))

@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
+from .options import DONE, FAILED, INVALID, STOPPED, RunOptions, Specs, load, run_options
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 app = typer.Typer(
@@ -50,19 +50,13 @@ app.command()(showing.show)
 
 
 @app.command()
-def check(
-    specs: Specs,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
-    trust_code: TrustCode = False,
-) -> None:
+@run_options()
+def check(specs: Specs, options: RunOptions) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, trust_code)
+    experiments = load(specs, options)
     from ..printing import cost_line, print_safely
-    from ..running.remarks import remarks
-    from ..running.run import cost, reports, to_compile
+    from ..running.remarks import remarks, reports
+    from ..running.run import cost, to_compile
 
     for experiment in experiments:
         print_safely([cost_line(experiment, cost(experiment), to_compile(experiment))])
@@ -72,11 +66,12 @@ def check(
 
 
 @app.command()
-def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, trust_code: TrustCode = False) -> None:
+@run_options("samples", "seed")
+def model(specs: Specs, options: RunOptions) -> None:
     """Print the Python source of the models of experiments."""
-    from ..running.run import sources
+    from ..running.load import sources
 
-    for experiment in load(specs, profile, overrides, None, None, trust_code):
+    for experiment in load(specs, options):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 
@@ -86,7 +81,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..running.run import layers
+    from ..running.load import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -104,7 +99,12 @@ def main() -> NoReturn:
     if arguments[:1] == ["help"]:  # `spi help run` means `spi run --help`
         arguments = [*arguments[1:], "--help"]
     try:
-        code = INVALID if _number_of_threads_is_wrong() else _run(arguments)
+        threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+        if threads.isdecimal() and int(threads) > 0:
+            code = _run(arguments)
+        else:  # Numba, which reads it when it is imported, would say so with a traceback
+            tell(f"spi: the environment has NUMBA_NUM_THREADS={threads}; must be a whole number from 1 on, or unset")
+            code = INVALID
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
     if code == 128 + signal.SIGINT:
@@ -115,16 +115,8 @@ def main() -> NoReturn:
     sys.exit(code or DONE)
 
 
-def _number_of_threads_is_wrong() -> bool:
-    """Say what is wrong with it, as Numba, which reads it when it is imported, would with a traceback."""
-    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
-    if wrong := not (threads.isdecimal() and int(threads) > 0):
-        tell(f"spi: the environment has NUMBA_NUM_THREADS={threads}; must be a whole number from 1 on, or unset")
-    return wrong
-
-
 def _run(arguments: list[str]) -> int:
-    """The exit code of a command, which says in one line what went wrong."""
+    """Run a command; its exit code, after a line on what went wrong."""
     try:
         code: int = app(arguments, standalone_mode=False, prog_name="spi")
         sys.stdout.flush()
@@ -134,18 +126,18 @@ def _run(arguments: list[str]) -> int:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # not only Exception: a stop within Rust may become a panic
-        known = _code(error)
-        if known != STOPPED:  # what is built or drawn by others may turn a stop into any other error
+        code_of_error = _code(error)
+        if code_of_error != STOPPED:  # libraries may turn a stop into any other error
             STOP.check()
-        if known is None:
+        if code_of_error is None:
             raise
         message = _usage(error) if isinstance(error, typer.TyperException) else str(error)
         tell(message if message.startswith("Usage") else "\n".join(f"spi: {line}" for line in message.split("\n")))
-        return known
+        return code_of_error
 
 
 def _usage(error: typer.TyperException) -> str:
-    """What is wrong with a command line; where an argument is missing, also what it should be."""
+    """The mistake in a command line; where an argument is missing, also its help."""
     message = error.format_message().replace("Value error, ", "")  # how pydantic begins what typer says
     argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
     if not (argument and context and message.startswith("Missing argument")):
@@ -159,7 +151,7 @@ def _code(error: BaseException) -> int | None:
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError
-    from ..running.run import Stopped
+    from ..running.checkpoint import Stopped
     from ..running.workers import WorkersLost
     from ..specs import SpecError
     from ..storage import StorageError

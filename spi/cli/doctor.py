@@ -1,4 +1,4 @@
-"""Whether this installation works: what it runs with, where compiled kernels are kept, and a small run."""
+"""Whether this installation works: its versions, its folder of compiled kernels, and a small run."""
 
 import importlib.metadata
 import os
@@ -43,20 +43,20 @@ _LEAST_MEMORY, _LEAST_ROOM = 2e9, 1e9  #: bytes, of the machine and on the disk 
 
 
 class Finding(NamedTuple):
-    """What was found, and what to do about it; printed as one line."""
+    """A fact about the installation, and the remedy if it is a problem; printed as one line."""
 
-    what: str
-    found: str
+    subject: str
+    fact: str
     remedy: str = ""  #: nothing if all is well
     sound: bool = True  #: whether the program can be used all the same
 
     def __str__(self) -> str:
         verdict = "ok" if not self.remedy else "warning" if self.sound else "wrong"
-        return f"{verdict:<8} {self.what:<9} {self.found}" + (f": {self.remedy}" if self.remedy else "")
+        return f"{verdict:<8} {self.subject:<9} {self.fact}" + (f": {self.remedy}" if self.remedy else "")
 
 
 def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
-    """What there is to say of this installation, the quick things first; `watch` is told how far the small run is."""
+    """The facts about this installation, the quick ones first; `watch` follows the small run."""
     about = storage.provenance()
     yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
     yield _packages()
@@ -68,21 +68,21 @@ def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
 
 
 def _packages() -> Finding:
-    found, missing = [], []
+    installed, missing = [], []
     for package in _PACKAGES:
         try:
-            found.append(f"{package} {importlib.metadata.version(package)}")
+            installed.append(f"{package} {importlib.metadata.version(package)}")
         except (ImportError, OSError):
             missing.append(package)
     remedy = f"{', '.join(missing)} should be there too, install spi again" if missing else ""
-    return Finding("packages", ", ".join(found), remedy)
+    return Finding("packages", ", ".join(installed), remedy)
 
 
 def _vectors(processor: str) -> Finding:
-    """For which vectors kernels are compiled, and whether results are those of other processors."""
-    found = f"{processor}, {rounding.instruction_set()}: vectors of {rounding.vector_bits()} bits"
+    """The vectors for which kernels are compiled, and whether results are those of other processors."""
+    fact = f"{processor}, {rounding.instruction_set()}: vectors of {rounding.vector_bits()} bits"
     remedy = "" if rounding.is_fused() else "it has no fused operations, so that last digits differ from other machines"
-    return Finding("processor", found, remedy)
+    return Finding("processor", fact, remedy)
 
 
 def _threads() -> Finding:
@@ -100,19 +100,19 @@ def _memory() -> Finding:
 
 
 def _cache() -> Finding:
-    """Where compiled kernels are kept, how many there are and whether there is room for more."""
+    """The folder and number of compiled kernels, and whether there is room for more."""
     if CACHE_PROBLEM:
         remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
         return Finding("kernels", CACHE_PROBLEM, remedy)
     kernels = len(list(kernels_folder().rglob("*.nbc")))
     folder = modules_folder().parent
     size, free = sum(path.stat().st_size for path in folder.rglob("*")), shutil.disk_usage(folder).free
-    found = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
-    return Finding("kernels", found, "" if free >= _LEAST_ROOM else "free some, or set SPI_CACHE_DIR to another folder")
+    fact = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
+    return Finding("kernels", fact, "" if free >= _LEAST_ROOM else "free some, or set SPI_CACHE_DIR to another folder")
 
 
 def _small_run(watch: Watch) -> Iterator[Finding]:
-    """Whether a strong study gives the numbers that it should, and how long a step takes."""
+    """Whether a strong study gives the numbers that it should, and the time of a step."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         yield Finding("compiler", "off, by NUMBA_DISABLE_JIT", "unset it, or runs take hundreds of times as long")
         return
@@ -129,15 +129,15 @@ def _small_run(watch: Watch) -> Iterator[Finding]:
 
 
 def _numbers(group: Group) -> Finding:
-    """Whether the results of the small run are those that are known."""
+    """Whether the results of the small run are right."""
     off = float(np.max(np.abs(group.arrays["error"] / np.array(_ERRORS) - 1)))
     drift = float(np.max(group.arrays["casimir_drift"]))
     right = off < _TOLERANCE and drift < _DRIFT
     near = f"to {off:.0e}" if off else "to the last bit"
-    found = f"strong errors as known, {near}; Casimir drift {drift:.0e}"
-    return Finding("numbers", found, "" if right else "too much, so do not trust what spi computes here", sound=right)
+    fact = f"strong errors as known, {near}; Casimir drift {drift:.0e}"
+    return Finding("numbers", fact, "" if right else "too much, so do not trust what spi computes here", sound=right)
 
 
 def _speed(ns: float, typical: float) -> Finding:
-    found = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
-    return Finding("speed", found, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")
+    fact = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
+    return Finding("speed", fact, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")

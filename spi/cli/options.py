@@ -1,42 +1,18 @@
-"""What several commands have in common: arguments, options and their completion, exit codes, how a command ends."""
+"""Arguments and options of several commands, with their completion; exit codes; the end of a command."""
 
+import functools
+import inspect
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
 from .terminal import STOP, tell
 
-RESULTS = Path("results")  #: where results go unless --out says otherwise
+RESULTS = Path("results")  #: the folder of results unless --out names another
 SPECS = (".yaml", ".yml")
-
-
-def assignments(overrides: Iterable[str] | None, samples: str | None, seed: str | None) -> list[str]:
-    """What --set, --samples and --seed say, as the overrides of a spec."""
-    short = {"samples": samples, "seed": seed}
-    return [*(overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
-
-
-def stored(
-    sources: Sequence[Path] | None,
-    folder: Path,
-    profile: str | None,
-    overrides: Iterable[str] | None,
-    samples: str | None,
-    seed: str | None,
-    unfinished: bool = False,
-) -> list[Path]:
-    """The files of results that a person means: files, spec files, or names of experiments; without any, all.
-
-    Those of names lie in `folder`, and the options of their runs choose among them; where there are none yet, the sums
-    of an `unfinished` run will do.  Raises StorageError if there are none, or if those of a spec file are of another.
-    """
-    from ..running.finding import Wanted, every, found
-
-    wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)))
-    return [found(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
 
 
 def complete_spec(incomplete: str) -> list[str]:
@@ -96,35 +72,57 @@ Several = Annotated[
         autocompletion=complete_results,
     ),
 ]
-Profile = Annotated[
-    str | None,
-    typer.Option(help="laptop (the file itself, the default), paper or quick.", autocompletion=complete_profile),
-]
-Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
-Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
-Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 ResultsFolder = Annotated[Path, typer.Option("--results", help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch and overwrite existing results.")]
 
-TrustCode = Annotated[
-    bool,
-    typer.Option(
-        "--trust-code",
-        help="Run Python code that a file of results holds, though no file here equals it; only if you trust it.",
-    ),
-]
+
+class RunOptions(NamedTuple):
+    """The options of a run, which also choose among the results of its experiment."""
+
+    profile: Annotated[
+        str | None,
+        typer.Option(help="laptop (the file itself, the default), paper or quick.", autocompletion=complete_profile),
+    ] = None
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")
+    ] = None
+    samples: Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")] = None
+    seed: Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")] = None
+    trust_code: Annotated[
+        bool,
+        typer.Option(
+            "--trust-code",
+            help="Run Python code that a file of results holds, though no file here equals it; only if you trust it.",
+        ),
+    ] = False
+
+    @property
+    def assignments(self) -> list[str]:
+        """The overrides of a spec by --set, --samples and --seed."""
+        short = {"samples": self.samples, "seed": self.seed}
+        return [*(self.overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
 
 
-def load(
-    specs: list[Path],
-    profile: str | None,
-    overrides: list[str] | None,
-    samples: str | None,
-    seed: str | None,
-    trust_code: bool = False,
-) -> list["Experiment"]:
+def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the :class:`RunOptions`, but for some, behind its argument, for its parameter `options`."""
+    given = [option for name, option in inspect.signature(RunOptions).parameters.items() if name not in without]
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def called(**values: Any) -> None:
+            command(options=RunOptions(**{option.name: values.pop(option.name) for option in given}), **values)
+
+        signature = inspect.signature(command)
+        argument, *own = [parameter for name, parameter in signature.parameters.items() if name != "options"]
+        called.__dict__["__signature__"] = signature.replace(parameters=[argument, *given, *own])
+        return called
+
+    return decorated
+
+
+def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:
     """All experiments, before anything runs.
 
     Raises SpecError with the mistakes of all of them; StorageError if results cannot be read, or may not be run.
@@ -132,13 +130,13 @@ def load(
     from ..running.load import load_any, means_another
     from ..specs import SpecError
 
-    overrides = assignments(overrides, samples, seed)
+    overrides = options.assignments
     experiments: list[Experiment] = []
     problems: list[str] = []
     for path in specs:
         try:
-            experiments.append(load_any(path, profile, overrides, trust_code=trust_code))
-            if not (profile or overrides) and means_another(path, experiments[-1]):
+            experiments.append(load_any(path, options.profile, overrides, trust_code=options.trust_code))
+            if not (options.profile or overrides) and means_another(path, experiments[-1]):
                 tell(f"spi: {path}: its spec means something else to this version of spi, so numbers will differ")
         except SpecError as error:
             problems += error.messages
@@ -147,8 +145,22 @@ def load(
     return experiments
 
 
+def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions, unfinished: bool = False) -> list[Path]:
+    """The files of results that a person means: files, spec files, or names of experiments; without any, all.
+
+    Those of names lie in `folder`, and the options of their runs choose among them; where there are none yet, the sums
+    of an `unfinished` run will do.  Raises StorageError if there are none, or if those of a spec file are of another.
+    """
+    from ..running.finding import Wanted, every, results_file
+
+    wanted = Wanted(options.profile or "laptop", tuple(options.assignments))
+    return (
+        [results_file(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
+    )
+
+
 def end(code: int, message: str) -> NoReturn:
-    """End a command with a line; whoever asked it to stop is not told of what only seems wrong because of that."""
+    """End a command with a line; where a stop is asked for, as such, since errors may only come of it."""
     STOP.check()
     tell(f"spi: {message}")
     raise typer.Exit(code)

@@ -1,4 +1,4 @@
-"""How far a run is, on a terminal."""
+"""The progress of a run, on a terminal."""
 
 import math
 import sys
@@ -23,7 +23,7 @@ class ProgressLine:
         self.name = printable(name)
         self.bar: Bar | None = None
         self.task: TaskID | None = None
-        self.told: tuple = ()  #: which kernels are compiled
+        self.jobs: tuple = ()  #: the kernels that are compiled
 
     def __enter__(self) -> "ProgressLine":
         if sys.stderr.isatty():
@@ -49,20 +49,20 @@ class ProgressLine:
 
     @property
     def watch(self) -> "Watch":
-        """What a run is given to tell how far it is."""
+        """The callbacks for a run."""
         from ..running.run import Watch
 
         return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)
 
     def tell(self, news: str) -> None:
-        """Say something that stays, above the line if there is one."""
+        """Print a line that stays, above that of the progress if there is one."""
         if self.bar:
             self.bar.console.print(f"spi: {news}", markup=False, soft_wrap=True)
         else:
             tell(f"spi: {news}")
 
     def report_beginning(self, title: str, cost: "Cost") -> None:
-        """Say what runs and how long it will take; where that is open, what runs."""
+        """Show the title of the run and its time, where that is not open."""
         STOP.check()
         long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
         self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
@@ -70,17 +70,17 @@ class ProgressLine:
     def report_compiling(self, news: "Compiling") -> None:
         STOP.check()
         total, before = len(news.jobs), news.number - 1
-        if self.told is not news.jobs:
-            self.told = news.jobs
-            kept = "" if CACHE_PROBLEM else "; saved for later runs"
-            self.tell(f"{self.name}: compiling {printable(news.told)}{kept}")
+        if self.jobs is not news.jobs:
+            self.jobs = news.jobs
+            saved = "" if CACHE_PROBLEM else "; saved for later runs"
+            self.tell(f"{self.name}: compiling {printable(news.described)}{saved}")
         elif not self.bar:
             tell(f"spi: {self.name}: compiling {printable(news.title)}, {total - before} of {total} kernels left")
         if self.bar:
             self._show(self.bar, None, f"{self.name}: compiling {printable(news.title)}", total, before)
 
     def report_work(self, number: int, total: int, work: str) -> None:
-        """Say which of how many comes next of some work, such as "drawing NAME"."""
+        """Show the number that comes next of some work, such as "drawing NAME"."""
         STOP.check()
         if self.bar:
             self._show(self.bar, None, f"{self.name}: {work}", total, number - 1)
@@ -89,7 +89,7 @@ class ProgressLine:
         STOP.check()
         if not self.bar:
             return
-        part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        part = f"{self.name} {progress.place}"
         if progress.work is not None:
             work = progress.work  # in per cent, as what it takes in all becomes known on the way
             total = 100.0 if work.total else None
@@ -98,14 +98,13 @@ class ProgressLine:
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            known = "" if math.isnan(progress.stderr) else f"standard error {progress.stderr:.1e}"
-            news = f"{rate}{known}".removesuffix(", ")
+            news = f"{rate}{progress.precision}".removesuffix(", ")
         self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
     def _show(
         self, bar: "Bar", part: int | str | None, description: str, total: float | None, completed: float
     ) -> None:
-        """Show how far a part, or work that has a title, is; None for what is neither."""
+        """Show the progress of a part by its number, or of work by its title; None for all else."""
         if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:
                 bar.remove_task(self.task)

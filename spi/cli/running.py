@@ -16,25 +16,20 @@ from .options import (
     RESULTS,
     Fresh,
     Out,
-    Overrides,
-    Profile,
     ResultsFolder,
-    Samples,
-    Seed,
+    RunOptions,
     Specs,
     Stored,
     Threads,
-    TrustCode,
-    assignments,
     complete_spec,
     end,
     load,
+    run_options,
     stored,
 )
 from .terminal import STOP, for_whoever_reads, takes_all_characters, tell
 
 if TYPE_CHECKING:
-    from ..running.checkpoint import Shard
     from ..running.run import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
@@ -46,12 +41,9 @@ MaxTime = Annotated[
 Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
 
 
+@run_options()
 def run(
     specs: Specs,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
     threads: Threads = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
@@ -60,28 +52,34 @@ def run(
     shard: Annotated[
         str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
-    part: Annotated[str | None, typer.Option(hidden=True)] = None,
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
-    trust_code: TrustCode = False,
+    confirmed: Annotated[
+        bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
+    ] = False,
+    *,
+    options: RunOptions,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
-    Exit code 4 if a claim of a spec failed.
+    Exit code 4 if the results contradict a claim of a spec.
     """
-    experiments = load(specs, profile, overrides, samples, seed, trust_code)
+    experiments = load(specs, options)
     from ..running import run as runner
     from ..running import shards
+    from ..running.checkpoint import MOST_SHARDS, Shard
     from ..running.remarks import warnings
     from .progress import ProgressLine
 
-    if part is not None:
-        end(INVALID, f"--part is now called --shard; write --shard {part}")
     if sum(option is not None for option in (shard, workers, dask)) > 1:
         end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
-    mine, limits = _shard(shard), limits_of(max_time, checkpoint)
+    try:
+        mine = Shard.of(shard) if shard is not None else None
+    except ValueError:
+        end(INVALID, f"--shard: is '{shard}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
+    limits = _limits(max_time, checkpoint)
     prepare(threads)
     for experiment in experiments:
         for warning in warnings(experiment):
@@ -93,42 +91,42 @@ def run(
             tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
-        _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
+
+        def compute(experiment: "Experiment", watch: "Watch") -> Path:
+            return runner.run(experiment, out, fresh, watch, limits, pool)
+
+        _show_each(experiments, compute, confirmed)
 
 
+@run_options()
 def merge(
     specs: Specs,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
     threads: Threads = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
-    trust_code: TrustCode = False,
+    *,
+    options: RunOptions,
 ) -> None:
     """Merge the shards that `spi run --shard` computed.
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed, trust_code)
+    experiments = load(specs, options)
     from ..running import shards
 
     prepare(threads)
     _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
 
 
+@run_options()
 def verify(
     source: Stored,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
     results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
     threads: Threads = None,
-    trust_code: TrustCode = False,
+    *,
+    options: RunOptions,
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
@@ -143,16 +141,16 @@ def verify(
     from ..running.verify import verify
     from .progress import ProgressLine
 
-    (file,) = stored([source], results, profile, overrides, samples, seed)
+    (file,) = stored([source], results, options)
     prepare(threads)
     with ProgressLine(file.stem) as line:
 
         def report(number: int, total: int, chunk: str) -> None:
             line.report_work(number, total, f"computing {chunk}")
 
-        found = verify(file, None if everything else chunks, report, trust_code)
-    print_safely(f"{file}: {told}" for told in verified(found))
-    if _any_failed(file.stem, storage.read(file)) or not found.sound:
+        verification = verify(file, None if everything else chunks, report, options.trust_code)
+    print_safely(f"{file}: {line}" for line in verified(verification))
+    if _any_wrong(file.stem, storage.read(file)) or not verification.sound:
         raise typer.Exit(CLAIM_FAILED)
 
 
@@ -170,7 +168,7 @@ def prepare(threads: int | None) -> None:
         tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
-def limits_of(max_time: str | None, checkpoint: str) -> "Limits":
+def _limits(max_time: str | None, checkpoint: str) -> "Limits":
     from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
@@ -179,72 +177,60 @@ def limits_of(max_time: str | None, checkpoint: str) -> "Limits":
 
 def _seconds(option: str, text: str) -> float:
     """A time such as 90s, 45m, 3h or 1.5d."""
-    found = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
-    if not found:
+    match = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
+    if not match:
         end(INVALID, f"{option}: is '{text}'; must be a number and a unit, e.g. 90s, 45m, 3h or 2d")
-    return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
-
-
-def _shard(text: str | None) -> "Shard | None":
-    """Which shard of how many."""
-    from ..running.checkpoint import MOST_SHARDS, Shard
-
-    try:
-        return None if text is None else Shard.of(text)
-    except ValueError:
-        end(INVALID, f"--shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
+    return float(match[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
 
 
 @contextmanager
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
     from .. import DISTRIBUTION
-    from ..running import clusters, workers
+    from ..running.clusters import workers_of
 
     with ExitStack() as stack:
-        pool: Workers | None = None
-        if size is not None:
-            pool = stack.enter_context(workers.processes(size))
-        elif address is not None:
-            try:
-                pool = stack.enter_context(clusters.connected(address))
-            except ImportError:
-                end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
-            except (OSError, ValueError) as error:
-                end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
+        try:
+            pool = stack.enter_context(workers_of(address if size is None else size))
+        except ImportError:
+            end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
+        except (OSError, ValueError) as error:
+            end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
         yield pool
 
 
-def _any_failed(name: str, results: "Results") -> bool:
-    """Report the verdicts on the claims of an experiment; whether one failed."""
+def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
+    """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
     from ..printing.claims import remarks
     from ..report import views
-    from ..statistics import claims
+    from ..statistics.claims import CONFIRMED, CONTRADICTED
 
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
         tell(remark)
-    return any(one.verdict == claims.FAILED for one in judged)
+    return any(claim.verdict == CONTRADICTED or (confirmed and claim.verdict != CONFIRMED) for claim in judged)
 
 
-def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
+def _show_each(
+    experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]", confirmed: bool = False
+) -> None:
     """Compute each experiment, print the tables of its results, and judge its claims."""
     from .. import storage
     from ..report import views
     from .progress import ProgressLine
 
-    failed = False
+    wrong = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
         with for_whoever_reads():
             views.print_tables(results)
-        failed |= _any_failed(experiment.name, results)
+        wrong |= _any_wrong(experiment.name, results, confirmed)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
-    if failed:
+    if wrong:
         raise typer.Exit(CLAIM_FAILED)
 
 
@@ -252,18 +238,17 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
 # The command that answers: an expectation to a wanted accuracy.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Asked = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SPEC|NAME",
-        help="An experiment file (YAML), or a name listed by `spi list`, whose system and initial value count.",
-        autocompletion=complete_spec,
-    ),
-]
 
-
+@run_options("samples")
 def answer(
-    spec: Asked,
+    spec: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SPEC|NAME",
+            help="An experiment file (YAML), or a name listed by `spi list`, whose system and initial value count.",
+            autocompletion=complete_spec,
+        ),
+    ],
     function: Annotated[
         list[str] | None, typer.Option(help="Test function, e.g. 'y1^2' (default: those of the experiment).")
     ] = None,
@@ -272,15 +257,13 @@ def answer(
     seconds: Annotated[str | None, typer.Option(help="At most so many seconds of one thread (default: 3600).")] = None,
     dry: Annotated[bool, typer.Option("--dry", help="Run the pilot only, and predict.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    seed: Seed = None,
     threads: Threads = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: Checkpoint = "5s",
-    trust_code: TrustCode = False,
+    *,
+    options: RunOptions,
 ) -> None:
     """Find expectations E phi(y(T)) to a wanted accuracy.
 
@@ -289,10 +272,10 @@ def answer(
     """
     from ..running.load import load_answer
 
-    asked = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
-    named = [f"{key}={value}" for key, value in asked.items() if value is not None]
-    experiment = load_answer(spec, profile, assignments([*named, *(overrides or ())], None, seed), trust_code)
-    limits = limits_of(max_time, checkpoint)
+    keys = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
+    named = [f"{key}={value}" for key, value in keys.items() if value is not None]
+    experiment = load_answer(spec, options.profile, [*named, *options.assignments], options.trust_code)
+    limits = _limits(max_time, checkpoint)
     prepare(threads)
     if dry:
         _predict(experiment)
@@ -326,12 +309,12 @@ def _functions(texts: list[str] | None) -> str | None:
 def _predict(experiment: "Experiment") -> None:
     """Run the pilots, and say what the answers would take."""
     from ..printing.text import human_time
-    from ..running.predicting import predictions
+    from ..running.run import predictions
     from .progress import ProgressLine
 
     with ProgressLine(experiment.name) as line:
-        found = list(predictions(experiment, line.watch))
-    for one in found:
-        takes = f": about {human_time(one.seconds)} of processor time"
-        takes += f"; the next digit {human_time(one.next_digit)}" * math.isfinite(one.next_digit)
-        typer.echo(f"{one.case}: {one.how}{'' if math.isnan(one.seconds) else takes}")
+        predicted = list(predictions(experiment, line.watch))
+    for case, (how, seconds, next_digit) in predicted:
+        takes = f": about {human_time(seconds)} of processor time"
+        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
+        typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")

@@ -3,9 +3,8 @@
 import contextlib
 import shlex
 from collections.abc import Callable, Iterator, Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer.core import TyperCommand
@@ -14,15 +13,12 @@ from .options import (
     FAILED,
     INVALID,
     RESULTS,
-    Overrides,
-    Profile,
     ResultsFolder,
-    Samples,
-    Seed,
+    RunOptions,
     Several,
-    TrustCode,
     complete_results,
     end,
+    run_options,
     stored,
 )
 from .terminal import STOP, takes_all_characters, tell
@@ -33,17 +29,7 @@ if TYPE_CHECKING:
 _PAGE = 9.0  # inches of the height of a page's text
 
 
-class Format(StrEnum):
-    table = "table"
-    json = "json"
-    csv = "csv"
-
-
-class Style(StrEnum):
-    screen = "screen"
-    paper = "paper"
-
-
+@run_options()
 def show(
     source: Annotated[
         Path | None,
@@ -53,13 +39,10 @@ def show(
             autocompletion=complete_results,
         ),
     ] = None,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
     results: ResultsFolder = RESULTS,
-    format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
-    trust_code: TrustCode = False,
+    format: Annotated[Literal["table", "json", "csv"], typer.Option(help="Output format.")] = "table",
+    *,
+    options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are.
 
@@ -67,55 +50,55 @@ def show(
     """
     from ..printing import as_csv, as_json
     from ..report import views
-    from ..running import so_far
+    from ..running import finding
 
     if source is None:
         _list(results)
         return
-    (file,) = stored([source], results, profile, overrides, samples, seed, unfinished=True)
-    found = so_far.read(file, trust_code)
-    _tell_of_more(file, results)
-    with _about(file):
-        if format is Format.table:
-            views.print_tables(found)
-        else:
-            rows = views.rows(found)
-            typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
-
-
-def _tell_of_more(file: Path, folder: Path) -> None:
-    """Say where a run that goes on from some results, with more samples, is unfinished."""
-    from ..running.finding import unfinished_run
-
-    if file.parent == folder and (path := unfinished_run(folder, file.stem)):
+    (file,) = stored([source], results, options, unfinished=True)
+    stored_results = _read(file, options.trust_code)
+    if file.parent == results and (path := finding.unfinished_run(results, file.stem)):
         sums = shlex.quote(path.as_posix())
         tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
+    with _about(file):
+        if format == "table":
+            views.print_tables(stored_results)
+        else:
+            rows = views.rows(stored_results)
+            typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
+
+
+def _read(file: Path, trust_code: bool) -> "Results":
+    """The results in a file, or those of an unfinished run, with a line on the solving that they need."""
+    from ..running.run import so_far
+    from .progress import ProgressLine
+
+    with ProgressLine(file.stem) as line:
+        return so_far(file, trust_code, line.report)
 
 
 def _list(folder: Path) -> None:
-    """Print what results there are in a folder."""
+    """Print the list of results in a folder."""
     from ..printing import print_safely, result_lines
     from ..running.finding import listed
 
-    found, problems = listed(folder)
-    if not found and not problems:
+    results, problems = listed(folder)
+    if not results and not problems:
         end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
-    print_safely(result_lines(found))
+    print_safely(result_lines(results))
     for problem in problems:
         tell(f"spi: {problem}")
 
 
+@run_options()
 def plot(
     sources: Several = None,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
-    results: Annotated[Path | None, typer.Option(help="Folder of results.", show_default="results")] = None,
+    results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: beside the results).")] = None,
     style: Annotated[
-        Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
-    ] = Style.screen,
+        Literal["screen", "paper"],
+        typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
+    ] = "screen",
     width: Annotated[
         str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
     ] = None,
@@ -123,7 +106,8 @@ def plot(
         str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
-    trust_code: TrustCode = False,
+    *,
+    options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png.
 
@@ -132,35 +116,33 @@ def plot(
     from ..drawing import page
     from ..drawing.style import caption
     from ..report import views
-    from ..running import finding, so_far
+    from ..running import finding
 
     try:
         page.named(style, width, font)
     except ValueError as error:
         end(INVALID, f"--{error}")
-    if results is None and out is not None and out.resolve() != RESULTS.resolve():
-        _refuse_results_in(out, sources)
 
     def draw(path: Path) -> None:
-        found = so_far.read(path, trust_code)
+        stored_results = _read(path, options.trust_code)
         with _about(path):
-            figure = views.figure(found, style, width, font)
+            figure = views.figure(stored_results, style, width, font)
         folder, stem = finding.place_of_figures(path)
-        for written in views.save(figure, out or folder, stem if style is Style.screen else f"{stem}_paper"):
+        for written in views.save(figure, out or folder, stem if style == "screen" else f"{stem}_paper"):
             tell(f"wrote {written}")
-        if style is Style.paper:
+        if style == "paper":
             tell(f"caption: {caption(figure)}")
             if (height := figure.get_figheight()) > _PAGE:
                 more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
                 tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
         if film:
-            _write_film(path, found, out or folder, stem)
+            _write_film(path, stored_results, out or folder, stem)
 
-    _each(draw, stored(sources, results or RESULTS, profile, overrides, samples, seed, unfinished=True))
+    _each(draw, stored(sources, results, options, unfinished=True))
 
 
 def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
-    """Do it for every file; one of several that cannot be shown has a line, and ends the command when all are done."""
+    """Act on every file; one of several that cannot be shown has a line, and ends the command when all are done."""
     from ..report.page import problem
 
     if len(paths) == 1:
@@ -170,8 +152,8 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
     for path in paths:
         try:
             act(path)
-        except typer.Exit as told:
-            codes.append(told.exit_code)
+        except typer.Exit as ended:
+            codes.append(ended.exit_code)
         except Exception as error:
             STOP.check()  # which may have become any other error
             tell(f"spi: {problem(path, error)}")
@@ -180,23 +162,15 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
         raise typer.Exit(max(codes))
 
 
-def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
+def _write_film(path: Path, results: "Results", folder: Path, stem: str) -> None:
     from ..report import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
-        moving = views.film(found)
+        moving = views.film(results)
         work = "drawing the frames of a film"
         written = views.save_film(moving, folder, stem, lambda done, total: line.report_work(done + 1, total, work))
     tell(f"wrote {written}")
-
-
-def _refuse_results_in(out: Path, sources: list[Path] | None) -> None:
-    """--out once meant the folder of results as well: say so where it still seems to."""
-    names = ["*"] if not sources else [f"{source.stem}*" for source in sources if source.suffix != ".h5"]
-    if any(file for name in names for file in out.glob(f"{name}.h5")):
-        remedy = f"add --results {out} for the results there, or else --results {RESULTS}"
-        end(INVALID, f"--out is the folder of figures now; {remedy}")
 
 
 #: Options of `spi report` whose value may be left out, and what it is then.
@@ -216,16 +190,15 @@ class Report(TyperCommand):
         return super().parse_args(ctx, whole)
 
 
+@run_options("trust_code")
 def report(
     sources: Several = None,
-    profile: Profile = None,
-    overrides: Overrides = None,
-    samples: Samples = None,
-    seed: Seed = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
     latex: Annotated[Path | None, typer.Option(help=_OF_LATEX)] = None,
     data: Annotated[Path | None, typer.Option(help=_OF_DATA)] = None,
+    *,
+    options: RunOptions,
 ) -> None:
     """Write results to one self-contained HTML page.
 
@@ -235,7 +208,7 @@ def report(
     from ..storage import write_all
     from .progress import ProgressLine
 
-    paths = stored(sources, results, profile, overrides, samples, seed)
+    paths = stored(sources, results, options)
     problems: list[str] = []
     with ProgressLine(out.name) as line:
 
@@ -257,7 +230,7 @@ def report(
 
 @contextlib.contextmanager
 def _about(path: Path) -> Iterator[None]:
-    """Say which file it is whose content cannot be shown."""
+    """Within it an error over content that cannot be shown names the file."""
     from ..storage import StorageError
 
     try:

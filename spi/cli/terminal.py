@@ -15,7 +15,7 @@ import typer
 # Standard output and error, whatever they can take.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: What stands for characters that an output cannot take; of letters with marks the letter, of all others "?".
+#: Replacements of characters that an output cannot take; of letters with marks the letter, of all others "?".
 _INSTEAD = {"±": "+-", "µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "σ": "sigma", "β": "beta", "→": "->"}
 
 
@@ -42,13 +42,11 @@ def write_what_the_terminal_can() -> None:
 
 def _instead(error: UnicodeError) -> tuple[str, int]:
     assert isinstance(error, UnicodeEncodeError)  # nothing is read from these streams
-    text = "".join(map(_ascii, error.object[error.start : error.end]))
+    text = ""
+    for character in error.object[error.start : error.end]:
+        plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+        text += _INSTEAD.get(character) or plain or "?"
     return text, error.end
-
-
-def _ascii(character: str) -> str:
-    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
-    return _INSTEAD.get(character) or plain or "?"
 
 
 @contextmanager
@@ -70,7 +68,7 @@ def drop_unwritable_output() -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How a run is asked to stop.
+# Stops by signals.
 # ---------------------------------------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from ..statistics.cells import heights, mollweide
-from ..storage.records import Description
+from ..storage.stored import Description
 from . import style
 from .plots import GREY, Array
 

@@ -178,7 +178,9 @@ class CurvePanel(NamedTuple):
             [*drawn, *theory],
             style.long_title(first, self.facet, place),
             self.x or style.axis_label(first, self.over),
-            self.label.format(f=name.strip("$")) if self.label else style.plain(values.text),
+            self.label.format(f=name.strip("$"))
+            if self.label
+            else " of ".join(filter(None, (style.plain(values.text), name))),
             scale,
             self.log,
             across=across,

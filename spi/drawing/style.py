@@ -16,8 +16,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.mathtext import MathTextParser
 
 from ..schemes import SCHEMES
-from ..storage.records import Description, Order
-from ..storage.stored import Stored
+from ..storage.records import Order
+from ..storage.stored import Description, Stored
 from . import page
 
 Look = tuple[str, str]  #: marker and colour

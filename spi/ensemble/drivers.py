@@ -1,4 +1,4 @@
-"""What drives the noises of a run: Brownian motion, or another process whose increments are known.
+"""The processes that drive the noises of a run other than Brownian motion, by their increments.
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dX_k(t)
 
@@ -23,16 +23,16 @@ from .scheme_protocol import substeps, tosses
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of processes with stationary increments that can take the place of Brownian motion: see ``drivers.py``.
 #
-# A law answers ``draw(asked, memory)``, the increments (count, paths, noises) that :class:`Asked` asks for; `memory`, a
-# dictionary of the driver's own, may keep what makes the next ones quicker, but decides no bit.
+# A law has ``draw(asked, memory)``, the increments (count, paths, noises) that :class:`Asked` describes; `memory`, a
+# dictionary of the driver's own, may hold values that make the next ones quicker, but decides no bit.
 # ---------------------------------------------------------------------------------------------------------------------
 
 _AHEAD = 4096  # steps that are made at a time where they are only passed over
-_KEPT = 64  # how many blocks of paths a driver remembers the end of
+_REMEMBERED = 64  # blocks of paths whose last values a driver has at hand
 
 
 class Asked(NamedTuple):
-    """Which increments are asked for: `count` of size h from number `first` on, of consecutive paths and all noises."""
+    """A request for `count` increments over steps of size h from number `first` on, of some paths and all noises."""
 
     stream: Any  #: a ``streams.RandomStream``
     h: float
@@ -45,10 +45,10 @@ class Asked(NamedTuple):
 
     def normals(self, use, first, count):
         """(count, paths, noises) standard normal numbers: use 0 are those of Brownian motion, 1 and 2 further ones."""
-        found = np.empty((count, self.paths, self.noises))
+        values = np.empty((count, self.paths, self.noises))
         stream = self.stream._replace(stream=self.stream.stream + np.uint64(use and DRIVERS + use))
-        draw_paths(stream, 1.0, first, self.first_path, found)
-        return found
+        draw_paths(stream, 1.0, first, self.first_path, values)
+        return values
 
 
 class OrnsteinUhlenbeck(NamedTuple):
@@ -70,7 +70,7 @@ class OrnsteinUhlenbeck(NamedTuple):
             self._moved(asked, n, count, xi)
             n += count
         dX = self._moved(asked, n, asked.count, xi)
-        while len(memory) >= _KEPT:
+        while len(memory) >= _REMEMBERED:
             memory.pop(next(iter(memory)))
         memory[place] = n + asked.count, xi
         return dX
@@ -129,15 +129,15 @@ class Fractional(NamedTuple):
         return memory[place][asked.first : asked.first + asked.count]
 
     def _all(self, asked):
-        n, found = asked.total, np.empty((asked.total, asked.paths, asked.noises))
+        n, dX = asked.total, np.empty((asked.total, asked.paths, asked.noises))
         weights = np.sqrt(n * circulant(self.hurst, asked.h, n))
         weights[[0, n]] *= math.sqrt(2.0)
         re, im = asked.normals(0, 0, n + 1), asked.normals(1, 0, n + 1)
         im[[0, n]] = 0.0
         for path in range(asked.paths):
             half = weights * (re[:, path].T + 1j * im[:, path].T)
-            found[:, path] = np.fft.irfft(half, 2 * n)[:, :n].T
-        return found
+            dX[:, path] = np.fft.irfft(half, 2 * n)[:, :n].T
+        return dX
 
 
 def at_once(law):
@@ -163,7 +163,7 @@ class Recorded(NamedTuple):
 
     dW: np.ndarray
     step: float
-    digest: str  #: of what is in the file
+    digest: str  #: of the content of the file
     bridged: bool = False  #: whether there may be smaller steps
 
     def draw(self, asked, memory):
@@ -197,7 +197,7 @@ class _Nothing:
 class Driver:
     """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
-    `law` is one of the laws of this file, `last_time` is that until which the process is asked for, and each step is
+    `law` is one of the laws of this file, `last_time` is the end of the paths, and each step is
     resolved into at least `parts` sub-steps: schemes that need fewer have the same paths as those that need more.
     """
 
@@ -211,13 +211,13 @@ class Driver:
         return Driver(_Nothing(), self.keys, self.last_time, self.parts)
 
     def most_blocks(self, model, times):
-        """How many blocks fit into memory, as far as their noise is concerned."""
+        """The largest number of blocks whose noise fits into memory."""
         steps = times.first_step + times.reference_steps if at_once(self.law) else self._unit(times)
         return max(1, _BYTES // (8 * LANES * noises(model) * self.parts * steps))
 
     def pieces(self, scheme, model, times, first, blocks, end):
-        """As those of ``RandomStream.pieces``, with noise as arrays."""
-        used = [one for one in (scheme, times.reference_scheme) if one is not None]
+        """The pieces of ``RandomStream.pieces``, with noise as arrays."""
+        used = [record for record in (scheme, times.reference_scheme) if record is not None]
         parts, unit = max(map(substeps, used)), self._unit(times)
         paths = min(end, (first + blocks) * LANES) - first * LANES
         count = max(1, _BYTES // (8 * paths * noises(model) * self.parts * unit)) * unit
@@ -229,13 +229,13 @@ class Driver:
             yield times._replace(first_step=n, reference_steps=steps), Given(dW, _NO_AREAS, coins, n), 0, paths
 
     def coins(self, first, steps, first_path, paths):
-        """(steps, paths) those of steps from number `first` on."""
+        """(steps, paths) the coins of steps from number `first` on."""
         coins = np.empty((steps, paths))
         draw_all_coins(self.keys, first, first_path, coins)
         return coins
 
     def increments(self, h, first, steps, first_path, paths, noises_of_model, parts=1):
-        """(parts * steps, paths, noises): those over sub-steps of the steps of size h from number `first` on."""
+        """(parts * steps, paths, noises): increments over sub-steps of the steps of size h from number `first` on."""
         fine = max(parts, self.parts)
         total = max(round(self.last_time / h), first + steps)
         asked = Asked(self.keys, h / fine, fine * first, fine * steps, fine * total, first_path, paths, noises_of_model)
@@ -245,5 +245,5 @@ class Driver:
         return np.ascontiguousarray(dW)
 
     def _unit(self, times):
-        """Of how many steps the loop can make a multiple at a time."""
+        """The number of steps of which the loop makes a multiple at a time."""
         return math.lcm(STEPS_PER_TOSS, 1 << int(times.doublings[0]))

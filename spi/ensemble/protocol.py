@@ -1,6 +1,6 @@
 """The methods and traits of a model; for those of a scheme see ``scheme_protocol.py``.  Read this file first.
 
-The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich form,
+The problem (the paper's eq. (1)): a stochastic Poisson system in Stratonovich form,
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dW_k(t),      H = H_1 + ... + H_p,
 
@@ -536,7 +536,7 @@ def flow_places(model):
 
 @trait(int, default=0)
 def phases(model):
-    """How many sines a flow takes at most; 0 if the model does not answer the methods below."""
+    """The largest number of sines that a flow takes; 0 if the model does not answer the methods below."""
 
 
 @method(optional=True)

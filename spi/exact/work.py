@@ -1,6 +1,6 @@
 """The progress of work without paths: the code that works counts seconds of typical speed, which are reported.
 
-    with told(report):                      # the caller, who wants reports
+    with reporting_to(report):              # the caller, who wants reports
         with work("solving", seconds):      # the whole work, with its predicted seconds
             with part(seconds):             # a part of it, likewise
                 counted(seconds)            # in its loops
@@ -80,7 +80,7 @@ _METER: ContextVar[_Meter | None] = ContextVar("meter", default=None)
 
 
 @contextlib.contextmanager
-def told(report: Report) -> Iterator[None]:
+def reporting_to(report: Report) -> Iterator[None]:
     """Within the block call `report` for the work done there, at its beginning and every :data:`PAUSE` seconds."""
     before = _REPORT.set(report)
     try:

@@ -60,7 +60,7 @@ def is_step(expression: Any) -> bool:
 def _is_sign(a: Any, b: Any) -> bool:
     """Whether a/b is x/abs(x) or abs(x)/x, where a difference x may have its terms exchanged."""
     # Compared by their texts: as tuples sin(y1) and exp(y1) are equal.
-    return any(canonical(one) == canonical(other) for one, other in (*_alike(a, b), *_alike(b, a)))
+    return any(canonical(x) == canonical(y) for x, y in (*_alike(a, b), *_alike(b, a)))
 
 
 def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:

@@ -1,13 +1,13 @@
 """The kinds of experiment, one folder each: the only place that lists them.
 
 A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
-needed.  The protocols below say what each of them has to offer.  What stands
-there as Any is the kind's own: the class of its keys and the record of its results.
+needed, with the contents that the protocols below describe.  Any stands there for types of the kind itself: the class
+of its keys and the record of its results.
 
 A new kind is such a folder and a line in KINDS.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,7 +16,6 @@ from spi.storage.records import Part
 if TYPE_CHECKING:  # what takes a while to import
     from spi.drawing import Figure
     from spi.specs import BaseCase
-    from spi.statistics.claims import Quantity
     from spi.storage.stored import Stored
 
     from .plans import Plan
@@ -34,12 +33,12 @@ class StudyModule(Protocol):
     """``study``: what is computed."""
 
     def parts(self, case: Any) -> list[Part]:
-        """What is computed one after the other."""
+        """The parts of a case in the order in which they are computed."""
 
     def plan(self, case: Any, part: Part) -> "Plan":
         """One part, ready to run."""
 
-    # remarks(case) -> Iterator[str] may be added: what of a case will not be computed, or not as it was asked for
+    # remarks(case) -> Iterator[str] may be added: warnings about parts of a case that are left out or changed
 
 
 class ResultsModule(Protocol):
@@ -47,20 +46,9 @@ class ResultsModule(Protocol):
 
     @property
     def Record(self) -> "type[Stored]":
-        """The record, each field with its axes, what it is and its unit; what follows from them are properties."""
+        """The record: of each field axes, text, unit and claim; its tables, rows and remarks; properties."""
 
-    def quantities(self, readings: Sequence[Any]) -> "Iterator[Quantity]":
-        """What a spec may expect of one case, by the names that the ``quantities`` of its keys have."""
-
-
-class TableModule(Protocol):
-    """``table``: results as numbers and text."""
-
-    def rows(self, readings: Sequence[Any]) -> Iterator[dict[str, Any]]:
-        """Flat records of numbers, for JSON and CSV."""
-
-    def show(self, console: Any, heading: str, readings: Sequence[Any]) -> None:
-        """Print the tables of one case to a ``rich.console.Console``."""
+    # rows(readings) -> Iterator[dict[str, Any]] may be added: rows of CSV and JSON beside those of each record
 
 
 class FigureModule(Protocol):
@@ -81,7 +69,8 @@ class Folder:
     def __getattr__(self, name: str) -> Any:
         if name not in self.MODULES:
             raise AttributeError(f"{self.package} has no module {name!r}, only {', '.join(self.MODULES)}")
-        return import_module(f"{self.package}.{name}")
+        whole = import_module(self.package)
+        return import_module(f"{self.package}.{name}") if hasattr(whole, "__path__") else whole
 
 
 class Kind(Folder):
@@ -90,10 +79,9 @@ class Kind(Folder):
     keys: KeysModule
     study: StudyModule
     results: ResultsModule
-    table: TableModule
     figure: FigureModule
 
-    MODULES = ("keys", "study", "results", "table", "figure")
+    MODULES = ("keys", "study", "results", "figure")
 
 
 #: name in a spec file -> kind

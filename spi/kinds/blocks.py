@@ -1,25 +1,28 @@
-"""Plans whose paths are summed up block after block, also those whose results are means at several times."""
+"""Plans whose paths are summed up block after block."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
 from spi.ensemble import loop
-from spi.ensemble.loop import Grid, integrated, thread_count
-from spi.ensemble.observer import add_moments
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
+from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import dimension
+from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import GROUPS, ROUND, group_counts, jackknife_stderr, mean_over_paths, with_powers
+from spi.schemes import typical_ns
+from spi.statistics.accumulators import Sums
+from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mean_over_paths
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 from spi.storage.stored import Array, Described, array
 
-from .plans import Done, KernelCall, PathsPlan, Plan, State
+from .plans import Cost, Done, PathsPlan, Plan, State
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -37,6 +40,9 @@ def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[A
         blocks = int(np.clip(rate * loop.BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
+BATCH_BYTES = 64e6  #: of the contributions of a batch
+
+
 class _Batch(NamedTuple):
     """The state of a path set after a batch."""
 
@@ -48,25 +54,39 @@ class _Batch(NamedTuple):
 class Blockwise(Plan):
     """The base of all plans that sum up paths block after block."""
 
+    sums: ClassVar[type[Sums]]  #: what is summed up
+
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums over a path set, by name."""
+        raise NotImplementedError
+
+    def empty(self, number: int) -> Any:
+        """The sums over no paths of a path set."""
+        return self.sums.empty(self.lengths(number))
+
     def most_blocks(self, number: int) -> int:
         """The largest number of blocks of a path set in a batch, because of memory."""
-        raise NotImplementedError
+        return max(1, int(BATCH_BYTES / self.sums.bytes_of_a_block(self.lengths(number))))
 
     @property
     def most_at_once(self) -> int:
         """The largest number of blocks of any path set in a batch, because of memory."""
         return 2**62
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """The contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle."""
-        raise NotImplementedError
+    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
+        """The contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle.
 
-    def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the rows `at`, of which the first is that of block `first`; times are added elsewhere.
-
-        One row after the other, so that the bits do not depend on how blocks are divided into batches.
+        By default an array for each field of the sums, the axis of the blocks first.
         """
         raise NotImplementedError
+
+    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
+        """The sums with the contributions `at`, of which the first is that of block `first`.
+
+        Times are added elsewhere.  One row after the other, so that the bits do not depend on how blocks are divided
+        into batches.
+        """
+        return sums.with_blocks(contributions, at, first, end)
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
         """The sums with the time that `blocks` blocks took, from block `first` on."""
@@ -88,7 +108,7 @@ class Blockwise(Plan):
         """The next `blocks` blocks, which may belong to several chunks."""
         began, cpu_began = time.perf_counter(), time.process_time()
         number, end = chunks[0].path_set, chunks[-1].end
-        rows = self.rows(number, before.block, blocks, end)
+        contributions = self.observe(number, before.block, blocks, end)
         size = chunks[0].blocks  # only the last chunk of a path set can have fewer
         pieces: list[tuple[Chunk, int, int, Any]] = []
         first, stop, sums = before.block, before.block + blocks, before.sums
@@ -96,7 +116,7 @@ class Blockwise(Plan):
             chunk = chunks[(first - chunks[0].first) // size]
             last = min(stop, chunk.first + chunk.blocks)
             sums = self.empty(number) if first == chunk.first else sums
-            sums = self.added(sums, rows, slice(first - before.block, last - before.block), first, end)
+            sums = self.added(sums, contributions, slice(first - before.block, last - before.block), first, end)
             sums = sums._replace(paths=min(last * LANES, end) - chunk.first * LANES)
             pieces.append((chunk, first, last, sums))
             first = last
@@ -121,47 +141,65 @@ class BlocksPlan(PathsPlan, Blockwise):
         """The largest number of blocks whose noise fits into memory."""
         return int(self.stream.most_blocks(self.model, self.grid))
 
+    def most_blocks(self, number: int) -> int:
+        """The largest number of blocks in a batch, because of memory."""
+        states = 8 * LANES * len(self.steps) * len(self.initial)
+        return max(1, int(BATCH_BYTES / (states + self.sums.bytes_of_a_block(self.lengths(number)))))
+
+    def cost(self) -> Cost:
+        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        steps = int(self.steps.sum()) * self.blocks * LANES
+        sums = sum(np.asarray(values).nbytes for values in self.empty(0))
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES) + sums)
+
+    def integrated(self, first: int, blocks: int, end: int, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
+        """The states of some blocks after the last step, and the reports of the scheme."""
+        states, report = integrated(
+            self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, *observer
+        )
+        return states, report
+
+    def recorded(self, first: int, blocks: int, end: int, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """The states of some blocks at t = 0 and after every so many steps of the largest size, and the reports.
+
+        The states are (blocks, levels * stored, d * LANES), those of one step size behind those of another.
+        """
+        stored, levels = 1 + int(self.steps[0]) // every, len(self.steps)
+        y = np.empty((blocks, levels * stored, len(self.initial) * LANES))
+        y[:, ::stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
+        return y, self.integrated(first, blocks, end, state_recorder(self.grid, y, every))[1]
+
+    def stderr(self, sums: Any) -> float:
+        """The standard error of the first estimate, while paths are computed."""
+        return float("nan")
+
+    def progress(self, state: State) -> Done:
+        """Paths done, all paths, and the standard error of the first estimate."""
+        sums = state.so_far()
+        return Done(sums.paths, self.samples, self.stderr(sums) if sums.paths else float("nan"))
+
     def so_far(self, state: State) -> State | None:
         """The state of the first paths, as many as are computed without a gap."""
         paths = state.tally().leading(state.path_sets[0])
-        case = self.case.model_copy(update={"samples": paths})
-        return state.of(replace(self, samples=paths, case=case)) if paths else None
+        return state.of(replace(self, case=self.case.model_copy(update={"samples": paths}))) if paths else None
 
 
-def lost_among(lost: np.ndarray, first: int, end: int) -> int:
-    """The number of paths `lost` (blocks, LANES) that are before number `end`, the first block being number `first`."""
-    counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
-    return int((lost & counted).sum())
+def lanes_of(states: np.ndarray, d: int) -> np.ndarray:
+    """(blocks, levels, d, LANES): the states (blocks, levels, d * LANES or more) of paths at all step sizes."""
+    return states[..., : d * LANES].reshape(*states.shape[:2], d, LANES)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeansPlan(BlocksPlan):
-    """The base of all plans whose results are means over paths of values at several times.
-
-    Its sums have `values` (2, T, columns, GROUPS), by jackknife groups, of values and of their squares.
-    """
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block, and nothing summed up."""
-        values, no_pairs = np.zeros((1, 1, 1, LANES)), (np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS)))
-        adding = KernelCall(add_moments, (values, 0, 0, np.zeros((2, 1, 1, GROUPS)), *no_pairs, (0, 0)))
-        return [*super().kernel_calls(), adding]
-
-    def progress(self, state: State) -> Done:
-        """Paths done, all paths, and the standard error of the first mean at the last time."""
-        sums = state.so_far()
-        if not sums.paths:
-            return Done(0, self.samples, float("nan"))
-        counts = group_counts(sums.paths)
-        mean, without = mean_over_paths(sums.values[0], counts)
-        return Done(sums.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+def stderr_of_means(sums: Any) -> float:
+    """The standard error of the first mean at the last time, of sums whose `values` are (2, T, columns, GROUPS)."""
+    counts = group_counts(sums.paths)
+    mean, without = mean_over_paths(sums.values[0], counts)
+    return float(jackknife_stderr(mean, without, counts)[-1, 0])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Values of test functions at the end of paths, and path sets whose samples have several paths each.
 # ---------------------------------------------------------------------------------------------------------------------
 
-BATCH_BYTES = 64e6  #: of the values of a batch
 POWERS = 4  #: number of powers of quantities that are summed up
 
 
@@ -170,8 +208,7 @@ def values_of_blocks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
-    d, functions = len(p.initial), p.phis
-    y = np.moveaxis(states[..., : d * LANES].reshape(*states.shape[:2], d, LANES), 2, 0)
+    y, functions = np.moveaxis(lanes_of(states, len(p.initial)), 2, 0), p.phis
     values = np.empty((*states.shape[:2], len(functions), LANES))
     with np.errstate(all="ignore"):
         for f, phi in enumerate(functions):
@@ -191,6 +228,23 @@ class Sample(NamedTuple):
     def of(cls, grid: Grid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
         """The sample whose paths are those of a grid."""
         return cls(grid, stream, np.array(weights), int((grid.reference_steps >> grid.doublings).sum()))
+
+
+#: The quantities of a sample of a level: DIFFERENCE, phi at the fine step minus phi at the coarse one, and VALUE, phi
+#: at the fine step.
+DIFFERENCE, VALUE = range(2)
+
+
+def two_steps(antithetic: bool) -> tuple[dict[str, Any], list[float]]:
+    """The paths of a sample with steps 2h and h, as words of :func:`spi.ensemble.loop.grid`, and weights of DIFFERENCE.
+
+    Antithetic paths come in pairs: within each coarse step that of the fine path makes all its flows in reversed order
+    (the two increments exchanged, the coins turned), that of the coarse path turns its coin.
+    """
+    if not antithetic:
+        return {"doublings": (1, 0)}, [-1.0, 1.0]
+    reversals = (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)
+    return {"doublings": (1, 1, 0, 0), "reversals": reversals}, [-0.5, -0.5, 0.5, 0.5]
 
 
 class SamplesPlan(Blockwise):
@@ -223,16 +277,12 @@ class SamplesPlan(Blockwise):
         sample = self.sets[number]
         return values_of_blocks(self, sample.grid, sample.stream, first, blocks, end)[0]
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """(blocks, quantities, F, LANES) the quantities of some blocks of samples."""
+    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
+        """The quantities of some blocks of samples, `sums` (blocks, quantities, F, LANES)."""
         values, weights = self.values(number, first, blocks, end), self.sets[number].weights
         with np.errstate(invalid="ignore", over="ignore"):
             each = (w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
-            return np.asarray(sum(each))
-
-    def added(self, sums: Any, rows: np.ndarray, at: slice, first: int, end: int) -> Any:
-        """The sums with the powers of the quantities `at`, of which the first is that of block `first`."""
-        return sums._replace(sums=with_powers(sums.sums, rows[at], first, end))
+            return {"sums": np.asarray(sum(each))}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -243,10 +293,10 @@ class SamplesPlan(Blockwise):
 class Solver(Described):
     """The report of an implicit scheme on its equations; arrays of one shape."""
 
-    solves: Annotated[Array, array("", "equations solved")]
-    iterations: Annotated[Array, array("", "iterations of all solves")]
-    failures: Annotated[Array, array("", "solves that did not converge")]
-    largest_residual: Annotated[Array, array("", "largest relative residual")]
+    solves: Array = array("", "equations solved")
+    iterations: Array = array("", "iterations of all solves")
+    failures: Array = array("", "solves that did not converge")
+    largest_residual: Array = array("", "largest relative residual")
 
     @property
     def failing_fraction(self) -> np.ndarray:
@@ -262,8 +312,8 @@ class Solver(Described):
 class Acceptance(Described):
     """Shares of flows that a scheme with a test of acceptance accepted; arrays of one shape."""
 
-    noise_accepted: Annotated[Array, array("", "share of the noise flows that were accepted")]
-    drift_accepted: Annotated[Array, array("", "share of the steps of the drift that were accepted")]
+    noise_accepted: Array = array("", "share of the noise flows that were accepted")
+    drift_accepted: Array = array("", "share of the steps of the drift that were accepted")
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:

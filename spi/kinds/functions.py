@@ -40,7 +40,7 @@ class PathFunction(NamedTuple):
     values: Callable[[Array], Array]  #: of states (d, ...)
 
     @property
-    def told(self) -> str:
+    def label(self) -> str:
         """Its text in tables and figures."""
         if self.functional == "passage":
             return f"share with {self.text} until t"
@@ -87,7 +87,7 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
 
 
 def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
-    """Raise the error about an entry of the key ``functions`` that is no function; `more` are further possibilities."""
+    """Raise the error about an entry of the key ``functions`` that is no function; `more` names what else is valid."""
     try:
         path_function(case.model, case.variables, entry)
     except NumberError as error:
@@ -114,8 +114,8 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
     if invariants:
         values = _with_invariants(as_numpy(tree), [_invariant(model, match) for match in invariants.values()])
-    called = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
-    written = re.sub(r"\by(\d+)\b", lambda y: called[int(y[1])] or y[0], canonical(tree))
+    variables = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
+    written = re.sub(r"\by(\d+)\b", lambda y: variables[int(y[1])] or y[0], canonical(tree))
     return PathFunction(functional, condition if functional == "passage" else written, values)
 
 

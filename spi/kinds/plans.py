@@ -10,25 +10,25 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import draw_paths
 from spi.ensemble.increments import brownian
-from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
+from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
-from spi.exact.work import Work, told
+from spi.exact.work import Work, reporting_to
 from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
-from spi.storage.records import Description, Group, Part, fits
-from spi.storage.stored import Stored
+from spi.storage.records import Group, Part, fits
+from spi.storage.stored import Description, Stored
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The state of a part: the sums that are computed so far.
@@ -67,7 +67,7 @@ class State:
                 tick()
 
         try:
-            with told(report):
+            with reporting_to(report):
                 yield
         finally:
             self.work = None
@@ -95,6 +95,11 @@ class State:
         """The sums over those paths of a path set that are computed."""
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
+
+    def complete(self) -> int:
+        """The number of first path sets of which all paths are computed."""
+        whole = [self.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(self.path_sets)]
+        return [*whole, False].index(False)
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
@@ -215,7 +220,7 @@ def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
 def _fitting(like: Any, value: Any) -> Any:
     """The value, if it is of the type and shape of one like it, else ValueError; sides of arrays may grow from 0."""
     if isinstance(like, np.ndarray):
-        fit = isinstance(value, np.ndarray) and value.dtype == like.dtype and value.ndim == like.ndim
+        fit = isinstance(value, np.ndarray | np.generic) and value.dtype == like.dtype and value.ndim == like.ndim
         fit = fit and all(m == n or 0 in (m, n) for m, n in zip(like.shape, value.shape, strict=True))
     else:
         fit = fits(value, float if isinstance(like, float) else type(like))
@@ -251,8 +256,15 @@ class KernelCall(NamedTuple):
 class Plan:
     """One part of an experiment, ready to run; the kinds implement the methods that are not implemented here."""
 
+    record: ClassVar[type[Stored]]  #: what the plan computes in the end
+
     case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
     part: Part
+
+    @classmethod
+    def of(cls, case: Any, part: Part) -> Self:
+        """The plan for one part of a case."""
+        return cls(case=case, part=part)
 
     def cost(self) -> Cost:
         """The cost of the part, before it is run."""
@@ -277,9 +289,13 @@ class Plan:
         """The progress of a state."""
         raise NotImplementedError
 
+    def estimates(self, sums: Any) -> dict[str, Any]:
+        """The fields of the record that follow from the sums over all paths of the only path set."""
+        raise NotImplementedError
+
     def results(self, state: State) -> Stored:
         """The results, from the final state; there are no long computations or measurements here."""
-        raise NotImplementedError
+        return self.record(**(self.whole(state) | self.estimates(state.total())))
 
     @property
     def model(self) -> Any:
@@ -358,8 +374,9 @@ class Plan:
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that every record has: description, wall-clock time and threads."""
-        return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
+        """The fields that do not follow from sums: description, times, threads, and what the case says of itself."""
+        facts = {fact: getattr(self.case, fact) for fact in self.record.facts() if hasattr(self.case, fact)}
+        return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
@@ -434,12 +451,24 @@ def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
     return sums
 
 
+def each_scheme(case: Any) -> list[Part]:
+    """The parts of a case that are computed one after the other: each scheme, with each eps that it has."""
+    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PathsPlan(Plan):
     """The base of all plans whose paths, of one scheme, are integrated on one grid."""
 
-    samples: int  #: number of paths
-    grid: Grid  #: times and step sizes
+    @property
+    def samples(self) -> int:
+        """The number of paths."""
+        return int(self.case.samples)
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
+        return path_grid(self.case, self.part, self.case.step)
 
     @property
     def blocks(self) -> int:
@@ -454,6 +483,17 @@ class PathsPlan(Plan):
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.grid, self.stream)
+
+
+def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> Grid:
+    """The times of a case's paths with steps of these sizes and of that of the reference, all on the same noise.
+
+    Without `areas` the areas of larger steps are those that the increments of the reference make.
+    """
+    reference = case.reference_record(part.eps)
+    schemes = [case.row(part.scheme, part.eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas) if areas else 0
+    return nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
 
 
 def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:

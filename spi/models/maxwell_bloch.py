@@ -1,4 +1,4 @@
-"""The stochastic Maxwell-Bloch system of laser-matter dynamics (Example expl-MB and section 4.1)."""
+"""The stochastic Maxwell-Bloch system of laser-matter dynamics (Example 2 and section 4.1)."""
 
 from typing import Annotated, NamedTuple
 

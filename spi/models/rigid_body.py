@@ -1,6 +1,6 @@
-"""The stochastic rigid body (Example expl-SRB and section 4.2): y is the angular momentum in the body frame.
+"""The stochastic rigid body (Example 3 and section 4.2): y is the angular momentum in the body frame.
 
-With three independent noises, and, for the paper's remark rem-consistent, with one Wiener process for all three.
+With three independent noises, and, for the paper's remark 4, with one Wiener process for all three.
 """
 
 from typing import Annotated, NamedTuple

@@ -1,4 +1,4 @@
-"""The stochastic sine-Euler equations with M = 1, N = 3 (Example expl-SE and section 4.3): 2-D ideal fluid, truncated.
+"""The stochastic sine-Euler equations with M = 1, N = 3 (Example 4 and section 4.3): 2-D ideal fluid, truncated.
 
 omega has four independent complex modes, n = (1,0), (1,1), (0,1), (-1,1) in this order, and omega_{-n} is the complex
 conjugate; indices are understood modulo 3.  The state is (Re, Im) of the four modes, eight real components.

@@ -55,25 +55,25 @@ def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
             yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}{other}", case.schemes
 
 
-def verified(found: Any) -> Iterator[str]:
-    """What came out when results were checked (a ``spi.running.verify.Verification``), line by line."""
-    count = len(found.checked)
-    equal = "equal to the last bit" if not found.different else f"{len(found.different)} of them different"
-    yield f"{count} of {found.chunks} chunks of paths were computed again, {equal}"
-    if found.whole:
+def verified(check: Any) -> Iterator[str]:
+    """The outcome of a check of results, a ``spi.running.verify.Verification``, line by line."""
+    count = len(check.checked)
+    equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
+    yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
+    if check.whole:
         yield "all numbers but times were derived again from these paths"
-    if found.sums:
-        yield f"all numbers were derived again from the sums over paths in {found.sums}"
-    if found.sums and not found.whole:
-        yield f"of these sums those over {found.tied} of {found.chunks} chunks were computed again; --all computes all"
-    if not found.sums and not found.whole:
+    if check.sums:
+        yield f"all numbers were derived again from the sums over paths in {check.sums}"
+    if check.sums and not check.whole:
+        yield f"of these sums those over {check.tied} of {check.chunks} chunks were computed again; --all computes all"
+    if not check.sums and not check.whole:
         yield "its numbers were not derived again: their sums over paths are not beside it, and --all was not given"
-    yield from (f"different: {label}" for label in found.different)
-    yield from (f"wrong: {what}" for what in found.wrong)
-    if found.sound:
+    yield from (f"different: {label}" for label in check.different)
+    yield from (f"wrong: {label}" for label in check.wrong)
+    if check.sound:
         return
     yield "what is not as it was when they were computed:"
-    yield from found.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)
+    yield from check.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)
 
 
 _WIDTH = 80  # of what goes into a file or a pipe, and the least on a terminal
@@ -104,7 +104,7 @@ def print_experiments(title: str, experiments: Mapping[str, Any]) -> None:
 
 
 def result_lines(results: Iterable[Any]) -> Iterator[str]:
-    """What results there are (``spi.running.finding.Listed``): their names, and under each what it is."""
+    """A list of results (``spi.running.finding.Listed``): the name of each, and a description under it."""
     for one in results:
         counts = sorted({count for count in one.samples if count})
         samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))

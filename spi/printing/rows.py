@@ -1,82 +1,71 @@
 """The rows of JSON and CSV, whose columns are what the record of a result says, and results of unknown kinds."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
 from spi.storage.records import Group
-from spi.storage.stored import Array, Stored, layout
+from spi.storage.stored import Entry, Stored
 
-from .text import new_table, print_whole, short
+from .tables import Cell, Grid
+from .text import interval_text
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-Columns = Mapping[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 
-def rows_of(
-    record: Stored,
-    axes: Sequence[str],
-    largest: Sequence[str] = (),
-    spread: Sequence[str] = (),
-    derived: Columns | None = None,
-) -> Iterator[dict[str, Any]]:
-    """A row for each point of the `axes`, with all that the record has over some of them.
+def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str, Any]]:
+    """A row for each point of the axes that the record says, with all that it has over some of them.
 
-    Of what has further axes, those in `largest` give the largest value, and those in `spread` a column for each place;
-    what has others is left out.  `derived` are columns that the record does not store.
+    Of what has further axes, those of ``row_largest`` give the largest value, and those of ``row_columns`` a column for
+    each place; what has others is left out, as are nested records that are apart.  What is not over an axis of
+    ``row_last`` stands in the row of its last place only.  `further` are columns that follow from several records.
     """
-    group = record.group()
-    columns_named = {(entry.name, entry.is_fact): entry.meaning.column for entry in layout(type(record))}
-    head = {"case": group.case, "scheme": group.attributes["scheme"]}
-    head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate")}
-    head["estimator"] = group.attributes.get("estimator") or None
-    if (swept := record.about.swept) is not None:
-        head |= swept.places
-    tail = {name: value for name, value in group.attributes.items() if columns_named.get((name, True))}
-    named = group.attributes.get("variables")
-    labels = group.coordinates | ({"component": np.array(named)} if named else {})
-    held = dict(_reduced(group.variables, largest)) | dict(derived or {})
-    columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
-    for name, (over, values) in held.items():
-        if set(over) <= {*axes, *spread}:
-            columns.update(_spread(name, over, values, axes, labels, columns_named.get((name, False))))
-    for place in np.ndindex(*(len(group.coordinates[axis]) for axis in axes)):
-        at = dict(zip(axes, place, strict=True))
-        row = head | {axis: group.coordinates[axis][i].item() for axis, i in at.items()}
-        row |= {name: values[tuple(at[axis] for axis in over)].item() for name, (over, values) in columns.items()}
+    about, places = record.about, {axis: record.get(axis) for axis in record.row_axes}
+    head = {"case": about.case, "scheme": about.scheme, "eps": about.eps, "extrapolate": about.extrapolate or None}
+    head["estimator"] = about.estimator or record.get("estimator") or None
+    head |= about.swept.places if about.swept else {}
+    tail: dict[str, Any] = {}
+    columns: Columns = {}
+    for entry in record.entries:
+        value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
+        if value is None:
+            continue
+        if not entry.is_fact and (entry.field or entry.meaning.column):
+            columns |= _columns(record, entry, np.asarray(value))
+        elif entry.is_fact and entry.meaning.column:
+            tail[entry.name] = value
+    columns |= further or {}
+    for place in np.ndindex(*map(len, places.values())):
+        at = dict(zip(places, place, strict=True))
+        needed = {axis for axis in record.row_last if at[axis] < len(places[axis]) - 1}
+        row = head | {axis: np.asarray(places[axis])[i].item() for axis, i in at.items()}
+        row |= {
+            name: values[tuple(at[axis] for axis in over)].item()
+            for name, (over, values) in columns.items()
+            if needed <= set(over)
+        }
         yield {name: value for name, value in (row | tail).items() if value is not None}
 
 
-def _reduced(variables: Columns, largest: Sequence[str]) -> Iterator[tuple[str, tuple[tuple[str, ...], Array]]]:
-    """The variables without the axes of which the largest value counts; nothing of what has none."""
-    for name, (over, values) in variables.items():
-        gone = tuple(i for i, axis in enumerate(over) if axis in largest)
-        if values.size or not gone:
-            yield name, (tuple(axis for axis in over if axis not in largest), values.max(axis=gone) if gone else values)
-
-
-def _spread(
-    name: str,
-    over: tuple[str, ...],
-    values: np.ndarray,
-    axes: Sequence[str],
-    coordinates: Mapping[str, np.ndarray],
-    template: str | None,
-) -> Iterator[tuple[str, tuple[tuple[str, ...], np.ndarray]]]:
-    """A variable as columns over the `axes` alone: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ..."""
-    further = [axis for axis in over if axis not in axes]
+def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
+    """The columns of an array: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ... along an axis that is spread."""
+    over, name, template = entry.axes, entry.name, entry.meaning.column
+    for axis in [axis for axis in over if axis in record.row_largest and values.size]:
+        values, over = values.max(over.index(axis)), tuple(other for other in over if other != axis)
+    further = [axis for axis in over if axis not in record.row_axes]
     if not further:
-        yield name, (over, values)
-        return
-    (axis,) = further
-    rest = tuple(one for one in over if one != axis)
-    template = template or (f"{name}_{{}}" if values.shape[over.index(axis)] > 1 else name)
-    for i, part in enumerate(np.moveaxis(values, over.index(axis), 0)):
-        label = coordinates[axis][i]
-        yield f"{name}[{label}]" if isinstance(label, str) else template.format(i + 1), (rest, part)
+        return {name: (over, values)}
+    (axis, *others) = further
+    if others or axis not in record.row_columns:
+        return {}
+    rest = tuple(other for other in over if other != axis)
+    parts = np.moveaxis(values, over.index(axis), 0)
+    labels = record.about.variables if axis == "component" else record.get(axis)
+    if labels is not None and len(labels) and isinstance(labels[0], str):
+        return {f"{name}[{label}]": (rest, part) for label, part in zip(labels, parts, strict=True)}
+    template = template or (f"{name}_{{}}" if len(parts) > 1 else name)
+    return {template.format(number): (rest, part) for number, part in enumerate(parts, 1)}
 
 
 def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:
@@ -94,17 +83,12 @@ def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:
         yield record
 
 
-def show_groups(console: "Console", groups: Iterable[Group]) -> None:
-    """Print a table of all numbers of each group of results of an unknown kind, and its attributes."""
+def tables_of_groups(groups: Iterable[Group]) -> Iterator[Grid | Cell]:
+    """A table of all numbers of each group of results of an unknown kind, and its attributes."""
     for group in groups:
-        records = list(rows_of_group(group))
+        rows = [dict(list(row.items())[2:]) for row in rows_of_group(group)]  # without case and scheme
+        cells = [[Cell(interval_text(value, form=".6g")) for value in row.values()] for row in rows]
         title = f"{group.case}: {group.attributes.get('scheme_label', group.variant)}"
-        columns = [key for key in (records[0] if records else ()) if key not in ("case", "scheme")]
-        table = new_table(title, columns)
-        for record in records:
-            table.add_row(*(short(v, ".6g") if isinstance(v, float) else str(v) for v in map(record.get, columns)))
-        print_whole(console, table)
+        yield Grid(title, list(rows[0]) if rows else [], [cells], 0)
         scalars = {name: values.item() for name, (axes, values) in group.variables.items() if not axes}
-        for name, value in {**scalars, **group.attributes}.items():
-            console.print(f"{name}: {value}", markup=False, soft_wrap=True)
-        console.print()
+        yield from (Cell(f"{name}: {value}") for name, value in {**scalars, **group.attributes}.items())

@@ -1,82 +1,76 @@
-"""What came out in one line, and tables of what came out over a swept parameter: a line for each value."""
+"""Tables of quantities over a swept parameter, a line for each value, and the main quantities in one line."""
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from itertools import compress
 
 import numpy as np
 
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
-from .text import add_rows, lines_of, new_table, power_of_two, print_whole, short, with_interval
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-_UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
+from .tables import Cell, Grid
+from .text import interval_text, power_of_two, short, with_interval
 
 
-def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
-    """Print the tables of a case that is swept: for each scheme, estimator and test function a line per value.
+def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
+    """The tables of a case that is swept: for each scheme, estimator and test function a line per value.
 
     Quantities of other test functions, as quantiles are, have a table of their own.
     """
     if curves and curves[0].second_word:
-        _show_map(console, heading, curves)
+        for curve in curves:
+            yield _map(title, curve)
+            if (fit := curve.chi_squared) is not None:
+                yield Cell(f"chi squared {fit[0]:.1f} of {fit[1]} differences from expected values")
         return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
     for name in dict.fromkeys(curve.name for curve in curves):
         members = [curve for curve in curves if curve.name == name]
         by_functions.setdefault(tuple(dict.fromkeys(curve.function for curve in members)), []).extend(members)
     for members in by_functions.values():
-        print_whole(console, _table(heading, members))
-        console.print()
+        yield _table(title, members)
 
 
-def _table(heading: str, curves: Sequence[Curve]) -> "Table":
+def _table(title: str, curves: Sequence[Curve]) -> Grid:
     names = {curve.name: curve.label for curve in curves}
-    of = {(*_whose(curve), curve.name): curve for curve in curves}
+    several = [any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)]
+    labels = ["scheme", *compress(("estimator", "function"), several)]
     headings = [f"{label}{_at(curves, name)}\n(95 %)" for name, label in names.items()]
-    several = any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)
-    labels = ["scheme", *["estimator"] * several[0], *["function"] * several[1]]
-    table = new_table(heading, [*labels, curves[0].word, *headings], left=len(labels), labels=0)
-    for key in dict.fromkeys(map(_whose, curves)):
-        members = [of[*key, name] for name in names if (*key, name) in of]
+    sections = []
+    for owner in dict.fromkeys(map(_owner, curves)):
+        members = [curve for curve in curves if _owner(curve) == owner]
         about, function = members[0].about, members[0].function
-        cells, lines = [lines_of(about), *[about.estimator] * several[0], *[function] * several[1]], []
-        for value in dict.fromkeys(value for curve in members for value in curve.values.tolist()):
-            here = {curve.name: one for curve in members for one in curve.points if one.at == (curve.word, value)}
-            lines.append([*cells, f"{value:g}", *(_told(here[name]) if name in here else "" for name in names)])
-        add_rows(table, lines, len(cells))
-    return table
+        cells = {(point.at, curve.name): Cell(_text(point)) for curve in members for point in curve.points}
+        texts = [about.label, *compress((about.estimator, function), several)]
+        rows: list[list[Cell]] = []
+        for at in dict.fromkeys(at for at, _ in cells if at):
+            numbers = [cells.get((at, name), Cell("")) for name in names]
+            rows.append([*(Cell(text * (not rows)) for text in texts), Cell(f"{at[1]:g}"), *numbers])
+        sections.append(rows)
+    return Grid(title, [*labels, curves[0].word, *headings], sections, len(labels))
 
 
-def _show_map(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
-    """Of two parameters a line for each value of the first: both ends of what came out, and where it is zero."""
-    from rich.text import Text
-
-    for curve in curves:
-        grid = curve.grid()
-        words, values, zeros = grid.words, grid.of("value"), grid.zeros()
-        name = f"{curve.label}, {curve.about.label}{f', {curve.function}' * bool(curve.function)}"
-        columns = [words[0], "least", f"at {words[1]}", "largest", f"at {words[1]}", f"zero at {words[1]} (95 %)"]
-        table = new_table(": ".join(filter(None, (heading, name))), columns[: 6 if zeros else 5], left=0, labels=0)
-        for i, value in enumerate(grid.axes[0].tolist()):
-            known = np.flatnonzero(np.isfinite(values[i]))
-            ends = [known[pick(values[i, known])] for pick in (np.argmin, np.argmax)] if known.size else []
-            told = [f(x) for j in ends for f, x in ((short, float(values[i, j])), ("{:g}".format, grid.axes[1][j]))]
-            told += [""] * (4 - len(told))
-            told += [", ".join(with_interval(where, half) for at, where, half in zeros if at == value)] * bool(zeros)
-            table.add_row(*map(Text, (f"{value:g}", *told)))
-        print_whole(console, table)
-        if (known_too := curve.chi_squared) is not None:
-            told_of = f"chi squared {known_too[0]:.1f} of {known_too[1]} differences from what is known"
-            console.print(told_of, markup=False, highlight=False)
-        console.print()
+def _map(title: str, curve: Curve) -> Grid:
+    """Over two parameters a line for each value of the first: the least and the largest number, and the zeros."""
+    grid = curve.grid()
+    first, second = grid.words
+    values, zeros = grid.of("value"), grid.zeros()
+    headings = [first, "least", f"at {second}", "largest", f"at {second}", *[f"zero at {second} (95 %)"] * bool(zeros)]
+    rows = []
+    for i, value in enumerate(grid.axes[0].tolist()):
+        finite = np.flatnonzero(np.isfinite(values[i]))
+        ends = [finite[pick(values[i, finite])] for pick in (np.argmin, np.argmax)] if finite.size else []
+        texts = [text for j in ends for text in (short(float(values[i, j])), f"{grid.axes[1][j]:g}")] or [""] * 4
+        texts += [", ".join(with_interval(zero, half) for at, zero, half in zeros if at == value)] * bool(zeros)
+        rows.append([Cell(f"{value:g}"), *map(Cell, texts)])
+    name = f"{curve.label}, {curve.about.subject(curve.function, with_estimator=False)}"
+    return Grid(": ".join(filter(None, (title, name))), headings, [rows], 0)
 
 
-def _whose(curve: Curve) -> tuple[str, str, str]:
+_UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
+
+
+def _owner(curve: Curve) -> tuple[str, str, str]:
     return curve.about.variant, curve.about.estimator, curve.function
 
 
@@ -88,16 +82,13 @@ def _at(curves: Sequence[Curve], name: str) -> str:
     return f" at\nh = {power_of_two(h)}" if len(steps) == 1 and (h := steps.pop()) else " at the\nsmallest h"
 
 
-def _told(point: Quantity) -> str:
-    """A quantity with its interval, as its ends where these lie at different distances."""
+def _text(point: Quantity) -> str:
+    """A quantity with its interval, of orders and quantiles by its ends."""
     if math.isnan(point.value):
         return "not resolved"
-    if point.low == point.high:
-        return short(point.value, ".3g")
-    if point.name in _UNEVEN:
-        form = ".4g" if point.name == "quantile" else ".3f"
-        return f"{short(point.value, form)} [{short(point.low, form)}, {short(point.high, form)}]"
-    return with_interval(point.value, (point.high - point.low) / 2)
+    ends = None if point.low == point.high else (point.low, point.high)
+    form = ".3g" if ends is None else ".4g" if point.name == "quantile" else ".3f"
+    return interval_text(point.value, ends, form, point.name in _UNEVEN)
 
 
 def headline(curves: Sequence[Curve]) -> str:
@@ -115,5 +106,5 @@ def _ends(curve: Curve) -> str:
     """The first and the last value of a curve, with those of the parameter, or the only one."""
     ends = [curve.points[0], *curve.points[1:][-1:]]
     places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in ends]
-    values = [f"{_told(one)} at {place}" if place else _told(one) for one, place in zip(ends, places, strict=True)]
+    values = [f"{_text(one)} at {place}" if place else _text(one) for one, place in zip(ends, places, strict=True)]
     return f"{' to '.join(values)} with {', '.join(filter(None, (curve.about.label, curve.about.estimator)))}"

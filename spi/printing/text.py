@@ -1,18 +1,15 @@
-"""What all tables share: the console, the look of a table, and how numbers are written."""
+"""The console, the look of tables, and numbers as text."""
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
+from numbers import Integral, Real
 from typing import IO, TYPE_CHECKING, Any
-
-from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
-from spi.storage.records import Description
 
 if TYPE_CHECKING:  # rich takes a while
     from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
 
 #: Angles, in rad, above which a table says what they cost in accuracy.
 LARGE_ANGLE = 1e6
@@ -50,48 +47,6 @@ def new_table(title: str, headings: Iterable[str], left: int = 0, labels: int | 
     return table
 
 
-def error_table(
-    title: str, headings: Iterable[str], left: int, parts: Iterable[tuple[Iterable[str], Iterable[Sequence[Any]]]]
-) -> "Table":
-    """A table of errors with remarks in the last column, the first `left` columns left-justified.
-
-    Each part has labels, for its first lines, and the further cells of each line.
-    """
-    from rich.text import Text
-
-    table = new_table(title, headings, left, labels=0)
-    table.columns[-1].justify = "left"
-    for labels, lines in parts:
-        names = iter(labels)
-        for cells in lines:
-            table.add_row(Text(next(names, "")), *cells)
-        table.add_section()
-    return table
-
-
-def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text"]:
-    """The cells of an error with half its interval, in brackets if it is not resolved, and of what is to be said."""
-    from rich.text import Text
-
-    resolved, error = record.get("resolved", True), with_interval(record["error"], half)
-    remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
-    return Text(error if resolved else f"({error})", style="" if resolved else "dim"), Text(remark, style="dim")
-
-
-def lost_paths(count: int | None) -> "Text":
-    """The cell of how many paths diverged (NaN or infinity); empty where that is not known."""
-    from rich.text import Text
-
-    return Text("" if count is None else str(count), style="bold red" if count else "")
-
-
-def lines_of(about: Description) -> str:
-    """The label of a scheme as it stands in a table, its eps and extrapolation in a line each if there is no room."""
-    if len(about.label) <= LABEL:
-        return about.label
-    return about.label.replace(", eps = ", ",\neps = ").replace(", extrapolated", ",\nextrapolated")
-
-
 def print_whole(console: "Console", table: "Table") -> None:
     """Print a table at the width its numbers need: one cut short would be another number."""
     from rich.console import ConsoleDimensions
@@ -107,28 +62,6 @@ def print_lines(console: "Console", lines: Iterable[str], style: str | None = No
     """Print lines as they are, however long."""
     for line in lines:
         console.print(line, style=style, markup=False, soft_wrap=True)
-
-
-def print_with_remarks(console: "Console", tables: Iterable["Table"], remarks: Iterable[str]) -> None:
-    """Print tables, and what is to be said of them in a line each."""
-    for table in tables:
-        print_whole(console, table)
-        console.print()
-    print_lines(console, remarks)
-    console.print()
-
-
-def add_rows(table: "Table", rows: Iterable[Iterable["str | Text"]], labels: int = 1) -> None:
-    """Add the rows of a scheme, and a rule; of the first so many cells those stay empty that repeat the row above."""
-    from rich.text import Text
-
-    before: list[Text] = []
-    for row in rows:
-        cells = [cell if isinstance(cell, Text) else Text(cell) for cell in row]
-        known = next((i for i in range(labels) if before[i : i + 1] != cells[i : i + 1]), labels)
-        table.add_row(*[""] * known, *cells[known:])
-        before = cells
-    table.add_section()
 
 
 def room(console: "Console") -> float:
@@ -158,10 +91,14 @@ def narrowed(console: "Console", table: "Table") -> int:
     return needed
 
 
-def with_interval(value: float, half: float) -> str:
-    """``3.42e-3 ± 0.07e-3``: the half width with one digit, or two after a leading 1, the value to the same place.
+_FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 
-    Of a value with more than seven good digits seven, ``6.612345e-2 ± 2e-13``.
+
+def with_interval(value: float, half: float) -> str:
+    """``0.4003 ± 0.0008``: the half width with one digit, or two after a leading 1, the value to the same place.
+
+    Numbers below 1e-3 or from 1e5 on have a power of ten, ``(3.42 ± 0.07)e-7``.  Of a value with more than seven good
+    digits seven, ``0.06612345 ± 2e-13``.
     """
     if not math.isfinite(value):
         return str(value)
@@ -170,11 +107,13 @@ def with_interval(value: float, half: float) -> str:
     scale = math.floor(math.log10(max(abs(value), half)))
     place = math.floor(math.log10(half))
     place -= half < 1.95 * 10.0**place
-    digits = max(scale - place, 0)
-    if digits > 6:
+    if scale - place > 6:
         return f"{short(value, '.6e')} ± {short(half, '.0e')}"
-    exponent = f"e{scale}" if scale else ""
-    return f"{value / 10.0**scale:z.{digits}f}{exponent} ± {half / 10.0**scale:.{digits}f}{exponent}"
+    if not _FIXED[0] <= 10.0**scale < _FIXED[1]:
+        digits = max(scale - place, 0)
+        return f"({value / 10.0**scale:z.{digits}f} ± {half / 10.0**scale:.{digits}f})e{scale}"
+    digits = max(-place, 0)
+    return f"{round(value, -place):z.{digits}f} ± {round(half, -place):.{digits}f}"
 
 
 def power_of_two(h: float) -> str:
@@ -231,24 +170,57 @@ def decimal(x: float) -> str:
 
 
 def short(x: float | None, form: str = ".1e") -> str:
-    """A number without the leading zeros of its exponent; nothing for None."""
+    """A number with as many digits as `form` has, from 1e-3 to 1e5 without a power of ten; nothing for None."""
     if x is None:
         return ""
     text = f"{x:{form}}"
     digits, e, exponent = text.partition("e")
-    return f"{digits}e{int(exponent)}" if e and exponent else text
+    if not (e and exponent):
+        return text
+    if x == 0.0:
+        return "0"
+    if _FIXED[0] <= abs(float(text)) < _FIXED[1]:
+        return f"{float(text):.{max(len(digits.lstrip('-').replace('.', '')) - 1 - int(exponent), 0)}f}"
+    return f"{digits}e{int(exponent)}"
 
 
-def order_found(order: float, low: float, high: float, expected: float | None = None) -> str:
-    """A fitted order with its interval, and what theory says."""
-    found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
+def interval_text(
+    value: Any,
+    ends: tuple[Any, Any] | None = None,
+    form: str | Callable[[Any], str] = ".1e",
+    by_ends: bool = False,
+) -> str:
+    """A number with the ends of its 95 % interval, ``0.050 ± 0.003``; as ``0.504 [0.489, 0.520]`` if not symmetric.
+
+    `form` is that of numbers without interval, and of ends; "-" is no number, and ± ? an interval that is not known.
+    """
+    if not isinstance(value, Real) or isinstance(value, Integral):
+        return str(value)
+    if math.isnan(value):
+        return "-"
+    if ends is None:
+        return form(value) if callable(form) else short(float(value), form)
+    low, high = (float(end) for end in ends)
+    down, up = float(value) - low, high - float(value)
+    if not math.isfinite(down + up):
+        return short(float(value), ".3e") + " ± ?" * math.isfinite(value)
+    if by_ends or abs(up - down) > 1e-6 * (up + down):
+        return (
+            f"{interval_text(value, None, form)} [{interval_text(low, None, form)}, {interval_text(high, None, form)}]"
+        )
+    return with_interval(float(value), (up + down) / 2)
+
+
+def order_text(order: float, low: float, high: float, expected: float | None = None) -> str:
+    """A fitted order with its interval, and the one by theory."""
+    fitted = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
     if expected is None or math.isnan(expected):
-        return f"{found} (measured; theory states none)"
-    return f"{found} (expected {fraction(expected)})"
+        return f"{fitted} (measured; theory states none)"
+    return f"{fitted} (expected {fraction(expected)})"
 
 
 def angle_note(largest: float) -> str:
-    """What is to be said about rotations by large angles, or an empty text.
+    """A remark on rotations by large angles, or an empty text.
 
     The product that gives an angle is rounded, so that an angle of 10^6 rad is known to about 10^-10 rad.
     """

@@ -99,8 +99,8 @@ def text(plain: str) -> str:
     return "".join([*parts, _escaped(plain[end:])])
 
 
-def _number(found: str) -> str:
-    value, _, half = found.partition(" ± ")
+def _number(text: str) -> str:
+    value, _, half = text.partition(" ± ")
     base, power, exponent = value.partition("^")
     if power:
         return f"${base}^{{{exponent}}}$"
@@ -148,21 +148,21 @@ _REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
 _MANY = 4
 
 
-def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup | Exception]:
+def drawn(results: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup | Exception]:
     """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
-    if len(found) < _MANY or processors() == 1:
-        yield from map(_tried, found, prefixes)
+    if len(results) < _MANY or processors() == 1:
+        yield from map(_tried, results, prefixes)
         return
-    size = min(processors(), len(found))
+    size = min(processors(), len(results))
     ignore = signal.SIGINT, signal.SIG_IGN  # which stops this process, and it the others
     executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=signal.signal, initargs=ignore)
     done = 0
     try:
-        for one in executor.map(_tried, found, prefixes):
+        for one in executor.map(_tried, results, prefixes):
             done += 1
             yield one
     except BrokenExecutor:  # one of them was killed; this process does what is left
-        yield from map(_tried, found[done:], prefixes[done:])
+        yield from map(_tried, results[done:], prefixes[done:])
     finally:
         end_all(executor)
 
@@ -225,23 +225,23 @@ def files(
     if (latex_folder or data_folder) and (twice := next((name for name in names if names[name] > 1), None)):
         both = " and ".join(str(path) for path in paths if path.stem == twice)
         raise storage.StorageError(f"{twice}: two results files have this name, {both}; report on them separately")
-    told: list[_Told] = []
+    parts: list[_Part] = []
     problems: list[str] = []
     for path in paths:
         try:
-            told.append(_told(path, anchor(len(told)), latex_folder, data_folder))
+            parts.append(_part(path, anchor(len(parts)), latex_folder, data_folder))
         except Exception as error:  # of whatever kind, since the others can be shown
             problems.append(problem(path, error))
-    if not told:
+    if not parts:
         raise storage.StorageError("\n".join(problems))
     for line in problems:
         tell(line)
-    whole = page([one.section for one in told], list(_pictures(told, report, tell)), problems)
-    return {out: whole.encode()} | {file: content for one in told for file, content in one.files.items()}
+    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems)
+    return {out: whole.encode()} | {file: content for one in parts for file, content in one.files.items()}
 
 
-class _Told(NamedTuple):
-    """What there is of one file but its picture."""
+class _Part(NamedTuple):
+    """One file in a report, but for its picture."""
 
     path: Path
     results: Results
@@ -249,14 +249,14 @@ class _Told(NamedTuple):
     files: dict[Path, bytes]  #: beside the page
 
 
-def _told(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Told:
+def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Part:
     results = storage.read(path)
     one, written = section(path, results, anchored), {}
     if latex_folder:
         written[latex_folder / f"{one.name}.tex"] = document(one.name, one.title, one.tables).encode()
     if data_folder:
         written[data_folder / f"{one.name}.csv"] = as_csv(views.rows(results)).encode()
-    return _Told(path, results, one, written)
+    return _Part(path, results, one, written)
 
 
 def problem(path: Path, error: Exception) -> str:
@@ -266,10 +266,10 @@ def problem(path: Path, error: Exception) -> str:
     return text if text.startswith(f"{path}: ") else f"{path}: {text}"
 
 
-def _pictures(told: Sequence[_Told], report: Report, tell: Tell) -> Iterator[Markup]:
-    drawing = drawn([one.results for one in told], [one.section.anchor for one in told])
-    for number, one in enumerate(told):
-        report(number + 1, len(told), one.path.stem)
+def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Markup]:
+    drawing = drawn([one.results for one in parts], [one.section.anchor for one in parts])
+    for number, one in enumerate(parts):
+        report(number + 1, len(parts), one.path.stem)
         picture = next(drawing)
         if isinstance(picture, Exception):
             tell(line := problem(one.path, picture))

@@ -1,36 +1,28 @@
-"""What a report says of each experiment."""
+"""The sections of a report, one for each experiment."""
 
-import io
 import json
 import math
-import re
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
+from ..printing.tables import Cell, Grid, unbroken
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
 from ..specs import text_of
-from ..statistics.claims import VERDICTS
+from ..statistics.claims import VERDICTS, quantities
 from ..statistics.curves import curves
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What a kind of experiment prints, as tables of pandas and lines of text, from which HTML and LaTeX are made.
-# ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:  # pandas takes a while
     from pandas import DataFrame
@@ -44,11 +36,19 @@ class Titled(NamedTuple):
     justified: str  #: "l" or "r" for each column
 
     @classmethod
-    def of(cls, title: str, justified: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> "Titled":
-        """The table with these rows."""
+    def of(cls, grid: Grid) -> "Titled":
+        """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
         from pandas import DataFrame
 
-        return cls(title, DataFrame(map(list, rows), columns=list(headings), dtype=object), justified)
+        headings = [unbroken(heading) for heading in grid.headings]
+        rows = [[" ".join(text.split("\n")) for text in row] for row in grid.rows]
+        shown = [i for i, heading in enumerate(headings) if heading or any(row[i] for row in rows)]
+        frame = DataFrame(
+            [[row[i] for i in shown] for row in rows],
+            columns=[headings[i] for i in shown],
+            dtype=object,
+        )
+        return cls(grid.title, frame, "".join("l" if i < grid.left else "r" for i in shown))
 
     @property
     def html(self) -> Markup:
@@ -57,30 +57,6 @@ class Titled(NamedTuple):
 
         with option_context("display.max_colwidth", None):
             return Markup(self.frame.to_html(index=False, border=0))
-
-
-class Recorder(Console):
-    """A console that keeps what is printed to it: tables, and all else as lines."""
-
-    def __init__(self) -> None:
-        super().__init__(file=io.StringIO(), width=10_000, color_system=None, highlight=False)
-        self.items: list[Titled | str] = []
-
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Keep what would be printed, but for empty lines."""
-        self.items += [_titled(one) if isinstance(one, Table) else str(one) for one in objects]
-
-
-def _titled(table: Table) -> Titled:
-    """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
-    every = [(str(column.header), [_plain(cell) for cell in column.cells], column.justify) for column in table.columns]
-    headings, cells, justified = zip(*(one for one in every if one[0] or any(one[1])), strict=True)
-    unbroken = (re.sub(r"-\n(?=[a-z])", "", one).replace("-\n", "-").replace("\n", " ") for one in headings)
-    return Titled.of(str(table.title or ""), "".join(one[0] for one in justified), unbroken, zip(*cells, strict=True))
-
-
-def _plain(cell: Any) -> str:
-    return (cell if isinstance(cell, Text) else Text.from_markup(str(cell))).plain.replace("\n", " ")
 
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -118,8 +94,8 @@ class Section(NamedTuple):
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
     headlines: Facts  #: the title of a case and what came out of it; one without a title if there is one case
-    verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
-    complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
+    verdicts: dict[str, int]  #: the number of claims with each verdict; empty if there are none
+    complaints: list[tuple[str, str]]  #: of claims neither confirmed nor consistent: verdict and details
     orders: Titled | None
     items: list[Titled | str]  #: what `spi show` prints
     cost: Facts
@@ -136,7 +112,7 @@ class Section(NamedTuple):
 
 
 def section(path: Path, results: Results, anchor: str) -> Section:
-    """What is to be said of the results in the file `path`.
+    """The section on the results in the file `path`.
 
     ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
     """
@@ -147,8 +123,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to report")
     judged, attributes = views.verdicts(results), results.attributes
-    counts, recorder = Counter(one.verdict for one in judged), Recorder()
-    views.show(results, recorder, with_title=False)
+    counts = Counter(one.verdict for one in judged)
     return Section(
         name=path.stem,
         anchor=anchor,
@@ -156,12 +131,12 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         kind=kind.replace("_", " "),
         paper_figure=attributes.get("figure"),
         asks=attributes.get("asks", ""),
-        headlines=_headlines(kind, read),
+        headlines=_headlines(read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=printed_claims.complaints(judged),
-        orders=_orders(kind, by_case(read)),
-        items=recorder.items,
-        cost=list(_cost(results)),
+        orders=_orders(by_case(read)),
+        items=list(_items(results)),
+        cost=list(_cost(read)),
         provenance=list(_provenance(attributes)),
         command=shlex.join(["spi", "run", path.name]),
         from_spec=_from_spec(attributes.get("experiment", path.stem), attributes),
@@ -169,61 +144,47 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     )
 
 
-def _headlines(kind: str, read: Sequence[Stored]) -> Facts:
+def _items(results: Results) -> Iterator[Titled | str]:
+    """The tables and lines of `spi show`, those of claims among them."""
+    for items, judged in views.by_cases(results):
+        for item in [*items, *[printed_claims.grid(judged)] * bool(judged)]:
+            yield Titled.of(item) if isinstance(item, Grid) else item.text
+
+
+def _headlines(read: Sequence[Stored]) -> Facts:
     """The quantities of each case that the record names as its headline, or of a sweep those that it shows."""
-    cases, names = by_case(read), KINDS[kind].results.Record.headline
-    found = [(whole.title, whole.curves) for whole in views.wholes(kind, read)]
-    if names and not found:
-        each = [curves(KINDS[kind].results.quantities(case), names) for case in cases]
-        found = list(zip(views.titles(cases), each, strict=True))
-    return [(title if len(found) > 1 else "", sweeps.headline(of_case)) for title, of_case in found if of_case]
+    of_cases = [(whole.title, whole.curves) for whole in views.wholes(read)]
+    if not of_cases:
+        cases = by_case(read)
+        each = [curves(quantities(case), read[0].headline) for case in cases]
+        of_cases = list(zip(views.titles(cases), each, strict=True))
+    return [(title if len(of_cases) > 1 else "", sweeps.headline(shown)) for title, shown in of_cases if shown]
 
 
-def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> Titled | None:
-    """All fitted orders with their intervals; None if there are none."""
-    if not KINDS[kind].keys.Case.quantities:
-        return None
-    several = len(cases) > 1
+def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
+    """All fitted orders with their intervals, and what theory says; None if there are none."""
+    several, rows = len(cases) > 1, []
+    for title, case in zip(views.titles(cases), cases, strict=True):
+        for one in quantities(case):
+            if one.name in ("order", "uniform_order"):
+                subject = one.subject + ", largest over eps" * (one.name == "uniform_order")
+                interval = f"[{one.low:.3f}, {one.high:.3f}]"
+                fitted = (f"{one.value:.3f}", interval) if math.isfinite(one.value) else ("not resolved", "")
+                theory = "" if math.isnan(one.expected) else fraction(one.expected)
+                rows.append([Cell(text) for text in (*[title] * several, subject, *fitted, theory)])
     headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
-    found = [
-        (*[title] * several, *texts)
-        for title, case in zip(views.titles(cases), cases, strict=True)
-        for texts in _orders_of(kind, case)
-    ]
-    return Titled.of("orders", several * "l" + "lrrr", headings, found) if found else None
+    return Titled.of(Grid("orders", headings, [rows], several + 1)) if rows else None
 
 
-def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, str]]:
-    """Of each fitted order of a case whose it is, the number, its interval and what theory says."""
-    expected = {one.about.scheme: getattr(one, "expected_order", None) for one in case if not one.about.extrapolate}
-    expected |= {one.about.variant: getattr(one, "expected_order", None) for one in case}
-    for one in KINDS[kind].results.quantities(case):
-        if one.name not in ("order", "uniform_order"):
-            continue
-        subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
-        theory = expected.get(one.about.variant)
-        told = "" if theory is None else fraction(theory)
-        if math.isfinite(one.value):
-            yield subject, f"{one.value:.3f}", f"[{one.low:.3f}, {one.high:.3f}]", told
-        else:
-            yield subject, "not resolved", "", told
-
-
-def _cost(results: Results) -> Iterator[tuple[str, str]]:
-    """What the results cost, as far as all kinds store it."""
-    groups = results.groups
-    seconds = math.fsum(group.attributes.get("wall_seconds", 0.0) for group in groups)
-    threads = max((group.attributes.get("threads", 0) for group in groups), default=0)
-    yield "time", f"{duration(seconds)} of wall-clock time" + (f" on {threads} threads" if threads else "")
-    paths = sorted({group.attributes["samples"] for group in groups if group.attributes.get("samples")})
-    if paths:
-        yield "paths", " to ".join(dict.fromkeys(f"{count:,}" for count in (paths[0], paths[-1])))
-    measured = [group.arrays.get("ns_per_step", group.attributes.get("ns_per_step", math.nan)) for group in groups]
-    known = np.concatenate([np.ravel(values) for values in measured])
-    known = known[np.isfinite(known)]
-    if known.size:
-        ends = dict.fromkeys(short(float(end), ".3g") for end in (known.min(), known.max()))
-        yield "time per step and path", f"{' to '.join(ends)} ns"
+def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
+    """Time and paths of results."""
+    seconds = math.fsum(one.wall_seconds for one in read)
+    yield "time", f"{duration(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
+    for label, name, form in (("paths", "samples", ",.0f"), ("time per step and path", "ns_per_step", ".3g")):
+        numbers = np.concatenate([np.ravel(one.get(name)).astype(float) for one in read])
+        if (numbers := numbers[np.isfinite(numbers)]).size:
+            ends = dict.fromkeys(short(float(end), form) for end in (numbers.min(), numbers.max()))
+            yield label, " to ".join(ends) + " ns" * (name == "ns_per_step")
 
 
 def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:

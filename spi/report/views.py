@@ -1,14 +1,15 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
-from ..printing.rows import rows_of_group, show_groups
+from ..printing.rows import rows_of, rows_of_group, tables_of_groups
+from ..printing.tables import Cell, Grid, printed, show_items
 from ..printing.text import new_console, printable
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
@@ -34,20 +35,20 @@ class Whole(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
+def wholes(read: Sequence[Stored]) -> list[Whole]:
     """The cases that are swept, in the order of the file; none if no parameter is."""
-    found: dict[str, list[list[Stored]]] = {}
-    for case in by_case(read):
-        if case[0].about.swept:
-            found.setdefault(case[0].about.owner, []).append(case)
-    return [_whole(kind, owner, cases) for owner, cases in found.items()]
+    swept = [one for one in read if one.about.swept]
+    return [
+        _whole([one for one in swept if one.about.owner == owner])
+        for owner in dict.fromkeys(one.about.owner for one in swept)
+    ]
 
 
-def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
-    swept: Any = cases[0][0].about.swept
-    quantities = [one for case in cases for one in KINDS[kind].results.quantities(case)]
-    known = [curve for curve in curves(quantities, swept.of or cases[0][0].headline) if curve.is_known]
-    return Whole(owner, swept.title, [reading for case in cases for reading in case], known)
+def _whole(read: list[Stored]) -> Whole:
+    swept: Any = read[0].about.swept
+    quantities = [one for case in by_case(read) for one in claims.quantities(case)]
+    shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    return Whole(swept.owner, swept.title, read, shown)
 
 
 def readings(results: Results) -> list[Stored]:
@@ -63,8 +64,8 @@ def _reading(kind: str, group: Group) -> Stored:
     try:
         return KINDS[kind].results.Record.of(group)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        whose = f"the group {group.name} cannot be read as results of kind {kind} ({what})"
+        reason = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        whose = f"the group {group.name} cannot be read as results of kind {kind} ({reason})"
         raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
@@ -81,8 +82,7 @@ def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
         raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
     if not stated:
         return []
-    judging = KINDS[results.attributes["kind"]].results
-    return claims.judge(stated, [one for case in by_case(read) for one in judging.quantities(case)])
+    return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
@@ -94,7 +94,8 @@ def rows(results: Results) -> list[dict[str, Any]]:
         return [row for group in results.groups for row in rows_of_group(group)]
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
-    records = list(KINDS[results.attributes["kind"]].table.rows(read))
+    own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
+    records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
     if unfinished := results.attributes.get("unfinished"):
         records = [record | {"unfinished": unfinished} for record in records]
     return [record | printed_claims.columns(record, owners[record["case"]], judged) for record in records]
@@ -112,30 +113,35 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     show(results, new_console(file))
 
 
-def show(results: Results, console: Any, with_title: bool = True) -> None:
+def show(results: Results, console: Any) -> None:
     """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
 
     Of results of an unknown kind all numbers are printed.
     """
-    known = results.attributes.get("kind") in KINDS
-    read = readings(results) if known else []  # before anything is printed: they may not be readable
-    title = results.attributes.get("title")
-    if title and with_title:
+    cases = list(by_cases(results))  # before anything is printed: they may not be readable
+    if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     if unfinished := results.attributes.get("unfinished"):
         console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
-    if not known:
-        show_groups(console, results.groups)
+    for items, judged in cases:
+        show_items(console, items)
+        printed_claims.show(console, judged)
+
+
+def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
+    """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
+    if results.attributes.get("kind") not in KINDS:
+        yield list(tables_of_groups(results.groups)), []
         return
-    judged, kind = _judged(results, read), results.attributes["kind"]
-    for whole in (found := wholes(kind, read)):
-        sweeps.show(console, "" if whole.title == title else printable(whole.title), whole.curves)
-        printed_claims.show(console, [one for one in judged if one.claim.case == whole.name])
-    cases = [] if found else by_case(read)
+    read, title = readings(results), results.attributes.get("title")
+    judged, swept = _judged(results, read), wholes(read)
+    for whole in swept:
+        heading = "" if whole.title == title else printable(whole.title)
+        yield list(sweeps.tables(heading, whole.curves)), [one for one in judged if one.claim.case == whole.name]
+    cases = [] if swept else by_case(read)
     for case, case_title in zip(cases, titles(cases), strict=True):
         heading = "" if case_title == title else printable(case_title)
-        KINDS[kind].table.show(console, heading, case)
-        printed_claims.show(console, [one for one in judged if one.claim.case == case[0].about.case])
+        yield list(printed(heading, case)), [one for one in judged if one.claim.case == case[0].about.case]
 
 
 def figure(
@@ -161,21 +167,21 @@ def figure(
     if unfinished and style == "paper":
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        told = f"{title} ({unfinished})" if unfinished else title
-        over = wholes(kind, read)
-        drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
+        heading = f"{title} ({unfinished})" if unfinished else title
+        over = wholes(read)
+        drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
         if page.current().width is not None:
             fitting.settle(drawn)
         return drawn
 
 
-def _swept_figure(kind: str, title: str, found: Sequence[Whole]) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[Whole]) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import style
     from ..drawing.sweeps import draw, draw_maps
 
     drawn = []
-    for whole in found:
+    for whole in cases:
         own = [{name: getattr(one, name, None) for name in _FACTS} for one in whole.readings]
         facts, _ = style.split_facts([style.facts(one, **of) for one, of in zip(whole.readings, own, strict=True)])
         if whole.curves:
@@ -195,8 +201,8 @@ def film(results: Results) -> "Film":
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
     with page.applied():
-        found: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
-        return found
+        film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
+        return film
 
 
 def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:

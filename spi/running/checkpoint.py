@@ -1,4 +1,4 @@
-"""The states of all parts of an experiment, and the file in which they are kept while it runs and afterwards."""
+"""The states of all parts of an experiment, and the file in which they are stored while it runs and afterwards."""
 
 import contextlib
 import glob
@@ -7,7 +7,7 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,11 +16,11 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.plans import Plan, State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from ..storage.sums import VERSION
+from ..storage.sums import FORMER_SUFFIX, SUFFIX, VERSION
 from .load import name_of, plans
 from .workers import WorkersLost
 
-#: Of the time of a run, what writing checkpoints may take.
+#: The share of the time of a run that writing checkpoints may take.
 _SHARE = 0.01
 
 #: Into which an experiment may be divided.
@@ -32,7 +32,7 @@ class Stopped(Exception):
 
 
 class Limits(NamedTuple):
-    """When a run keeps what is done, and when it ends."""
+    """When a run writes checkpoints, and when it ends."""
 
     checkpoint_seconds: float = 5.0  #: from one checkpoint to the next, or longer where writing one takes long
     max_seconds: float = math.inf  #: after which it stops as if it were interrupted
@@ -49,31 +49,27 @@ class Shard:
     def of(cls, text: str) -> "Shard":
         """Read from "3/8"; ValueError if that is not a shard, or one of more than MOST_SHARDS."""
         digits = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
-        found = cls(int(digits[1]), int(digits[2])) if digits else cls(0, 0)
-        if not 1 <= found.number <= found.count <= MOST_SHARDS:
+        shard = cls(int(digits[1]), int(digits[2])) if digits else cls(0, 0)
+        if not 1 <= shard.number <= shard.count <= MOST_SHARDS:
             raise ValueError(text)
-        return found
-
-    @property
-    def suffix(self) -> str:
-        """What its file is called after that of the whole."""
-        return f".shard-{self.number}-of-{self.count}"
+        return shard
 
 
-_OF_SHARD = re.compile("[.]shard-[0-9]+-of-[0-9]+$")  # how the name of the file of one ends, without .npz
+_OF_SHARD = re.compile("[.]shard-([0-9]+)-of-([0-9]+)$")  # the end of the name of a shard's file, without its ending
 
 
 class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
 
-def sums_path(experiment: specs.Experiment, out: str | Path, one: Shard | None = None) -> Path:
-    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>-<digest of the sources>-v<layout>.npz``.
+def sums_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None = None) -> Path:
+    """The file of sums: ``<out>/sums/<name>-<hash of the spec>-<digest of the sources>-v<layout>.sums``.
 
-    Other sources might go on with other numbers, so that their sums stand in a file of their own and are kept.
+    Other sources might go on with other numbers, so that their sums stand in a file of their own, which stays.
     """
-    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}{one.suffix if one else ''}.npz"
-    return Path(out) / "sums" / name
+    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}"
+    suffix = f".shard-{shard.number}-of-{shard.count}" if shard else ""
+    return Path(out) / "sums" / f"{name}{suffix}{SUFFIX}"
 
 
 class Checkpoint:
@@ -82,23 +78,22 @@ class Checkpoint:
     def __init__(self, experiment: specs.Experiment, path: Path, limits: Limits, tell: Callable[[str], None]) -> None:
         self.experiment, self.path, self.limits, self.tell = experiment, path, limits, tell
         self.states = [State(plan) for plan in plans(experiment)]
+        self.by_name = {name_of(state.plan): state for state in self.states}
         self.keys = {name: Keys.of(state.plan) for name, state in self.by_name.items()}
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
-        self.begun_with: float | None = None  #: the work that was known before this run
+        self.begun_with: float | None = None  #: the work that was done before this run
         self.saved_work = 0.0
-        self.machines = {storage.machine()}  #: on which anything was computed that is known
-
-    @property
-    def by_name(self) -> dict[str, State]:
-        """Name of a part -> its state."""
-        return {name_of(state.plan): state for state in self.states}
+        self.machines = {storage.machine()}  #: on which any of the sums were computed
 
     @property
     def sizes(self) -> dict[str, dict[str, int]]:
-        """Name of a part -> how much of its sums is wanted, by what decides them."""
-        return {name: sizes(state.plan, self.keys[name]) for name, state in self.by_name.items()}
+        """Name of a part -> the wanted size of its sums, by their keys."""
+        return {
+            name: dict(zip(self.keys[name].path_sets, state.plan.sizes(), strict=True))
+            for name, state in self.by_name.items()
+        }
 
     def missing(self) -> list[tuple[int, Chunk]]:
         """The chunks that are wanted for now and not done, with the number of their part."""
@@ -106,44 +101,44 @@ class Checkpoint:
 
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
-        return tuple(
-            f"{name} {number} {chunk.index} {chunk.paths} {state.digests[number][chunk.index, chunk.paths]}"
-            for name, state in self.by_name.items()
-            for number, path_set in enumerate(state.path_sets)
-            for chunk in path_set.chunks(number)
-        )
+        return tuple(f"{label} {digest}" for state in self.states for label, digest in digests_of(state).items())
 
     def shards(self) -> dict[Shard, Path]:
         """The files of those shards of the experiment that have been begun."""
-        name, found = re.compile(re.escape(self.path.stem) + r"[.]shard-([0-9]+)-of-([0-9]+)[.]npz"), {}
-        for file in self.path.parent.glob("*.npz"):
-            if match := name.fullmatch(file.name):
+        shards = {}
+        for file in self.path.parent.glob(f"{glob.escape(self.path.stem)}.shard-*{SUFFIX}"):
+            if match := _OF_SHARD.fullmatch(file.stem.removeprefix(self.path.stem)):
                 with contextlib.suppress(ValueError):  # a name that no run gives
-                    found[Shard.of(f"{match[1]}/{match[2]}")] = file
-        return found
+                    shards[Shard.of(f"{match[1]}/{match[2]}")] = file
+        return shards
 
     def resume(self) -> None:
-        """Take what is known from the file and from those of shards, of other parts from other specs of the name."""
-        known = self.merge(self.path)
-        known = known.union(*(self.merge(file, with_extra=False) for file in self.shards().values()))
-        self.take_of_others(self.by_name.keys() - known)
+        """Take the sums in the file and in those of shards, and of other parts those of other specs of the name."""
+        merged = self.merge(self.path)
+        merged = merged.union(*(self.merge(file, with_extra=False) for file in self.shards().values()))
+        self.take_of_others(self.by_name.keys() - merged)
 
-    def take_of_others(self, unknown: Collection[str]) -> None:
-        """Take what is known of some parts from other specs of the name; say so, and what other sources have."""
-        others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz") if unknown else ()
-        abouts = {file: storage.about_sums(file) for file in others if not _OF_SHARD.search(file.stem)}
-        of_these = {file: about for file, about in abouts.items() if about and self._same_sources(about)}
-        sizes = {file: about.get("samples") or 0 for file, about in of_these.items()}
-        found = {file: self.merge(file, only=unknown) for file in sorted(sizes, key=sizes.__getitem__, reverse=True)}
-        for file, parts in found.items():
-            if parts:
-                self.tell(f"{', '.join(sorted(parts))}: going on with the sums over paths in {file}")
-        if unknown == self.by_name.keys() and not any(found.values()):
+    def take_of_others(self, lacking: Collection[str]) -> None:
+        """Take the sums of some parts from other specs of the name; say so, and which sums other sources have."""
+        samples = {}
+        for file in self._files() if lacking else ():
+            about = None if _OF_SHARD.search(file.stem) else storage.about_sums(file)
+            if about and _same_sources(about):
+                samples[file] = about.get("samples") or 0
+        any_merged = False
+        for file in sorted(samples, key=samples.__getitem__, reverse=True):
+            if merged := self.merge(file, only=lacking):
+                any_merged = True
+                self.tell(f"{', '.join(sorted(merged))}: going on with the sums over paths in {file}")
+        if lacking == self.by_name.keys() and not any_merged:
             self.tell_of_other_sources()
 
     def tell_of_other_sources(self) -> None:
         """Say which sums over the same paths other sources of spi computed."""
-        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_sources(about)]
+        spec_hash, name = self.experiment.hash, self.experiment.name
+        others = [(file, about) for file, about in self._of_spec(spec_hash) if not _same_sources(about)]
+        for file in self._files(spec_hash, FORMER_SUFFIX):  # which cannot be read, but their names have the digest
+            others.append((file, {"source_digest": file.stem.removeprefix(f"{name}-{spec_hash[:12]}-")}))
         for file, about in others[:1]:
             more = f" (and {len(others) - 1} more)" if others[1:] else ""
             self.tell(
@@ -157,31 +152,34 @@ class Checkpoint:
             if about.get("finished") and about.get("source_digest") == source_digest:
                 storage.remove_sums(file)
 
+    def _files(self, spec_hash: str = "", suffix: str = SUFFIX) -> list[Path]:
+        """The files of sums of all specs of this name, or of one."""
+        return sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*{suffix}"))
+
     def _of_spec(self, spec_hash: str) -> Iterator[tuple[Path, dict]]:
-        """The files of sums of a spec of this name, by whichever sources, and what they tell about them."""
-        for file in sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*.npz")):
+        """The files of sums of a spec of this name, by whichever sources, with their attributes."""
+        for file in self._files(spec_hash):
             about = storage.about_sums(file, any_version=True)
             if about is not None and about.get("spec_hash") == spec_hash:
                 yield file, about
 
     def merge(self, path: Path, with_extra: bool = True, only: Collection[str] | None = None) -> set[str]:
-        """Add what a file of sums knows of the very same paths, of some parts or of all; of which parts it does."""
+        """Add the sums over the very same paths in a file, of some parts or of all; the names of the parts it has."""
         read = storage.read_sums(path)
-        if read is None or not self._same_sources(read[0]):
+        if read is None or not _same_sources(read[0]):
             if read is None and path.exists():
                 self.tell(f"warning: {path}: is damaged, or was edited; what it has is computed anew")
             return set()
-        known = set()
-        for name, state in self.by_name.items():
-            if only is None or name in only:
-                try:
-                    if plain := Kept(*read).of(self.keys[name]):
-                        state.merge(plain, with_extra)
-                        known.add(name)
-                        self.machines.update(read[0].get("machines") or ())
-                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
-                    self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
-        return known
+        merged = set()
+        for name in self.by_name if only is None else only:
+            try:
+                if plain := stored_of(*read, self.keys[name]):
+                    self.by_name[name].merge(plain, with_extra)
+                    merged.add(name)
+                    self.machines.update(read[0].get("machines") or ())
+            except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
+                self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
+        return merged
 
     def save(self, finished: bool = False) -> None:
         """Write the file."""
@@ -218,8 +216,8 @@ class Checkpoint:
                 self.failed = True
 
     @contextlib.contextmanager
-    def kept(self) -> Iterator[None]:
-        """Within it an interruption, or the end of the time, is turned into Stopped once all that is done is kept."""
+    def saved_at_the_end(self) -> Iterator[None]:
+        """Within it an interruption, or the end of the time, is turned into Stopped once all that is done is saved."""
         try:
             yield
         except (KeyboardInterrupt, _TimeIsUp) as reason:
@@ -238,25 +236,40 @@ class Checkpoint:
             raise
 
     def _work(self) -> float:
-        """Seconds spent on all that is known."""
+        """Seconds spent on all sums that are there."""
         return sum(state.seconds for state in self.states)
 
-    def _same_sources(self, about: dict) -> bool:
-        return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST
+
+def _same_sources(about: dict) -> bool:
+    return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST
+
+
+def label_of(plan: Plan, chunk: Chunk) -> str:
+    """The name of a chunk among those of all parts: that of its part, and its path set, number and paths."""
+    return f"{name_of(plan)} {chunk.path_set} {chunk.index} {chunk.paths}"
+
+
+def digests_of(state: State) -> dict[str, str]:
+    """The digests of the chunks of a state that is complete, by their names."""
+    return {
+        label_of(state.plan, chunk): state.digests[number][chunk.index, chunk.paths]
+        for number, path_set in enumerate(state.path_sets)
+        for chunk in path_set.chunks(number)
+    }
 
 
 def progress_of(states: Sequence[State]) -> str:
-    """How far the parts of an experiment are, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
+    """The progress of an experiment, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
     several = len({state.plan.case.name for state in states}) > 1
-    told = []
+    parts = []
     for state in states:
-        plan, one = state.plan, state.plan.progress(state)
-        of_paths = one.total > 1 and float(one.total).is_integer()  # else in seconds, or in parts of a path
-        known = one.total > 0 and math.isfinite(one.done / one.total)
-        share = f"{math.floor(100 * one.done / one.total) if known else 0} %"
-        count = f"{int(one.done):,} of {int(one.total):,} samples" if of_paths else share
-        told.append(f"{name_of(plan) if several else plan.part.name} {count}")
-    return ", ".join(told)
+        plan, (done, total, _) = state.plan, state.plan.progress(state)
+        if total > 1 and float(total).is_integer():  # else in seconds, or in parts of a path
+            count = f"{int(done):,} of {int(total):,} samples"
+        else:
+            count = f"{math.floor(100 * done / total) if total > 0 and math.isfinite(done / total) else 0} %"
+        parts.append(f"{name_of(plan) if several else plan.part.name} {count}")
+    return ", ".join(parts)
 
 
 def as_run(experiment: specs.Experiment) -> dict[str, Any]:
@@ -268,63 +281,48 @@ def as_run(experiment: specs.Experiment) -> dict[str, Any]:
         "profile": experiment.profile,
         "overrides": experiment.overrides,
         "spec": experiment.text,
-        "model_sources": json.dumps(dict(experiment.files)),
+        "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
     }
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What earlier runs know of the parts of an experiment: sums are found by the digest of what decides them.
+# Sums of earlier runs go by the digest of all that determines them.
 #
 # Another scheme, another value of a swept parameter, another case or another claim changes no sum that is there, so
-# that
-# a spec with more of them computes only what is new.
+# that a spec with more of them computes only what is new.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Keys(NamedTuple):
-    """Digests of what decides a part: its sums over the paths of each path set, and all else that is known of it."""
+    """Digests of all that determines a part: its sums over the paths of each path set, and its other results."""
 
     extra: str
     path_sets: tuple[str, ...]
 
     @classmethod
     def of(cls, plan: Plan) -> "Keys":
-        """Those of a plan."""
+        """The keys of a plan."""
         numbers = range(len(plan.path_sets(plan.initial_extra())))
         return cls(_digest(plan.deciding(None)), tuple(_digest(plan.deciding(number)) for number in numbers))
 
 
 def _digest(deciding: dict[str, Any]) -> str:
-    """Of mappings in their order, since sums stand in the order of the functions that they are of."""
+    """A digest of mappings in their order, since sums stand in the order of the functions that they are of."""
     text = json.dumps(deciding, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def sizes(plan: Plan, keys: Keys) -> dict[str, int]:
-    """How much of the sums with each key a plan wants, as results tell it."""
-    return dict(zip(keys.path_sets, plan.sizes(), strict=True))
-
-
-class Kept:
-    """A file of sums that has been read, by keys."""
-
-    def __init__(self, about: dict[str, Any], parts: dict[str, Any]) -> None:
-        self.parts, keys = parts, about["keys"]
-        self.extras = {told["extra"]: part for part, told in keys.items()}
-        self.places = {
-            key: (part, number) for part, told in keys.items() for number, key in enumerate(told["path_sets"])
-        }
-
-    def of(self, keys: Keys) -> dict[str, Any]:
-        """What is known of a part with these keys, as ``State.plain`` tells it; empty if that is nothing."""
-        found: dict[str, Any] = {"path_sets": list(self._path_sets(keys))}
-        if keys.extra in self.extras:
-            found["extra"] = self.parts[self.extras[keys.extra]]["extra"]
-        return found if found["path_sets"] or "extra" in found else {}
-
-    def _path_sets(self, keys: Keys) -> Iterable[dict[str, Any]]:
-        for number, key in enumerate(keys.path_sets):
-            part, there = self.places.get(key, ("", 0))
-            for one in self.parts[part]["path_sets"] if part else ():
-                if one["number"] == there:
-                    yield {**one, "number": number}
+def stored_of(about: dict[str, Any], parts: dict[str, Any], keys: Keys) -> dict[str, Any]:
+    """The state of a part with these keys in a file of sums, as ``State.plain`` makes it; empty if it has nothing."""
+    extras = [part for part, its in about["keys"].items() if its["extra"] == keys.extra]
+    path_sets = {key: (part, i) for part, its in about["keys"].items() for i, key in enumerate(its["path_sets"])}
+    places = [(number, *path_sets[key]) for number, key in enumerate(keys.path_sets) if key in path_sets]
+    sums = [
+        {**stored, "number": number}
+        for number, part, there in places
+        for stored in parts[part]["path_sets"]
+        if stored["number"] == there
+    ]
+    if not (extras or sums):
+        return {}
+    return {"path_sets": sums} | ({"extra": parts[extras[-1]]["extra"]} if extras else {})

@@ -8,64 +8,89 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from .. import storage
+from ..exact.work import Work, reporting_to
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
-from .workers import MOST_LOSSES, MOST_WORKERS, WorkersLost, compute
+from .workers import MOST_LOSSES, MOST_WORKERS, Workers, WorkersLost, compute, processes
 
 _GONE = "the scheduler of the Dask cluster does not answer any more"
 
 
-class Dask:
+class Dask(Workers):
     """The workers of a Dask cluster, one thread each."""
 
     def __init__(self, client: Any) -> None:
-        from distributed.scheduler import KilledWorker
-
-        self.lost: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)  # with a worker, or the scheduler
+        super().__init__()
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
+        self.topic = f"spi {client.id}"
+        client.subscribe_topic(self.topic, self._heard)
 
     @property
     def size(self) -> int:
-        """How many threads its workers have, at the moment."""
-        with self._asked():
+        """The number of threads of its workers, at the moment."""
+        with self._reached():
             return max(1, sum(self.client.nthreads().values()))
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        with self._asked():
-            return self.executor.submit(compute, source, number, chunk, 1)
+        with self._reached():
+            return self.executor.submit(_compute, self.topic, source, number, chunk)
+
+    def result(self, future: Future) -> Any:
+        """The result of a future that is done; Dask cancels those of a scheduler that is gone."""
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker as error:
+            raise WorkersLost.over_a_chunk(error.allowed_failures + 1) from None
+        except CancelledError:
+            raise WorkersLost(_GONE) from None
 
     def machines(self) -> set[str]:
-        """Those of its workers, at the moment."""
-        with self._asked():
+        """The machines of its workers, at the moment."""
+        with self._reached():
             return set(self.client.run(storage.machine, on_error="ignore").values())
 
-    def stuck(self) -> bool:
-        """Whether the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
-        return self.client.status in ("closing", "closed")
-
-    def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
-        """Nothing else, unless the scheduler is gone."""
-        if self.stuck():
+    def check(self) -> None:
+        """Notice that the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
+        if self.client.status in ("closing", "closed"):
             raise WorkersLost(_GONE)
-        return []
+
+    def _heard(self, event: tuple[float, Any]) -> None:
+        _, (number, *work) = event
+        self.reports.append((number, Work(*work)))
 
     @contextlib.contextmanager
-    def _asked(self) -> Iterator[None]:
-        """Within it what is raised because the scheduler is gone becomes one error with a line."""
+    def _reached(self) -> Iterator[None]:
+        """Within it all that is raised because the scheduler is gone becomes one error with a line."""
         try:
             yield
         except Exception as error:
-            if isinstance(error, OSError) or self.stuck():
+            if isinstance(error, OSError):
                 raise WorkersLost(_GONE) from None
+            self.check()
             raise
+
+
+def _compute(topic: str, source: Source, number: int, chunk: Chunk) -> Any:
+    """The sums over a chunk, in a worker, which logs its work without paths for the client."""
+    from distributed import get_worker
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            title, *seconds = work
+            get_worker().log_event(topic, (number, title, *map(float, seconds)))
+
+    with reporting_to(report):
+        return compute(source, number, chunk, 1)
 
 
 @contextlib.contextmanager
 def _without_its_log() -> Iterator[None]:
-    """Within it Dask logs nothing: what it says with a traceback, as of a scheduler that is gone, is told in a line."""
+    """Within it Dask logs nothing: a line says the same as its tracebacks, as of a scheduler that is gone."""
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [log.level for log in logs]
     for log in logs:
@@ -87,7 +112,7 @@ def connected(address: str) -> Iterator[Dask]:
     from distributed import Client, LocalCluster
 
     # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
-    settings: dict[str, Any] = {f"distributed.{one}.http.routes": [] for one in ("scheduler", "worker")}  # no pages
+    settings: dict[str, Any] = {f"distributed.{role}.http.routes": [] for role in ("scheduler", "worker")}  # no pages
     settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
     with _without_its_log(), dask.config.set(settings), contextlib.ExitStack() as stack:
         if address.startswith("local:"):
@@ -101,3 +126,10 @@ def connected(address: str) -> Iterator[Dask]:
         else:
             client = stack.enter_context(Client(address))
         yield Dask(client)
+
+
+def workers_of(place: int | str | None) -> contextlib.AbstractContextManager[Workers | None]:
+    """So many processes on this machine, the cluster at an address as in :func:`connected`, or None for neither."""
+    if place is None:
+        return contextlib.nullcontext()
+    return connected(place) if isinstance(place, str) else processes(place)

@@ -1,8 +1,8 @@
 """Kernels that are not in the disk cache are compiled side by side, in as many processes as there are processors.
 
-What is to be done lies in a temporary folder, from which this process and the workers take one kernel at a time: who
-makes the file of its number first has it.  Nobody depends on a worker: what one does not finish, or cannot even
-import, is compiled when it is needed.
+The jobs lie in a temporary folder, from which this process and the workers take one kernel at a time: who makes the
+file of its number first has it.  Nobody depends on a worker: a kernel that one does not finish, or cannot even import,
+is compiled when it is needed.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from ..schemes.sweeps import sweeps
 from . import orphans
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How long a kernel takes to compile, from its size: processor seconds of a quiet core, within a factor of 2.
+# The time to compile a kernel, from its size: processor seconds of a quiet core, within a factor of 2.
 #
 # The rule is a sum with few coefficients, fitted to what `tests/running/test_compile_seconds.py` records.  A flow of a
 # composition is one sweep over the lanes; other schemes write out the field of the whole step in all components.
@@ -47,7 +47,7 @@ _ROW = 4  # components that a sweep with tables counts for, however many rows it
 
 
 class Size(NamedTuple):
-    """Of the code of a step."""
+    """The size of the code of a step."""
 
     sweeps: int  #: flows of a composition
     components: int  #: of a sweep
@@ -79,7 +79,7 @@ def size_of(scheme: Any, model: Any) -> Size:
 
 
 _JOBS = "jobs"  # file of the pickled jobs
-#: What a worker runs, with the folder as argument; it imports from where this process does.
+#: The program of a worker, with the folder as argument; it imports from where this process does.
 _WORKER = f"""
 import pickle, sys
 with open(sys.argv[1] + "/{_JOBS}", "rb") as file:
@@ -93,20 +93,20 @@ with open(sys.argv[1] + "/{_JOBS}", "rb") as file:
 class Job(NamedTuple):
     """A kernel to be compiled."""
 
-    label: str  #: what it is for, in messages
+    label: str  #: its scheme, in messages
     module: str
     name: str
     arguments: tuple  #: of a call that has it compiled
-    seconds: float  #: what it takes, as predicted from its size
+    seconds: float  #: predicted from its size
 
     @property
     def title(self):
-        """What is compiled: the steps of a scheme are called like it, all else like its function."""
+        """The name of the kernel: that of the scheme for its steps, of the function for all others."""
         return self.label if self.name == "integrate" else self.name
 
 
 class Compiling(NamedTuple):
-    """That a kernel is about to be compiled."""
+    """The report before a kernel is compiled."""
 
     number: int  #: of the kernel, from 1 on
     jobs: tuple[Job, ...]  #: all that were missing at the beginning
@@ -117,13 +117,13 @@ class Compiling(NamedTuple):
         return self.jobs[self.number - 1].title
 
     @property
-    def told(self):
+    def described(self):
         """All kernels with their number and time."""
         return described(self.jobs, self.processes)
 
 
 def compile_missing(labelled_calls, report=lambda news: None):
-    """Compile what has not been compiled of ``spi.kinds.plans.KernelCall``; `labelled_calls` are (label, call).
+    """Compile the kernels of ``spi.kinds.plans.KernelCall`` that are missing; `labelled_calls` are (label, call).
 
     Those that take longest are first.  `report` is given a :class:`Compiling` before this process compiles a kernel.
     Other processes are started only if kernels with more than one label are missing.  Raises
@@ -140,12 +140,12 @@ def compile_missing(labelled_calls, report=lambda news: None):
         work(folder, jobs, lambda number: report(Compiling(number, jobs, 1 + len(started))))
         for worker in started:
             worker.wait()
-    for job in missing(labelled_calls):  # what a worker began and could not finish
+    for job in missing(labelled_calls):  # those that a worker began and could not finish
         _compile(job)
 
 
 def processors():
-    """How many processors this process may use."""
+    """The number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -158,7 +158,7 @@ def physical_memory():
 
 
 def work(folder, jobs, report=lambda number: None):
-    """Compile the jobs that no other process has taken, one after the other; `report` is told their numbers."""
+    """Compile the jobs that no other process has taken, one after the other, and `report` their numbers."""
     for number, job in enumerate(jobs, 1):
         try:
             Path(folder, str(number)).touch(exist_ok=False)
@@ -180,17 +180,16 @@ def _compile(job):
 
 
 def processes_for(jobs):
-    """How many processes compile these: one for each label, at most as many as there are processors."""
+    """The number of processes that compile these: one for each label, at most as many as there are processors."""
     return min(len({job.label for job in jobs}), processors())
 
 
 def described(jobs, processes):
     """``3 kernels, about 25 s on 2 processors: splitting (25 s), midpoint (9 s), invariants (1 s)``."""
-    taken: dict[str, tuple[int, float]] = {}
+    seconds: dict[str, list[float]] = {}
     for job in jobs:
-        count, seconds = taken.get(job.title, (0, 0.0))
-        taken[job.title] = count + 1, seconds + job.seconds
-    several = [f"{title} ({f'{n} kernels, ' * (n > 1)}{_rounded(seconds)})" for title, (n, seconds) in taken.items()]
+        seconds.setdefault(job.title, []).append(job.seconds)
+    several = [f"{title} ({f'{len(s)} kernels, ' * (len(s) > 1)}{_rounded(sum(s))})" for title, s in seconds.items()]
     longest, together = max(job.seconds for job in jobs), sum(job.seconds for job in jobs) / processes
     about = f"about {_rounded(STARTING + max(longest, together))}{f' on {processes} processors' * (processes > 1)}"
     return f"{len(jobs)} kernel{'s' * (len(jobs) > 1)}, {about}: {', '.join(several)}"
@@ -201,18 +200,18 @@ def _rounded(seconds):
 
 
 def missing(labelled_calls):
-    """The jobs for what has not been compiled, each once, those that take longest first."""
-    found = {}
-    for label, call in labelled_calls:
-        types = types_of(call.kernel, call.arguments)
-        if types is not None and (call.kernel, types) not in found and not is_compiled(call.kernel, types):
-            name, seconds = call.kernel.__name__, seconds_of(call.kernel, call.arguments)
-            found[call.kernel, types] = Job(label, call.kernel.__module__, name, call.arguments, seconds)
-    return tuple(sorted(found.values(), key=lambda job: -job.seconds))
+    """The jobs for all that is not compiled, each once, those that take longest first."""
+    jobs = {}
+    for label, (kernel, arguments) in labelled_calls:
+        types = types_of(kernel, arguments)
+        if types is not None and (kernel, types) not in jobs and not is_compiled(kernel, types):
+            seconds = seconds_of(kernel, arguments)
+            jobs[kernel, types] = Job(label, kernel.__module__, kernel.__name__, arguments, seconds)
+    return tuple(sorted(jobs.values(), key=lambda job: -job.seconds))
 
 
 def _written(folder, jobs):
-    """Write what workers need; False if the jobs hold what only this process knows."""
+    """Write the jobs for workers; False if they hold objects of this process alone."""
     with open(Path(folder, _JOBS), "wb") as file:
         try:
             pickle.dump(sys.path, file)

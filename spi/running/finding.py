@@ -1,9 +1,10 @@
-"""Which results file is meant, by a name and the options of a run, by a spec file, or by its path."""
+"""Results files by a name and the options of a run, by a spec file, or by their paths."""
 
 import contextlib
 import difflib
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,11 +15,12 @@ from ..specs.keys import suggestion
 from ..specs.naming import results_name
 from ..storage import StorageError
 from ..storage.results import read_root
+from ..storage.sums import SUFFIX
 from . import shipped
 from .load import STORED, SUMS, load
 
-#: What in the name of a file of sums follows that of the experiment.
-_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]npz$")
+#: The part of the name of a file of sums behind that of the experiment.
+_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]sums$")
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
 
@@ -33,12 +35,12 @@ class Wanted(NamedTuple):
     def options(self) -> list[str]:
         """The same as words of a command line."""
         words = [] if self.profile == "laptop" else ["--profile", self.profile]
-        for one in self.overrides:
-            words += one.split("=", 1) if one.startswith("--") else ["--set", one]
+        for override in self.overrides:
+            words += override.split("=", 1) if override.startswith("--") else ["--set", override]
         return words
 
     def name(self, experiment: str) -> str:
-        """What the results of an experiment are called; SpecError if there is no such profile."""
+        """The name of the results of an experiment; SpecError if there is no such profile."""
         if self.profile not in PROFILES:
             raise SpecError(f"--profile: '{self.profile}' is not a known profile; {suggestion(self.profile, PROFILES)}")
         return results_name(experiment, self.profile, self.overrides)
@@ -47,11 +49,11 @@ class Wanted(NamedTuple):
 PLAIN = Wanted()
 
 
-def found(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished: bool = False) -> Path:
+def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished: bool = False) -> Path:
     """The results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
 
     A file in the current folder that is called as the experiment goes first.  Where there are no results, `unfinished`
-    ones will do: then the path is that of the sums of a run, which ``spi.running.so_far`` reads.
+    ones will do: then the path is that of the sums of a run, which ``spi.running.run.so_far`` reads.
 
     StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
     """
@@ -60,7 +62,7 @@ def found(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished: bool =
     path = folder / f"{wanted.name(str(source))}.h5"
     is_name = source.name == str(source) and source.suffix not in (*STORED, *SUMS) and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
-        return _there(path, source.name, str(source), folder, wanted, unfinished)
+        return _existing(path, source.name, str(source), wanted, unfinished)
     if wanted != PLAIN:
         options = shlex.join(wanted.options)
         raise SpecError(f"{source}: is a file; leave out {options}, which chooses among the results of a name")
@@ -74,54 +76,55 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
         wanted.name("")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
     if not paths:
-        such = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
-        what = "run an experiment first, or name the folder with --results"
-        raise StorageError(f"{folder}: no results{such} here; {what}")
+        runs = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
+        remedy = "run an experiment first, or name the folder with --results"
+        raise StorageError(f"{folder}: no results{runs} here; {remedy}")
     return paths
 
 
 def _is_of(path: Path, wanted: Wanted) -> bool:
     try:
-        experiment = str(read_root(path).get("experiment", ""))
+        return path.stem == wanted.name(str(read_root(path).get("experiment", "")))
     except StorageError:
-        return False  # of which nobody knows what it is; `spi show` lists it
-    return path.stem == wanted.name(experiment)
+        return False  # `spi show` lists it with what is wrong
 
 
 class Listed(NamedTuple):
-    """What a list of results says of a file."""
+    """A line in a list of results."""
 
     name: str
     kind: str
     samples: tuple[int, ...]  #: of each case, 0 where there is none
-    created: str  #: when, or how much of it is there
+    created: str  #: when, or the progress of an unfinished run
     how: str  #: the options with which it was run
     title: str
 
+    @classmethod
+    def of(cls, name: str, run: dict[str, Any], samples: Sequence[int], created: str) -> "Listed":
+        """The line on results of a run with these root attributes; KeyError or another error if some are missing."""
+        how = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
+        title = str(run.get("title", ""))
+        return cls(name, str(run.get("kind", "")), tuple(map(int, samples)), created, how, title)
+
 
 def listed(folder: Path) -> tuple[list[Listed], list[str]]:
-    """What there is to be said of the results in a folder, and what is wrong with files that cannot be read."""
-    readable, problems = [], []
+    """A line for each of the results in a folder, and one on each file that cannot be read."""
+    lines, problems = [], []
     for path in sorted(folder.glob("*.h5")):
         try:
-            stored = read_root(path)
-            how = Wanted(stored["profile"], tuple(stored["overrides"])).options
-            told = [str(stored.get(key, "")) for key in ("kind", "created", "title")]
-            created, samples = told[1][:16].replace("T", " "), tuple(map(int, stored["samples"]))
-            readable.append(Listed(path.stem, told[0], samples, created, shlex.join(how), told[2]))
+            root = read_root(path)
+            created = str(root.get("created", ""))[:16].replace("T", " ")
+            lines.append(Listed.of(path.stem, root, root["samples"], created))
         except StorageError as error:
             problems.append(str(error))
         except Exception:  # of whatever kind, since the others can be listed
             problems.append(f"{path}: does not tell its spec; run the experiment again with --fresh")
-    for one in {one.name: one for one in _unfinished(folder)}.values():
-        run = one.about["run"]
+    for name, run in _unfinished(folder).items():
         try:
-            options = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
-            unfinished = f"unfinished: {one.about['progress']}"
-            readable.append(Listed(one.name, str(run["kind"]), (), unfinished, options, str(run["title"])))
+            lines.append(Listed.of(name, run.about["run"], (), f"unfinished: {run.about['progress']}"))
         except Exception:
-            problems.append(f"{one.path}: does not tell its run; it is computed from nothing when it is run again")
-    return readable, problems
+            problems.append(f"{run.path}: does not tell its run; it is computed from nothing when it is run again")
+    return lines, problems
 
 
 def results_of(
@@ -131,8 +134,9 @@ def results_of(
 
     Results with another number of samples, title or claims count as those of the spec file.
     """
-    spec, folder = Path(spec), Path(folder)
-    path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, spec.as_posix(), folder, wanted, unfinished)
+    spec = Path(spec)
+    path = Path(folder) / f"{wanted.name(spec.stem)}.h5"
+    path = _existing(path, spec.stem, spec.as_posix(), wanted, unfinished)
     if path.suffix in SUMS:
         return path
     stored = read_root(path)
@@ -144,66 +148,68 @@ def results_of(
     return path
 
 
-def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted, unfinished: bool) -> Path:
-    """The path, if there is such a file, or that of sums if they will do; StorageError with what to do if not."""
+def _existing(path: Path, name: str, called: str, wanted: Wanted, unfinished: bool) -> Path:
+    """The path, if there is such a file, or that of sums if they will do; StorageError with the remedy if not."""
     if path.is_file():
         return path
+    folder = path.parent
     sums = unfinished_run(folder, path.stem)
     if unfinished and sums is not None:
         return sums
     names = sorted(file.stem for file in folder.glob("*.h5"))
     others = [other for other in names if other == name or other.startswith(f"{name}.")]
-    told = [f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it"] * (
-        name in shipped.names() or Path(called).is_file()
-    )
-    if others:
-        told.append(f"there {'is' if len(others) == 1 else 'are'} {', '.join(others[:5])}{', ...' * (len(others) > 5)}")
-    elif not told:
+    remedies = [] if sums is None else [f"its run is unfinished, {sums} has what is there so far"]
+    if name in shipped.names() or Path(called).is_file():
+        remedies.append(f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it")
+    elif not others:
         near = difflib.get_close_matches(name, [*names, *shipped.names()], 1)
-        told.append(f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows")
-    if sums is not None:
-        told.insert(0, f"its run is unfinished, {sums} has what is there so far")
-    raise StorageError(f"{path}: no such file; {'; '.join(told)}")
+        remedies.append(
+            f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+        )
+    if others:
+        verb, more = "is" if len(others) == 1 else "are", ", ..." * (len(others) > 5)
+        remedies.append(f"there {verb} {', '.join(others[:5])}{more}")
+    raise StorageError(f"{path}: no such file; {'; '.join(remedies)}")
 
 
 def unfinished_run(folder: Path, name: str) -> Path | None:
     """The sums of the latest run that is not finished and whose results would have this name; None if there is none."""
-    return {one.name: one.path for one in _unfinished(folder, name)}.get(name)
+    run = _unfinished(folder, name).get(name)
+    return run and run.path
 
 
 def place_of_figures(path: Path) -> tuple[Path, str]:
-    """Into which folder figures of results go unless told otherwise, and what they are called without an ending."""
+    """The folder of the figures of results, unless another is asked for, and their name without an ending."""
     if path.suffix not in SUMS:
         return path.parent, path.stem
     run = _unfinished_in(path)
     return path.parent.parent, f"{run.name if run else path.stem}_unfinished"
 
 
-def _written(path: Path) -> float:
-    """When a file was written; one that a run is just replacing is as old as can be."""
-    try:
-        return path.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
 class Unfinished(NamedTuple):
     """A run that is not finished."""
 
-    name: str  #: what its results would be called
+    name: str  #: of its results to be
     path: Path  #: of its sums
-    about: dict[str, Any]  #: what they tell of it
+    about: dict[str, Any]  #: their attributes
 
 
-def _unfinished(folder: Path, name: str | None = None) -> list[Unfinished]:
-    """The runs of a folder that are not finished, from the earliest to the latest; those that a name could be of."""
-    runs = []
-    for path in sorted((folder / "sums").glob("*.npz"), key=lambda path: (_written(path), path)):
+def _unfinished(folder: Path, name: str | None = None) -> dict[str, Unfinished]:
+    """The latest unfinished run of each name of results in a folder; at least that of a name which is given."""
+
+    def written(path: Path) -> tuple[float, Path]:
+        try:
+            return path.stat().st_mtime, path
+        except OSError:  # a run is just replacing it
+            return 0.0, path
+
+    runs = {}
+    for path in sorted((folder / "sums").glob(f"*{SUFFIX}"), key=written):
         experiment = _OF_SUMS.sub("", path.name)
         if name is not None and name != experiment and not name.startswith(f"{experiment}."):
             continue  # sums can be large
         if run := _unfinished_in(path):
-            runs.append(run)
+            runs[run.name] = run
     return runs
 
 

@@ -1,4 +1,4 @@
-"""From a spec file to the plans of its parts, and what is to be said of its models."""
+"""From a spec file to the plans of its parts."""
 
 import contextlib
 import functools
@@ -6,29 +6,29 @@ import inspect
 import json
 import platform
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .. import specs, storage, systems
+from .. import specs, storage
 from ..kinds import KINDS
 from ..kinds.answer.question import question
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
-from ..schemes import typical_ns
 from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
-from . import remarks, shipped
+from ..storage.sums import FORMER_SUFFIX, SUFFIX
+from . import shipped
 
 #: The endings of files of results, and of sums over paths.
-STORED, SUMS = (".h5",), (".npz", ".previous")
+STORED, SUMS = (".h5",), (SUFFIX, ".previous", FORMER_SUFFIX)
 
 
 @functools.cache
 def layers() -> specs.Layers:
-    """How spec files of all kinds are read."""
+    """The layers of spec files of all kinds."""
     return specs.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
 
 
@@ -38,7 +38,6 @@ def load(
     overrides: Iterable[str] = (),
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
-    trusts: Callable[[str, str], bool] = lambda path, text: True,
     added: Iterable[tuple[str, str]] = (),
 ) -> specs.Experiment:
     """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
@@ -53,7 +52,7 @@ def load(
         given, path = path, shipped.path_of(path)
         called = None if path == Path(given) else str(given)
         text = text_of(path, shipped.names())
-    return specs.load(path, layers(), profile, overrides, text, files, called, trusts, added)
+    return specs.load(path, layers(), profile, overrides, text, files, called, added=added)
 
 
 def load_any(
@@ -132,7 +131,7 @@ def load_stored(
 
 
 class StoredSpec(NamedTuple):
-    """The spec behind results, and how it was run."""
+    """The spec behind results, and the options of its run."""
 
     name: str  #: of the experiment
     profile: str
@@ -151,12 +150,12 @@ def stored_spec(path: str | Path) -> StoredSpec:
     else:
         stored = read_root(path)
     try:
-        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
+        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources") or "{}").items()]
         name = str(stored.get("experiment", ""))
         if Path(name).name != name or not name.isprintable() or name.startswith(".") or not name:
             name = Path(path).stem  # since it becomes the name of a file
-        told = stored["profile"], tuple(stored["overrides"]), stored["spec"]
-        return StoredSpec(name, *told, tuple(files), str(stored.get("title", "")))
+        options = stored["profile"], tuple(stored["overrides"])
+        return StoredSpec(name, *options, stored["spec"], tuple(files), str(stored.get("title", "")))
     except (KeyError, TypeError, ValueError, AttributeError):
         raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
 
@@ -164,22 +163,22 @@ def stored_spec(path: str | Path) -> StoredSpec:
 def code_of(stored: StoredSpec) -> list[str]:
     """The names of those of its files that are run as Python code where the spec is read; none of a damaged spec."""
     with contextlib.suppress(specs.SpecError):
-        parts = [Document(stored.text, str), *(override("", one) for one in stored.overrides)]
-        named = {name for part in parts for name in _run_by(part.data)}
+        parts = [Document(stored.text, str), *(override("", text) for text in stored.overrides)]
+        named = {name for part in parts for name in _python_files(part.data)}
         return [name for name, _ in stored.files if name in named]
     return []
 
 
-def _run_by(data: Any) -> Iterator[str]:
-    """What stands under ``python`` anywhere in a spec."""
+def _python_files(data: Any) -> Iterator[str]:
+    """The values under ``python`` anywhere in a spec."""
     for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
         if key == "python" and isinstance(value, str):
             yield value
-        yield from _run_by(value)
+        yield from _python_files(value)
 
 
 def about_last(path: Path) -> dict[str, Any] | None:
-    """What a file of sums tells, or the one before it where a run is just replacing it; None if neither can be read."""
+    """The attributes of a file of sums, or of the previous one while a run replaces it; None if both are unreadable."""
     return storage.about_sums(path) or storage.about_sums(storage.previous(path))
 
 
@@ -198,18 +197,18 @@ def _is_here(name: str, text: str) -> bool:
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.experiment."""
-    found: dict[Path, Heading] = {}
+    """The headings of the valid ones among spec files, and the mistakes in the others; see spi.specs.experiment."""
+    valid: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:
-        if one := heading(path, layers()):
-            found[path] = one
+        if of_file := heading(path, layers()):
+            valid[path] = of_file
         else:
             try:
                 load(path)
             except specs.SpecError as error:
                 problems += error.messages
-    return found, problems
+    return valid, problems
 
 
 def plans(experiment: specs.Experiment) -> list[Plan]:
@@ -219,12 +218,12 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
 
 
 def name_of(plan: Plan) -> str:
-    """What a plan is called among those of its experiment."""
+    """The name of a plan among those of its experiment."""
     return f"{plan.case.name}/{plan.part.name}"
 
 
 class Source(NamedTuple):
-    """What another process needs to make the plans of an experiment."""
+    """All that another process needs to make the plans of an experiment."""
 
     path: str  #: for messages
     text: str
@@ -235,7 +234,7 @@ class Source(NamedTuple):
 
     @classmethod
     def of(cls, experiment: specs.Experiment) -> "Source":
-        """That of an experiment."""
+        """The source of an experiment."""
         path, files = experiment.called, experiment.files
         return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
 
@@ -251,22 +250,6 @@ def plans_of(source: Source) -> list[Plan]:
         where = f"to a worker on {platform.node()}"
         raise specs.SpecError(f"{source.path}: means something else {where}; install the same versions everywhere")
     return plans(experiment)
-
-
-def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
-    """What is to be said of the models of an experiment, lines by the name of the system and its cases.
-
-    What was found when they were generated, and what fluids resolve.
-    """
-    found: dict[tuple[str, ...], list[str]] = {}
-    for case in experiment.cases:
-        if lines := systems.report(undamped(case.model)):
-            steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
-            found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
-        if lines := remarks.resolution(case):
-            found.setdefault((case.model_name, *lines), []).append(case.name)
-    several = len(experiment.cases) > 1
-    return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
 
 
 def sources(experiment: specs.Experiment) -> list[str]:

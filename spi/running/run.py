@@ -1,9 +1,8 @@
 """From an experiment to its results file: the one path that the command line, Python users and the tests share."""
 
-import contextlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,15 +13,16 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
+from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Group, Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Stopped, as_run, sums_path
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
 from .finding import results_of
-from .load import Source, headings, layers, load, load_any, plans, reports, sources
-from .workers import Workers, advance_here, advance_with, finalise
+from .load import SUMS, Source, about_last, headings, layers, load, load_any, load_stored, plans, sources
+from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
 
 __all__ = [
     "Cost",
@@ -36,7 +36,6 @@ __all__ = [
     "load",
     "load_any",
     "plans",
-    "reports",
     "results_of",
     "results_path",
     "run",
@@ -46,7 +45,7 @@ __all__ = [
 
 
 class Cost(NamedTuple):
-    """What an experiment would cost."""
+    """The cost of an experiment."""
 
     path_steps: float  #: steps of all paths, step sizes, schemes and cases together
     seconds: float  #: an estimate; NaN where nothing bounds the work
@@ -54,23 +53,23 @@ class Cost(NamedTuple):
     at_most: bool  #: whether a target may be reached before
 
 
-#: What a run takes before and after its study, once everything is compiled.
+#: The time of a run before and after its study, once everything is compiled.
 STARTING_SECONDS = 2.0
 
 
-def cost_of(experiment: specs.Experiment, ready: Sequence[Plan]) -> Cost:
-    """What the plans of an experiment would cost."""
-    each = [plan.cost() for plan in ready]
+def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> Cost:
+    """The cost of an experiment from the steps of its plans and typical times of one step."""
+    costs = [plan.cost() for plan in ready or plans(experiment)]
     return Cost(
-        path_steps=math.fsum(one.path_steps for one in each),
-        seconds=STARTING_SECONDS + sum(one.seconds for one in each) / thread_count(),
-        megabytes=max(one.bytes for one in each) / 1e6,
+        path_steps=math.fsum(part.path_steps for part in costs),
+        seconds=STARTING_SECONDS + sum(part.seconds for part in costs) / thread_count(),
+        megabytes=max(part.bytes for part in costs) / 1e6,
         at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
     )
 
 
 class Progress(NamedTuple):
-    """How far a run is; one is reported before the first and after every batch of paths."""
+    """The progress of a run, reported before the first and after every batch of paths."""
 
     case: str
     part: str  #: scheme, and estimator if there are several
@@ -82,15 +81,25 @@ class Progress(NamedTuple):
     parts: int
     work: Work | None = None  #: without paths that goes on
 
+    @property
+    def place(self) -> str:
+        """The part among all, as in ``2/3 main splitting``."""
+        return f"{self.number + 1}/{self.parts} {self.case} {self.part}"
+
+    @property
+    def precision(self) -> str:
+        """The standard error in words; empty before there is one."""
+        return "" if math.isnan(self.stderr) else f"standard error {self.stderr:.1e}"
+
 
 class Watch(NamedTuple):
-    """Who is told what while a run lasts."""
+    """Callbacks during a run."""
 
-    report: Callable[[Progress], None] = lambda progress: None  #: how far it is
-    #: which kernel is compiled next, of which
+    report: Callable[[Progress], None] = lambda progress: None  #: the progress of a part
+    #: the kernel that is compiled next
     report_compiling: Callable[[compiling.Compiling], None] = lambda news: None
-    tell: Callable[[str], None] = lambda news: None  #: what else a person should know
-    #: what is about to be computed: its title, and what it would cost from the start
+    tell: Callable[[str], None] = lambda news: None  #: all else that a person should know
+    #: at the beginning: the title, and the cost from the start
     report_beginning: Callable[[str, Cost], None] = lambda title, cost: None
 
 
@@ -107,9 +116,9 @@ def run(
 ) -> Path:
     """Run an experiment, write its results file and return its path.
 
-    What is known already is not computed again: of an unfinished run, of a finished one, or of parts of either that are
-    the same in another spec of this name.  With `fresh` nothing earlier is looked at, and any results are replaced.
-    `workers` are processes that compute; without them this one does, on all its threads.
+    Sums that are there already are not computed again: of an unfinished run, of a finished one, or of parts of either
+    that are the same in another spec of this name.  With `fresh` nothing earlier is looked at, and any results are
+    replaced.  `workers` are processes that compute; without them this one does, on all its threads.
 
     Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
     """
@@ -117,94 +126,93 @@ def run(
     if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
         whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
-        sums = sums_path(experiment, out)
-        for path in (target, sums):  # of a run that was killed when its results were there
-            storage.remove_leftovers(path)
-        if sums.exists():
-            with contextlib.suppress(OSError):
-                storage.previous(sums).unlink()
+        storage.remove_leftovers(target)  # of a run that was killed when its results were there
+        storage.remove_leftovers(sums_path(experiment, out))
+        storage.remove_previous(sums_path(experiment, out))
         return target
-    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
-    checkpoint = session.checkpoint
+    session = Session(experiment, out, fresh, watch, limits)
     if not fresh:
-        checkpoint.resume()
-    watch.report_beginning(experiment.title, cost_of(experiment, [state.plan for state in checkpoint.states]))
-    with checkpoint.kept():
-        if checkpoint.missing():
+        session.resume()
+    watch.report_beginning(experiment.title, cost(experiment, [state.plan for state in session.states]))
+    with session.saved_at_the_end():
+        if session.missing():
             session.compile()
         if workers is None:
-            advance_here(checkpoint.states, session.tick)
+            advance_here(session.states, session.batch_done)
         else:
-            checkpoint.machines |= workers.machines()
-            advance_with(workers, Source.of(experiment), checkpoint.states, session.tick)
-            checkpoint.machines |= workers.machines()
+            session.machines |= workers.machines()
+            advance_with(workers, Source.of(experiment), session.states, session.batch_done)
+            session.machines |= workers.machines()
         return session.finish()
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """Where the results of an experiment go: ``<out>/<name>.h5``, with profile and overrides in the name."""
+    """The results file of an experiment: ``<out>/<name>.h5``, with profile and overrides in the name."""
     return Path(out) / f"{experiment.results_name}.h5"
 
 
-class Session:
-    """An experiment that is computed: where its results go, and its checkpoint.
+class Session(Checkpoint):
+    """An experiment, or a shard of it, that is computed, and its results file.
 
-    StorageError if either could not be written, or if there are results of another spec and `fresh` does not say that
-    they may be replaced.
+    StorageError if either file could not be written, or if there are results of another spec and `fresh` does not say
+    that they may be replaced.
     """
 
     def __init__(
-        self, experiment: specs.Experiment, out: str | Path, fresh: bool, watch: Watch, limits: Limits, path: Path
+        self,
+        experiment: specs.Experiment,
+        out: str | Path,
+        fresh: bool,
+        watch: Watch,
+        limits: Limits,
+        shard: Shard | None = None,
     ) -> None:
-        self.experiment, self.fresh, self.watch = experiment, fresh, watch
+        self.fresh, self.watch = fresh, watch
         self.target = results_path(experiment, out)
         storage.check_writable(self.target)
-        self.checkpoint = Checkpoint(experiment, path, limits, watch.tell)
-        if not fresh:
-            self.check_replaceable()
-        storage.check_writable(path)
+        super().__init__(experiment, sums_path(experiment, out, shard), limits, watch.tell)
+        self.check_replaceable()
+        storage.check_writable(self.path)
 
     def check_replaceable(self) -> None:
         """StorageError if there are results that may not be replaced."""
-        storage.check_replaceable(self.target, identity(self.experiment), self.checkpoint.sizes)
+        if not self.fresh:
+            storage.check_replaceable(self.target, identity(self.experiment), self.sizes)
 
     def compile(self) -> None:
-        """Compile what is missing of all kernels."""
-        calls = kernel_calls([state.plan for state in self.checkpoint.states])
-        compiling.compile_missing(calls, self.watch.report_compiling)
+        """Compile all kernels that are missing."""
+        compiling.compile_missing(kernel_calls([state.plan for state in self.states]), self.watch.report_compiling)
 
-    def tick(self, number: int) -> None:
-        """After each batch of a part: report, and keep what is done if it is time to."""
-        self.watch.report(progress_of_part(self.checkpoint.states[number], number, len(self.checkpoint.states)))
-        self.checkpoint.tick()
+    def batch_done(self, number: int) -> None:
+        """After each batch of a part: report, and save what is done if it is time to."""
+        self.watch.report(progress_of_part(self.states[number], number, len(self.states)))
+        self.tick()
 
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
-        experiment, checkpoint = self.experiment, self.checkpoint
-        finalise(checkpoint.states, self.tick)
+        finalise(self.states, self.batch_done)
         replaced = storage.spec_and_sources(self.target)
         groups: list[Group] = []
-        for number, state in enumerate(checkpoint.states):
-            with state.working(partial(self.tick, number)):
+        for number, state in enumerate(self.states):
+            with state.working(partial(self.batch_done, number)):
                 groups += state.groups()
         try:
-            told = {"parts": json.dumps(checkpoint.sizes), "machines": tuple(sorted(checkpoint.machines))}
-            attributes = root_attributes(experiment) | told
+            own = {"parts": json.dumps(self.sizes), "machines": tuple(sorted(self.machines))}
+            results = Results(root_attributes(self.experiment) | own, tuple(groups), self.chunks())
             # another run may have written there in the meantime
-            check = (lambda: None) if self.fresh else self.check_replaceable
-            storage.write(self.target, Results(attributes, tuple(groups), checkpoint.chunks()), check)
+            storage.write(self.target, results, self.check_replaceable)
         except storage.StorageError:
-            checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
+            self.save(finished=True)  # so that nothing is computed again once this is mended
             raise
         try:
-            checkpoint.save(finished=True)
+            self.save(finished=True)
         except storage.StorageError as error:
-            self.watch.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
+            self.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
             return self.target
-        if replaced not in (None, (experiment.hash, NUMBERS_DIGEST)):
-            checkpoint.remove_finished(*replaced)
-        storage.previous(checkpoint.path).unlink(missing_ok=True)
-        for file in checkpoint.shards().values():
+        if replaced not in (None, (self.experiment.hash, NUMBERS_DIGEST)):
+            self.remove_finished(*replaced)
+        storage.remove_previous(self.path)
+        for file in self.shards().values():
             storage.remove_sums(file)
         return self.target
 
@@ -221,13 +229,13 @@ def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
 
 
 def to_compile(experiment: specs.Experiment) -> str:
-    """Which kernels a run would have to compile and how long that takes, in words; empty if there are none."""
+    """The kernels that a run would have to compile, and the time for that, in words; empty if there are none."""
     jobs = compiling.missing(kernel_calls(plans(experiment)))
     return compiling.described(jobs, compiling.processes_for(jobs)) if jobs else ""
 
 
 def progress_of_part(state: State, number: int, parts: int) -> Progress:
-    """How far part `number` of so many is."""
+    """The progress of part `number` of so many."""
     plan, done = state.plan, state.plan.progress(state)
     return Progress(
         case=plan.case.name,
@@ -243,41 +251,32 @@ def progress_of_part(state: State, number: int, parts: int) -> Progress:
 
 
 def identity(experiment: specs.Experiment) -> dict[str, Any]:
-    """The root attributes that say of which spec results are."""
+    """The root attributes that identify the spec of results."""
     return {
-        "spec": experiment.text,
+        **as_run(experiment),
         "spec_hash": experiment.hash,
         "paths_hash": experiment.paths_hash,
         "samples": experiment.samples,
-        "overrides": experiment.overrides,
-        "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
         "model_code": _code(experiment),
         "expect": experiment.expect,
-        "profile": experiment.profile,
         "source_digest": NUMBERS_DIGEST,
     }
 
 
 def _code(experiment: specs.Experiment) -> str | None:
-    """What identifies the code of the models that are not built in, JSON of case and digest; None if there are none."""
+    """Digests of the code of the models that are not built in, JSON of case and digest; None if there are none."""
     digests = {case.name: modules.digest(type(undamped(case.model))) for case in experiment.cases}
     foreign = {case: digest for case, digest in digests.items() if digest is not None}
     return json.dumps(foreign) if foreign else None
 
 
-def _stored_modules(experiment: specs.Experiment) -> str | None:
-    """The texts of the stored modules of the models, JSON of name and text; None if there are none."""
-    classes = {type(undamped(case.model)) for case in experiment.cases}
-    texts = {cls.__module__: modules.text_of(cls) for cls in classes if modules.is_stored(cls)}
-    return json.dumps(texts, sort_keys=True) if texts else None
-
-
 def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     """All root attributes of the results of an experiment."""
+    classes = {type(undamped(case.model)) for case in experiment.cases}
+    texts = {cls.__module__: modules.text_of(cls) for cls in classes if modules.is_stored(cls)}
     return {
-        **as_run(experiment),
         **identity(experiment),
-        "model_modules": _stored_modules(experiment),
+        "model_modules": json.dumps(texts, sort_keys=True) if texts else None,
         "asks": experiment.asks,
         "figure": experiment.figure,
         "seed": experiment.cases[0].seed,
@@ -288,6 +287,51 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     }
 
 
-def cost(experiment: specs.Experiment) -> Cost:
-    """The cost of an experiment from the steps to be taken and typical times of one step."""
-    return cost_of(experiment, plans(experiment))
+def so_far(path: Path, trust_code: bool = False, report: Callable[[Progress], None] = NOBODY.report) -> Results:
+    """The results in a file, or those of the unfinished run whose sums over paths it holds.
+
+    The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
+    samples as are there, or with as many of the values and step sizes.  `report` is called for work without paths.
+
+    StorageError if the file cannot be read, or has nothing yet that could be shown.
+    """
+    if path.suffix not in SUMS:
+        return storage.read(path)
+    experiment = load_stored(path, trust_code)
+    about = about_last(path) or {}
+    if about.get("source_digest") != NUMBERS_DIGEST:
+        raise storage.StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
+    checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), USUAL, NOBODY.tell)
+    checkpoint.resume()
+    checkpoint.merge(path, with_extra=False)
+    states = [state.plan.so_far(state) for state in checkpoint.states]
+
+    def tick(number: int, state: State) -> None:
+        report(progress_of_part(state, number, len(states)))
+
+    groups: list[Group] = []
+    for number, state in enumerate(states):
+        if state is not None:
+            with state.working(partial(tick, number, state)):
+                groups += state.groups()
+    progress = progress_of(checkpoint.states)
+    if not groups:
+        raise storage.StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
+    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
+    return Results(root_attributes(experiment) | more, tuple(groups), ())
+
+
+def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:
+    """The name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
+    for plan in plans(experiment):
+        answer: Any = plan
+        compiling.compile_missing(kernel_calls([plan]), watch.report_compiling)
+        state = State(plan)
+
+        def tick(number: int, state: State = state) -> None:
+            watch.report(progress_of_part(state, number, 1))
+
+        while (predicted := answer.prediction(state.extra)) is None:
+            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
+            allocate(0, state, tick)
+        yield plan.case.name, predicted

@@ -12,39 +12,38 @@ import numpy as np
 
 from .. import specs, storage
 from ..kinds.plans import State
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
+from .checkpoint import Limits, Shard, Stopped, sums_path
 from .run import NOBODY, USUAL, Session, Watch
 from .workers import Task, advance_some_here, allocate
 
-#: Of the shards that are missing so many are named.
+#: The largest number of missing shards that are named.
 _NAMED = 8
 
 
 def run_shard(
     experiment: specs.Experiment,
-    one: Shard,
+    shard: Shard,
     out: str | Path = "results",
     fresh: bool = False,
     watch: Watch = NOBODY,
     limits: Limits = USUAL,
 ) -> Path:
-    """Compute one shard of what an experiment wants for now, and return the path of the file it is kept in.
+    """Compute one shard of what an experiment wants for now, and return the path of its file.
 
     With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.running.run.run` does.
     """
-    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
-    checkpoint = session.checkpoint
-    known = checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
-    mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
+    session = Session(experiment, out, fresh, watch, limits, shard)
+    merged = session.merge(sums_path(experiment, out))  # of earlier rounds
+    mine = set(_shards(session.states, shard.count)[shard.number - 1])
     if not fresh:
-        known |= checkpoint.merge(checkpoint.path, with_extra=False)
-        checkpoint.take_of_others(checkpoint.by_name.keys() - known)
-    with checkpoint.kept():
-        if mine.intersection(checkpoint.missing()):
+        merged |= session.merge(session.path, with_extra=False)
+        session.take_of_others(session.by_name.keys() - merged)
+    with session.saved_at_the_end():
+        if mine.intersection(session.missing()):
             session.compile()
-        advance_some_here(checkpoint.states, mine, session.tick)
-        checkpoint.save()
-    return checkpoint.path
+        advance_some_here(session.states, mine, session.batch_done)
+        session.save()
+    return session.path
 
 
 def merge(
@@ -59,17 +58,16 @@ def merge(
     Raises StorageError as ``spi.running.run.run`` does, or if there are no shards; Stopped if some are missing, or if
     a multilevel estimator, now that it knows the variances, wants further paths: then they are to be run again.
     """
-    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
-    checkpoint = session.checkpoint
-    checkpoint.resume()
-    with checkpoint.kept():
-        _need_all(checkpoint)
-        for number, state in enumerate(checkpoint.states):
-            while not state.missing() and allocate(number, state, session.tick):
+    session = Session(experiment, out, fresh, watch, limits)
+    session.resume()
+    with session.saved_at_the_end():
+        _need_all(session)
+        for number, state in enumerate(session.states):
+            while not state.missing() and allocate(number, state, session.batch_done):
                 pass
-        if left := checkpoint.missing():
-            checkpoint.save()
-            for file in checkpoint.shards().values():
+        if left := session.missing():
+            session.save()
+            for file in session.shards().values():
                 storage.remove_sums(file)
             raise Stopped(
                 f"all shards of this round are complete, and further chunks are needed ({len(left)}): run all shards "
@@ -78,21 +76,21 @@ def merge(
         return session.finish()
 
 
-def _need_all(checkpoint: Checkpoint) -> None:
+def _need_all(session: Session) -> None:
     """Raise Stopped, with the names of the shards to which missing chunks belong, if there are any."""
-    missing, found, called = set(checkpoint.missing()), checkpoint.shards(), checkpoint.experiment.called
+    missing, shards, called = set(session.missing()), session.shards(), session.experiment.called
     if not missing:
         return
-    if not found:
+    if not shards:
         raise storage.StorageError(
-            f"{checkpoint.path.parent}: no shards of {called} here; "
+            f"{session.path.parent}: no shards of {called} here; "
             f"`spi run {shlex.quote(Path(called).as_posix())} --shard 1/4` computes the first of four"
         )
-    count = max(one.count for one in found)
+    count = max(shard.count for shard in shards)
     lacking = []
-    for number, chunks in enumerate(_shards(checkpoint.states, count), 1):
+    for number, chunks in enumerate(_shards(session.states, count), 1):
         if left := missing.intersection(chunks):
-            state = "unfinished" if Shard(number, count) in found else "missing"
+            state = "unfinished" if Shard(number, count) in shards else "missing"
             lacking.append(f"shard {number} of {count} is {state} ({len(left)} of its {len(chunks)} chunks)")
     more = [f"and {len(lacking) - _NAMED} others"] if len(lacking) > _NAMED else []
     raise Stopped(f"{'; '.join(lacking[:_NAMED] + more)}: run it, then `spi merge` again")
@@ -107,7 +105,7 @@ def _shards(states: Sequence[State], count: int) -> list[list[Task]]:
                 tasks.append((number, chunk))
                 work.append(chunk.blocks / path_set.chunk_blocks)
     middles = np.cumsum(work) - np.array(work) / 2
-    found: list[list[Task]] = [[] for _ in range(count)]
+    shards: list[list[Task]] = [[] for _ in range(count)]
     for task, place in zip(tasks, middles / max(sum(work), 1e-300) * count, strict=True):
-        found[min(int(place), count - 1)].append(task)
-    return found
+        shards[min(int(place), count - 1)].append(task)
+    return shards

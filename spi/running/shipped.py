@@ -1,4 +1,4 @@
-"""The experiments that come with the program, found by name from any folder, and what a new one begins from."""
+"""The experiments that come with the program, found by name from any folder, and the texts of new ones."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ def folder() -> Path:
 
 
 def names() -> list[str]:
-    """What they are called, sorted."""
+    """Their names, sorted."""
     return sorted(path.stem for path in folder().glob("*.yaml"))
 
 

@@ -1,23 +1,25 @@
-"""The chunks of all parts, computed in this process or by workers: any executor of ``concurrent.futures``.
+"""The chunks of all parts, computed in this process or by workers.
 
-Local processes are here and Dask's in ``clusters.py``; another executor needs a class like :class:`Processes`.
+Workers are an executor of ``concurrent.futures``: here of threads with a process each, in ``clusters.py`` that of Dask.
 """
 
 import contextlib
 import threading
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from multiprocessing import get_context
-from typing import Any, Protocol
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any
 
 from ..ensemble.loop import limited_threads
+from ..exact.work import Work, reporting_to
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
-from .orphans import end_all, follow_the_parent
+from .orphans import follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
 MOST_LOSSES, MOST_WORKERS = 5, 1024
@@ -32,75 +34,134 @@ def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
 
 
 class WorkersLost(RuntimeError):
-    """There is nobody left to compute, or what is to be computed ends whoever tries."""
+    """No workers are left, or a chunk ends each of them."""
+
+    @classmethod
+    def over_a_chunk(cls, losses: int) -> "WorkersLost":
+        """The error where a chunk was handed out as often as it may be."""
+        return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
-class Workers(Protocol):
-    """Several processes, here or elsewhere."""
+#: The number of a plan, and work without paths in progress in it.
+News = tuple[int, Work]
+
+
+class Workers:
+    """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
+
+    def __init__(self) -> None:
+        self.reports: list[News] = []  #: of work without paths
 
     @property
     def size(self) -> int:
-        """How many there are."""
-
-    @property
-    def lost(self) -> tuple[type[BaseException], ...]:
-        """What a future raises whose worker was lost."""
+        """The number of chunks that are computed at once."""
+        raise NotImplementedError
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
-        """Have :func:`compute` called somewhere."""
+        """Have :func:`compute` called somewhere, again where its process is lost."""
+        raise NotImplementedError
+
+    def result(self, future: Future) -> Any:
+        """The result of a future that is done."""
+        return future.result()
+
+    def news(self) -> list[News]:
+        """The reports of work without paths since the last call."""
+        reports, self.reports = self.reports, []
+        return reports
+
+    def check(self) -> None:
+        """Called when nothing was done for a while."""
 
     def machines(self) -> set[str]:
-        """What ``storage.machine`` says of others than this one, on which they are."""
-
-    def stuck(self) -> bool:
-        """Whether, after a while without an answer, none is to be expected any more."""
-
-    def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
-        """Replace what was lost; of `waiting`, future -> task, takes out and returns what was lost with it."""
+        """The ``storage.machine`` of all machines but this one on which they are."""
+        return set()
 
 
-class Processes:
-    """Worker processes on this machine, among which its processors are shared out."""
+class Processes(Workers):
+    """Worker processes on this machine, among which its processors are shared out.
 
-    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
-    machines = staticmethod(set[str])  #: none but this one
+    A thread hands a chunk to an idle process and waits at its pipe, whose end says that the process was killed.
+    """
+
+    size: int = 0
 
     def __init__(self, size: int) -> None:
+        super().__init__()
         self.size = size
         self.threads = max(1, processors() // size)
-        self.executor = self._start()
+        self.executor = ThreadPoolExecutor(size)
+        self.processes: list[SpawnProcess] = []  #: all that were started
+        self.idle: list[Connection] = []
+        self.closed = False
+        self.lock = threading.Lock()
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        try:
-            return self.executor.submit(compute, source, number, chunk, self.threads)
-        except BrokenExecutor as error:  # one was lost since anybody looked
-            future: Future = Future()
-            future.set_exception(error)
-            return future
+        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads, plan=number)
 
-    def stuck(self) -> bool:
-        """Whether one has ended and the executor, which is told at once, has not said so.
-
-        One that is killed while it writes its answer leaves the executor waiting for the rest of it, and the others for
-        the lock that it held.
-        """
-        return any(not process.is_alive() for process in list((self.executor._processes or {}).values()))
-
-    def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
-        """Start all anew: when one is lost, the executor of the standard library gives up all."""
-        self.close()
-        self.executor = self._start()
-        lost = list(waiting.values())
-        waiting.clear()
-        return lost
+    def answer(self, *call: Any, plan: int = 0) -> Any:
+        """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
+        for _ in range(MOST_LOSSES + 1):
+            try:
+                connection = self._taken()
+                connection.send(call)
+                while isinstance(answer := connection.recv(), Work):
+                    self.reports.append((plan, answer))
+            except (EOFError, OSError):
+                if self.closed:
+                    break
+                continue
+            self.idle.append(connection)
+            result, error = answer
+            if error is not None:
+                raise error
+            return result
+        raise WorkersLost.over_a_chunk(MOST_LOSSES + 1)
 
     def close(self) -> None:
         """End all, whatever they do."""
-        end_all(self.executor)
+        with self.lock:
+            self.closed = True
+        for process in self.processes:
+            process.kill()
+            process.join()
+        self.executor.shutdown(cancel_futures=True)
 
-    def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=follow_the_parent)
+    def _taken(self) -> Connection:
+        """The pipe to a process that is idle, or new."""
+        with self.lock:
+            if self.closed:
+                raise EOFError
+            if self.idle:
+                return self.idle.pop()
+            context = get_context("spawn")
+            connection, theirs = context.Pipe()
+            with theirs:
+                process = context.Process(target=_serve, args=(theirs,), daemon=True)
+                process.start()
+            self.processes.append(process)
+            return connection
+
+
+def _serve(connection: Connection) -> None:
+    """Make all calls that come, send reports of work without paths, and (result, None) or (None, error)."""
+    follow_the_parent()
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            connection.send(work)
+
+    with contextlib.suppress(EOFError, OSError):  # the parent is gone
+        while True:
+            function, *arguments = connection.recv()
+            answer: tuple[Any, Exception | None]
+            try:
+                with reporting_to(report):
+                    answer = function(*arguments), None
+            except Exception as error:
+                answer = None, error
+            connection.send(answer)
 
 
 @contextlib.contextmanager
@@ -113,14 +174,15 @@ def processes(size: int) -> Iterator[Processes]:
         workers.close()
 
 
-#: Told the number of a part after each batch of it, and while work without paths goes on; what it raises ends the work.
+#: Called with the number of a part after each batch of it, and while work without paths goes on; what it raises ends
+#: the work.
 Tick = Callable[[int], None]
 Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without an answer after which it is asked whether the workers are stuck.
-_PATIENCE = 10.0
+#: Seconds without a result after which reports are shown, and the workers checked.
+_PATIENCE = 0.5
 
 
 def advance_here(states: Sequence[State], tick: Tick) -> None:
@@ -135,65 +197,54 @@ def advance_here(states: Sequence[State], tick: Tick) -> None:
 
 
 def advance_some_here(states: Sequence[State], tasks: Collection[Task], tick: Tick) -> None:
-    """Compute those of some chunks that are missing, and nothing that only they would lead to, in this process."""
+    """Compute the missing ones among some chunks, and nothing that only they would lead to, in this process."""
     for number, state in enumerate(states):
         tick(number)
         _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in tasks], tick)
 
 
 def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
-    """Have all chunks computed by workers; what one of them loses is handed out again."""
+    """Have all chunks computed by workers, of earlier parts first."""
     tick(0)
-    queue, waiting = _Queue(states, tick), dict[Future, Task]()
-    losses = Counter[Task]()
+    left: list[list[Chunk] | None] = [state.missing()[::-1] for state in states]
+    waiting = dict[Future, Task]()
     while True:
-        while len(waiting) < _AHEAD * workers.size and (task := queue.next()) is not None:
+        while len(waiting) < _AHEAD * workers.size and (task := _next(states, left, waiting.values(), tick)):
             waiting[workers.submit(source, *task)] = task
         if not waiting:
             return
-        lost = []
         done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+        _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
         for future in done:
-            number, chunk = task = waiting.pop(future)
-            try:
-                states[number].put(chunk, future.result())
-            except workers.lost:
-                lost.append(task)
-                continue
-            queue.done(number)
+            number, chunk = waiting.pop(future)
+            states[number].put(chunk, workers.result(future))
             tick(number)
-        if lost or (not done and workers.stuck()):
-            lost += workers.renewed(waiting)
-        for task in lost:
-            losses[task] += 1
-            if losses[task] > MOST_LOSSES:
-                raise WorkersLost(f"{losses[task]} workers were lost over the same paths; give fewer, with more memory")
-            waiting[workers.submit(source, *task)] = task
+        if not done:
+            workers.check()
 
 
-class _Queue:
-    """Hands out the chunks of all parts, of earlier parts first."""
+def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
+    """Report the last news of the first of the parts `at_work` that have any."""
+    last = {number: work for number, work in news if number in at_work}
+    if last:
+        state = states[min(last)]
+        state.work = last[min(last)]
+        try:
+            tick(min(last))
+        finally:
+            state.work = None
 
-    def __init__(self, states: Sequence[State], tick: Tick) -> None:
-        self.states, self.tick = states, tick
-        self.left = [state.missing()[::-1] for state in states]
-        self.under_way = [0] * len(states)
-        self.finished = [False] * len(states)
 
-    def next(self) -> Task | None:
-        """A chunk that can be computed now; None if there is none until others are done."""
-        for number, state in enumerate(self.states):
-            while not (self.left[number] or self.under_way[number] or self.finished[number]):
-                self.finished[number] = not allocate(number, state, self.tick)
-                self.left[number] = state.missing()[::-1]
-            if self.left[number]:
-                self.under_way[number] += 1
-                return number, self.left[number].pop()
-        return None
-
-    def done(self, number: int) -> None:
-        """A chunk of a part is done."""
-        self.under_way[number] -= 1
+def _next(
+    states: Sequence[State], left: list[list[Chunk] | None], under_way: Collection[Task], tick: Tick
+) -> Task | None:
+    """Take a chunk that can be computed now out of `left`, None for a part that is done; None until others are done."""
+    for number, state in enumerate(states):
+        while left[number] == [] and not any(number == part for part, _ in under_way):
+            left[number] = state.missing()[::-1] if allocate(number, state, tick) else None
+        if chunks := left[number]:
+            return number, chunks.pop()
+    return None
 
 
 def finalise(states: Sequence[State], tick: Tick) -> None:
@@ -206,7 +257,7 @@ def finalise(states: Sequence[State], tick: Tick) -> None:
 
 
 def allocate(number: int, state: State, tick: Tick) -> bool:
-    """Ask the plan of part number `number` for further paths; whether it said something new."""
+    """Ask the plan of part number `number` for further paths; whether there is a new allocation."""
     with state.working(partial(tick, number)):
         extra = state.plan.next_allocation(state)
     if extra is not None:
@@ -215,7 +266,7 @@ def allocate(number: int, state: State, tick: Tick) -> bool:
 
 
 def _advance_chunks(number: int, state: State, missing: Sequence[Chunk], tick: Tick) -> None:
-    """Compute chunks of part number `number` that are missing, from what is known of each."""
+    """Compute chunks of part number `number` that are missing, each from its first path that is missing."""
     with state.working(partial(tick, number)):
         for chunks in _runs(missing, state):
             for added in state.plan.advance(chunks, state.tally(chunks[0].path_set).known(chunks[0])):
@@ -225,7 +276,7 @@ def _advance_chunks(number: int, state: State, missing: Sequence[Chunk], tick: T
 
 
 def _runs(chunks: Sequence[Chunk], state: State) -> Iterator[list[Chunk]]:
-    """Chunks as runs of consecutive ones; one of which something is known begins a run."""
+    """Chunks as runs of consecutive ones; one that is partly computed begins a run."""
     run: list[Chunk] = []
     for chunk in chunks:
         follows = run and (chunk.path_set, chunk.index) == (run[-1].path_set, run[-1].index + 1)

@@ -1,4 +1,4 @@
-"""Schemes for the multiscale system (the paper's eq. prob_eps), whose noise are fast Ornstein-Uhlenbeck processes:
+"""Schemes for the multiscale system (the paper's eq. (15)), whose noise are fast Ornstein-Uhlenbeck processes:
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) xi_k/eps dt,      dxi_k = -xi_k/eps^2 dt + dW_k/eps.
 
@@ -58,7 +58,7 @@ def move_processes(index, model, y, scheme, h, dW, increments):
 
 
 class AsymptoticPreserving(NamedTuple):
-    """The splitting scheme with the increments of the processes (eq. APscheme, or its variant with the midpoint rule).
+    """The splitting scheme with the increments of the processes (eq. (24), or its variant with the midpoint rule).
 
     For eps -> 0 and fixed h it becomes the splitting scheme with the same dW, which it is for eps = 0.
     """

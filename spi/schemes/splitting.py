@@ -73,9 +73,9 @@ def _check_loops(loops, noise):
         raise ValueError(f"loops and areas need {right}")
 
 
-#: The paper's eq. slpI.
+#: The paper's eq. (18).
 LIE_TROTTER = splitting(flows("noise"), flows("drift"))
-#: Its remark rem-xchange: the deterministic part acts first.
+#: Its remark 2: the deterministic part acts first.
 LIE_TROTTER_EXCHANGED = splitting(flows("drift"), flows("noise"))
 #: With the Lévy areas: of strong order 1 whether or not the noises commute.
 LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
@@ -88,7 +88,7 @@ JOINT_AREAS = splitting(
     flows("areas"),
     flows("joint", "backwards", 1 / 2, shared=True),
 )
-#: The paper's eq. order2, of weak order 2.
+#: The paper's eq. (19), of weak order 2.
 ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True), flows("drift", "symmetric", 1 / 2))
 #: A palindrome: a step is its own reverse in law, since the half increments of a noise are independent.
 SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))

@@ -1,4 +1,4 @@
-"""What a step does with its lanes: the flows of its stages one after the other, each with its time."""
+"""The sweeps of a step over its lanes: the flows of its stages one after the other, each with its time."""
 
 import functools
 import itertools
@@ -140,7 +140,7 @@ def sweep_within(angles, part, index, model, y, t):
 
 @device(by_type=True)
 def friction_times(index, model, t, y, times):
-    """How long the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    """The time that the flow of noise number(index) acts in each lane in the place of friction for the time t."""
     if tables := friction_tables(model):
         return table_friction(*tables[number(class_of(index)())])
     return _friction_times if is_inlined(model) else _called_friction
@@ -168,14 +168,14 @@ def time_of(part, t, lane):
 
 @functools.lru_cache
 def _times_together(count, most, of_lanes):
-    """Those of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
+    """The times of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
     times = "".join(f"t[{place} * LANES + lane], " for place in range(count)) + "0.0, " * (most - count)
     time = f"t[{count} * LANES + lane]" if of_lanes else "part.time"
     return function_of(["def times_together(part, t, lane):", f"return {time}, ({times})"], {"LANES": LANES})
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Long flows on all lanes: their angles, the sines of these, and what is done with the sines, one after the other.
+# Long flows on all lanes: their angles, the sines of these, and the states from the sines, one after the other.
 #
 # The sines of a sweep stand in scratch memory.  A number is computed as by the flow as a whole, to the last bit.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ def sines_within(angles, work):
 
 
 def load_sines(model, work, lane):
-    """Those of one lane, and then the versines, as a tuple."""
+    """The sines of one lane, and then the versines, as a tuple."""
     return tuple(float(work[i * LANES + lane]) for i in range(2 * phases(model)))
 
 
@@ -236,7 +236,7 @@ def _(model, work, lane):
 # ---------------------------------------------------------------------------------------------------------------------
 # Flows on all lanes as loops over tables of components, see ``ensemble/protocol.py``.
 #
-# What moves the lanes is called, not inlined: it takes long enough, and what is compiled for a flow stays small.
+# Functions that move the lanes are called, not inlined: they take long enough, and the code of a flow stays small.
 # ---------------------------------------------------------------------------------------------------------------------
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
@@ -248,9 +248,9 @@ _TABLES = {Drift: drift_tables, Noise: noise_tables}
 
 def table_of(part, index, model):
     """The table of a flow, () if there is none, given records or their Numba types."""
-    found = _TABLES[class_of(part)](model) if class_of(part) in _TABLES else ()
+    tables = _TABLES[class_of(part)](model) if class_of(part) in _TABLES else ()
     k = number(class_of(index)())
-    return found[k] if k < len(found) else ()
+    return tables[k] if k < len(tables) else ()
 
 
 def places(rows):
@@ -322,11 +322,11 @@ def table_friction(shape, row):
 @device(inline=False)
 def friction_in_rows(shape, size, model, rate, t, y, times, rows):
     """The times of a noise of which the friction has this rate."""
-    found, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
+    durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
     for lane in range(LANES):
         slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
-        found[lane] = friction_after(rate, t, slope, bend)
-    copy_lanes(found, 0, times, 0)
+        durations[lane] = friction_after(rate, t, slope, bend)
+    copy_lanes(durations, 0, times, 0)
 
 
 @device
@@ -337,7 +337,7 @@ def copy_lanes(source, begin, target, at):
 
 
 def lanes_of(count):
-    """Room for number(count) floats in each lane, until the function that asks for it returns."""
+    """Room for number(count) floats in each lane, until the function that calls this returns."""
     return np.empty(number(count) * LANES)
 
 
@@ -381,23 +381,22 @@ class ShareOfWhole(NamedTuple):
 
 
 def _with_times(flows, stages, model):
-    """Flows as :func:`flows_in_order` gives them, each with its time as :func:`sweeps` tells it."""
-    known = stages_known(stages)
+    """The flows of :func:`flows_in_order`, each with its time as in :func:`sweeps`."""
+    by_number = stages_known(stages)
     used = Counter()  # sub-steps of each Wiener process
 
     def time(i, k, share):
-        length = share * known[i].length
-        if known[i].shared:
+        length = share * by_number[i].length
+        if by_number[i].shared:
             return ShareOfWhole(length / FINEST)
         used[k] += int(length)
         return _fewest(used[k] - int(length), used[k])
 
-    found = []
-    for one in flows:
-        i, part, k, share = one
+    timed = []
+    for i, part, k, share in flows:
         times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
-        found.append((*one, times if part == "joint" else times[0][1] if times else None))
-    return found
+        timed.append((i, part, k, share, times if part == "joint" else times[0][1] if times else None))
+    return timed
 
 
 def _fewest(first, end):
@@ -406,19 +405,19 @@ def _fewest(first, end):
 
 
 class Lacking(NamedTuple):
-    """What the noise flows lack of a pair, see ``stages.py``."""
+    """The area of a pair that the noise flows lack, see ``stages.py``."""
 
     noises: tuple[int, int]  #: (k, l), k < l
     pair: int  #: the number of the pair among those of which there are areas
-    pairs: int  #: how many there are
+    pairs: int  #: the number of such pairs
     number: int  #: among all pairs of noises
-    before: float  #: p, how much of Y_k acts before Y_l
+    before: float  #: p, the share of Y_k that acts before Y_l
 
 
 class LoopTime(NamedTuple):
     """The time of a flow of a loop."""
 
-    lacking: tuple[Lacking, ...]  #: what the loop supplies; its flows are those of the first pair
+    lacking: tuple[Lacking, ...]  #: the areas that the loop supplies; its flows are those of the first pair
     place: int  #: of the flow in the loop, from 0
 
 
@@ -434,31 +433,31 @@ def sweeps(stages, model):
     Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
     """
-    found, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
+    swept, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
     for i, stage in enumerate(stages_known(stages)):
         acting = [flow for flow in every if flow[0] == i]
         if stage.part in ("loops", "areas"):
             lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
             is_one = stage.part == "areas" and len(lacking) > 1 and answers(bracket_factors, class_of(model))
-            found += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
+            swept += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
             continue
         if stage.coin:
             first, last = acting[:-1], acting[-1:]
             placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
         else:
             placed = [(f, 0) for f in acting]
-        found += [(*flow, coin, time) for (*flow, time), coin in placed]
-    return tuple(found)
+        swept += [(*flow, coin, time) for (*flow, time), coin in placed]
+    return tuple(swept)
 
 
 def _lacking(pairs, shares, model):
-    """What is lacking of some pairs, given the shares of the noises in the whole step."""
+    """The areas that some pairs lack, given the shares of the noises in the whole step."""
     every = list(itertools.combinations(range(noises(model)), 2))
     return [Lacking(pair, p, len(pairs), every.index(pair), _before(shares, *pair)) for p, pair in enumerate(pairs)]
 
 
 def _loops(i, groups):
-    """The flows of the loops of stage i, one for each group of what is lacking."""
+    """The flows of the loops of stage i, one loop for each group of lacking areas."""
     return [
         (i, "noise", k, 1.0, 0, LoopTime(group, place))
         for group in groups
@@ -468,11 +467,11 @@ def _loops(i, groups):
 
 def _shares(every):
     """[(noise, its share of the increment of the step), ...] of all flows with their times."""
-    found = []
+    shares = []
     for _, part, k, _, time in every:
         times = time if part == "joint" else ((k, time),) if time else ()
-        found += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
-    return found
+        shares += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
+    return shares
 
 
 def _before(shares, k, j):

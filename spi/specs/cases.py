@@ -1,16 +1,35 @@
-"""What several kinds of experiment have in common: keys, and conditions between them."""
+"""Cases: the keys that several kinds of experiment have in common, and conditions between them."""
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 import pydantic
 
 from ..ensemble.areas import HOW
-from ..ensemble.protocol import NonNegative, Positive, dimension
+from ..ensemble.fields import lie_poisson
+from ..ensemble.protocol import (
+    NonNegative,
+    Positive,
+    casimir_degrees,
+    conserved,
+    dimension,
+    flows_lacking,
+    has_friction,
+    large,
+    noise_indices,
+    squared_length_is_casimir,
+)
+from ..ensemble.scheme_protocol import judges, needs_areas
+from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
+from ..models import MODELS
+from ..models.damped import damped
 from ..models.delegation import undamped
+from ..models.thermal import thermal
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -18,16 +37,13 @@ from ..systems.keys import MOST
 from .checks import (
     check_count,
     check_distinct,
-    check_eps,
-    check_names,
-    check_needs,
     check_schemes,
-    check_word_of_areas,
+    check_step,
     dyadic,
+    wrong_scheme,
 )
 from .compositions import Compositions, check_steps, weak_order
-from .document import every
-from .drivers import Noise, check_noise, told
+from .drivers import Noise, check_noise, described
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -44,20 +60,15 @@ from .keys import (
     key_of,
     quantity,
     shown,
+    suggestion,
     wrong,
 )
 from .models import Model, check_words, name_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
-from .temperature import dissipation, dissipative_model
 
+_MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
+LAWS = ("law", "distance", "moments")  # panels about a stationary law
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
-
-
-def _told(value: Any) -> Any:
-    """A parameter of a model, records as text."""
-    if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
-        return "; ".join(map(str, value))
-    return value
 
 
 class FunctionKeys(Keys):
@@ -67,7 +78,7 @@ class FunctionKeys(Keys):
         pydantic.Field(default_factory=dict)
     )
 
-    if TYPE_CHECKING:  # what every case has
+    if TYPE_CHECKING:  # attributes of every case
         model: Any
         variables: tuple[str, ...]
 
@@ -81,12 +92,11 @@ class FunctionKeys(Keys):
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
-    @condition("functions", "model")
+    @condition
     def _check_functions(self) -> Self:
-        trees = every(self._tree, self.functions.items())
+        texts = {name: canonical(self._tree(name, text)) for name, text in self.functions.items()}
         if not self.variables:
             return self
-        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
         return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
@@ -96,15 +106,15 @@ class FunctionKeys(Keys):
             if is_constant(tree):
                 raise NumberError("constant")
         except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
+            names = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
             example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
-            right = f"must be an expression in {known} such as {example}"
+            right = f"must be an expression in {names} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
 
 
 class BaseCase(Keys):
-    """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
+    """The keys of all kinds; a spec file gives all fields but the first two."""
 
     name: str
     title: str
@@ -125,28 +135,33 @@ class BaseCase(Keys):
         None
     )
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
-    expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+    expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
-    #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
+    #: The keys that decide no path of a part: names, numbers of paths, other parts, derived quantities and figures.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    #: key -> the value with which it is left out of the data that decide results, as in specs from before it was a key.
+    unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
+    distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
+    at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
-    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
+    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
-    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: without which `accuracy` asks for an answer, where it may
+    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: keys without which `accuracy` makes the kind an answer
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
-        """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        found = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
-        row = found if isinstance(found, Scheme) else composed(scheme, found, weak_order(found, self.model))
-        return of_model(row, self.model)
+        """The entry of a scheme by its name: of a composition of the case, or in the table of schemes."""
+        entry = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
+        if not isinstance(entry, Scheme):
+            entry = composed(scheme, entry, weak_order(entry, self.model))
+        return of_model(entry, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
         """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
@@ -161,12 +176,12 @@ class BaseCase(Keys):
 
     @property
     def runs(self) -> list[tuple[str, float | None]]:
-        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        """(scheme, eps or None) of each run: schemes of the multiscale system once for each eps."""
         return [(s, eps) for s in self.schemes for eps in (self.eps if self.row(s).multiscale else [None])]
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        """The names that may limit a claim: h, eps where there is one, and swept parameters."""
         swept = (self.sweep.word, self.sweep.second_word) if self.sweep else ()
         return ("h", *["eps"] * (self.eps is not None), *filter(None, swept))
 
@@ -177,18 +192,18 @@ class BaseCase(Keys):
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """What must come out."""
+        """The claims of ``expect``."""
         return claims(self)
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """What the system calls its components, () if it gives them no names."""
+        """The names of the components; () if the system gives them none."""
         return variables(undamped(self.model))
 
     @property
     def driver(self) -> str:
-        """What drives the noises in place of Brownian motion; empty if that does."""
-        return told(self.noise)
+        """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
+        return described(self.noise)
 
     @property
     def model_name(self) -> str:
@@ -196,69 +211,135 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping or temperature where there is one."""
+        """The parameters of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
-        own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        return own | dissipation(self)
+        values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
+        for key, value in values.items():
+            if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
+                values[key] = "; ".join(map(str, value))
+        damping = {"damping": self.damping} if self.damping else {}
+        return values | damping | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
 
     @property
     def last_time(self) -> float:
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "temperature", "model", "panels")
+    @condition
     def _check_dissipation(self) -> Self:
         """The case with its damping or its temperature in the record of the model."""
-        return self.model_copy(update={"model": dissipative_model(self)})
+        return self.model_copy(update={"model": _dissipative(self)})
 
     @pydantic.model_serializer(mode="wrap")
-    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
-        said["temperature"] = lambda temperature: temperature < math.inf
-        said |= dict.fromkeys(("damping", "noise", "times", "panels", "reference_step"), bool)
-        said |= dict.fromkeys(("autocorrelation", "density", "pullback"), bool)
-        return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
+    def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        left_out = {key for key, value in self.unsaid.items() if getattr(self, key) == value}
+        return {key: value for key, value in write(self).items() if key not in left_out}
 
-    @condition("schemes", "reference_scheme", "compositions")
+    @condition
     def _check_names(self) -> Self:
-        """The case with those of its compositions that it uses."""
-        check_names(self)
+        """All schemes are in the table or among the compositions; the case without unused compositions."""
+        names = (*SCHEMES, *self.compositions)
+        for n, name in enumerate(self.schemes_used):
+            if name not in names:
+                place = ("schemes", n) if n < len(self.schemes) else ("reference_scheme",)
+                raise wrong(f"is {shown(name)}", suggestion(name, names), *place)
         used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
         return self.model_copy(update={"compositions": used})
 
-    @condition("initial", "model")
+    @condition
     def _check_initial(self) -> None:
-        d, found = dimension(self.model), len(self.initial)
-        if found != d:
-            raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
+        d, count = dimension(self.model), len(self.initial)
+        if count != d:
+            raise wrong(f"has {entries_in(count)}", f"must have {d}, the dimension of {self.model_name}", "initial")
 
-    @condition("initial", "model", "compositions")
+    @condition
     def _check_words(self) -> None:
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
 
-    @condition("schemes", "reference_scheme", "model")
+    @condition
     def _check_needs(self) -> None:
-        check_needs(self)
+        """The facts that schemes need hold for the model."""
+        for name in self.schemes_used:
+            needs = self.row(name).needs
+            if large(self.model) and not self.row(name).for_large_models:
+                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
+                raise wrong_scheme(self, name, f"which is not for {self.model_name}", right)
+            if has_friction(self.model) and self.row(name).multiscale:
+                fault = f"has '{name}', whose noise is a fast process, for which no friction is known"
+                raise wrong(fault, "leave out the scheme or temperature", "schemes")
+            if judges(self.row(name).record) and flows_lacking(self.model):
+                fault = f"has '{name}', which is made of exact flows, and not all are known of {self.model_name}"
+                raise wrong(fault, "use another", "schemes")
+            if needs is has_friction and not needs(self.model):
+                raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
+            if needs is lie_poisson and not needs(undamped(self.model)):
+                raise wrong_scheme(self, name, "which needs a bracket that is linear", "use another")
+            if needs and not needs(self.model):
+                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
+                able += " without damping" if self.damping else ""
+                raise wrong_scheme(self, name, f"which is for {able}", "use another")
         check_noise(self)
 
-    @condition("panels", "statistics", "quantiles", "targets")
+    @condition
     def _check_lists(self) -> None:
-        for key in ("panels", "statistics", "quantiles", "targets"):
+        for key in self.distinct:
             check_distinct(getattr(self, key, None) or (), key)
 
-    _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
-    _check_eps = condition("eps", "schemes")(check_eps)
-    _check_sweep = condition("sweep")(check_shown)
+    @condition
+    def _check_areas(self) -> None:
+        """Gaussian areas have their law alone, and some scheme must need them."""
+        if self.areas == "exact":
+            return
+        if self.along_paths:
+            fault = f"is '{self.areas}', but strong errors are those of given paths, which have areas of their own"
+            raise wrong(fault, "leave it out", "areas")
+        if not any(needs_areas(self.row(name).record) for name in self.schemes_used):
+            users = ", ".join(name for name, row in SCHEMES.items() if needs_areas(row.record))
+            raise wrong(f"is '{self.areas}', but no scheme needs Lévy areas", f"leave it out, or use {users}", "areas")
 
-    @condition("expect", "schemes")
+    @condition
+    def _check_eps(self) -> None:
+        """There is an eps where a scheme needs one, and else none."""
+        multiscale = [s for s in self.schemes if self.row(s).multiscale]
+        if multiscale and self.eps is None:
+            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+        if self.eps is not None:
+            if not multiscale:
+                users = ", ".join(name for name, row in SCHEMES.items() if row.multiscale)
+                raise wrong("is used by none of the schemes", f"leave it out or use one of {users}", "eps")
+            check_distinct([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
+            for name in multiscale:
+                if self.row(name).needs_eps and 0 in self.eps:
+                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+
+    _check_sweep = condition(check_shown)
+
+    @condition
     def _check_expect(self) -> None:
         _ = self.claims
 
 
+class StepCase(BaseCase):
+    """A case whose paths have one step size."""
+
+    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
+    step: key_of(Positive, "step size h", "time")
+    schemes: key_of(Schemes, "a list of schemes")
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
+    @condition
+    def _check_step(self) -> None:
+        check_step(self)
+
+
 class ErrorCase(BaseCase):
-    """What the cases of errors against step sizes have."""
+    """The keys of errors against step sizes."""
 
     final_time: key_of(Positive, "final time T, a multiple of every step", "time")
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13", "time")
@@ -274,7 +355,7 @@ class ErrorCase(BaseCase):
         """T."""
         return self.final_time
 
-    @condition("steps", "schemes")
+    @condition
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
@@ -284,7 +365,7 @@ class ErrorCase(BaseCase):
         check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
-    @condition("reference_scheme", "schemes", "eps")
+    @condition
     def _check_reference_scheme(self) -> None:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
@@ -292,4 +373,70 @@ class ErrorCase(BaseCase):
 
 
 class FunctionsCase(FunctionKeys, ErrorCase):
-    """What the cases with test functions have."""
+    """The keys of errors of expectations of test functions."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Damping and temperature
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _damped(case: Any) -> Any:
+    """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    if large(case.model):
+        raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
+    degrees = casimir_degrees(case.model)
+    if len(degrees) != conserved(case.model):
+        fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
+        raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
+    most = _MOST_DECAY / max(degrees, default=1) / case.last_time
+    if case.damping > most:
+        fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
+        raise wrong(fault, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
+    return damped(case.model, case.damping)
+
+
+def _dissipative(case: Any) -> Any:
+    """The record of the model of a case with its damping or at its temperature."""
+    if math.isfinite(case.temperature):
+        return _thermal(case)
+    return _damped(case) if case.damping else case.model
+
+
+def _thermal(case: Any) -> Any:
+    """The record of the model of a case at its temperature; raises the error about it if it cannot be."""
+    model, temperature = case.model, case.temperature
+    if temperature == 0:
+        right = "for selective decay at the rate gamma take a small one, T, and sigma = sqrt(2*gamma*T)"
+        raise wrong("is 0, at which friction would be infinite", right, "temperature")
+    if case.damping:
+        raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
+    if described(case.noise):
+        fault = "is given beside noise, and friction belongs to Brownian motion"
+        raise wrong(fault, "leave out one of them", "temperature")
+    if not noise_indices(model):
+        fault = "is given to a model without noise, which nothing would bring to it"
+        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
+    if temperature < 0 and not has_compact_surfaces(model):
+        fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
+        raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
+    return thermal(model, temperature)
+
+
+def has_compact_surfaces(model: Any) -> bool:
+    """Whether the quadratic Casimir functions that grow in every direction in which they change add up to all of |y|.
+
+    Sufficient, not necessary: Casimir functions of other forms are not looked at.
+    """
+    if large(model) or squared_length_is_casimir(model):
+        return True
+    total = np.zeros((dimension(model), dimension(model)))
+    for c in range(conserved(model)):
+        with suppress(ValueError):  # it is not quadratic
+            b, Q = casimir_form(model, c)
+            total += 0 if b.any() else semidefinite(Q)
+    return bool(np.linalg.eigvalsh(total)[0] > 1e-9)

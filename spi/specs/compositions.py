@@ -24,12 +24,11 @@ Such an entry says which orders are expected and what is preserved, and gives th
 import functools
 import math
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import pydantic
 from annotated_types import Ge, Le
-from pydantic import AfterValidator, Field, PlainSerializer, ValidationError, create_model
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, PlainSerializer, PlainValidator, create_model
 
 from ..checks.registration import check_class
 from ..checks.scheme_checks import check_scheme
@@ -42,7 +41,6 @@ from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme
 from ..schemes.splitting import splitting
 from ..schemes.stages import ORDERS, PARTS, Flows, compositions, flows, has_loops, repeats_increments
-from .document import every, under
 from .files import Files
 from .keys import NAME, Keys, entries_in, fields_of, key_of, shown, suggestion, wrong
 from .models import class_in
@@ -57,7 +55,7 @@ _PRESERVES = "what tables say that it preserves"
 
 
 class Told(Keys):
-    """What an entry says besides the fields of the class."""
+    """The keys of an entry besides the fields of the class."""
 
     python: str
     name: str
@@ -68,25 +66,24 @@ class Told(Keys):
     needs_truncation: key_of(pydantic.StrictBool, "whether it needs bounded increments") = False
 
 
-def read_scheme(name: str, data: dict[str, Any], files: Files) -> Scheme:
-    """The entry of the table of schemes for a class in a Python file."""
+def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
+    """The entry of the table of schemes for a class in a Python file, but for its label."""
     cls = class_in(data, files, "NamedTuple with a method advance, see docs/own_schemes.md")
     try:
-        check_class(cls, "scheme", name)
+        check_class(cls, "scheme", data["name"])
     except TypeError as error:
-        raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", name, "name") from None
+        raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", "name") from None
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__qualname__, __base__=Told, **fields).model_validate(data)
-    told: dict[str, Any] = {key: getattr(keys, key) for key in Told.model_fields if key not in ("python", "name")}
-    told |= {key: math.nan for key, value in told.items() if value is None}
+    stated: dict[str, Any] = keys.model_dump(include={*Told.model_fields} - {"python", "name"})
     return Scheme(
         record=cls(**{key: getattr(keys, key) for key in fields}),
-        label=name,
+        label="",
         formula=(cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "see the Python file",
         reference=f"{data['name']} in {data['python']}",
         look=("", ""),
         work=10.0,
-        **told,
+        **(stated | {key: math.nan for key, value in stated.items() if value is None}),
     )
 
 
@@ -109,7 +106,7 @@ def check_steps(compositions: dict[str, Any], model: Any, initial: tuple[float, 
 Stages = tuple[Flows, ...]
 
 _MOST_STAGES = 16  # each becomes compiled code of its own
-_OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
+_OF_VARIANTS = ("eps", "extrapolated")  # second words in the names of variants of a scheme
 _COIN, _SHARED = "coin", "shared"
 _WORDS = (*ORDERS, _COIN, _SHARED)
 _SUPPLYING = ("loops", "areas")
@@ -117,30 +114,30 @@ _RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
 
 
-def _stage(text: Any, *keys: str | int) -> Flows:
-    """The stage that a text stands for; `keys` lead to it."""
+def _stage(n: int, text: Any) -> Flows:
+    """The stage that entry `n` stands for."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
     if part in _SUPPLYING and not words:
         return flows(part)
     if part not in PARTS or part in _SUPPLYING or not words:
-        raise wrong(f"is {shown(text)}", _RIGHT, *keys)
+        raise wrong(f"is {shown(text)}", _RIGHT, n)
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
         last -= 1
-    told = words[last:]
-    if unknown := next((word for word in told if word not in _WORDS), None):
-        raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), *keys)
-    orders = [word for word in told if word in ORDERS] or ["forwards"]
-    if len(orders) > 1 or told.count(_COIN) > 1 or told.count(_SHARED) > 1:
-        raise wrong(f"is {shown(text)} with several orders", _RIGHT, *keys)
+    further = words[last:]
+    if unknown := next((word for word in further if word not in _WORDS), None):
+        raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), n)
+    orders = [word for word in further if word in ORDERS] or ["forwards"]
+    if len(orders) > 1 or further.count(_COIN) > 1 or further.count(_SHARED) > 1:
+        raise wrong(f"is {shown(text)} with several orders", _RIGHT, n)
     try:
-        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told, _SHARED in told)
+        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in further, _SHARED in further)
     except NumberError as error:
-        raise wrong(f"is {shown(text)} ({error})", _RIGHT, *keys) from None
+        raise wrong(f"is {shown(text)} ({error})", _RIGHT, n) from None
     except ValueError as error:
-        raise wrong(f"is {shown(text)}", f"{error}", *keys) from None
+        raise wrong(f"is {shown(text)}", f"{error}", n) from None
     if stage.fraction == 0:
-        raise wrong(f"is {shown(text)}, which does nothing", "leave it out", *keys)
+        raise wrong(f"is {shown(text)}, which does nothing", "leave it out", n)
     return stage
 
 
@@ -151,45 +148,36 @@ def _fraction(text: str) -> float:
     return float(fraction)
 
 
-def _read(value: dict[str, Any], info: pydantic.ValidationInfo) -> dict[str, Any]:
-    """The mapping {name: texts of stages} as {name: stages}, or of a scheme in a Python file its entry."""
-    return dict(zip(value, every(_entry, ((name, one, info.context) for name, one in value.items())), strict=True))
-
-
-def _entry(name: str, value: Any, files: Any) -> Any:
-    _check_name(name)
+def _entry(value: Any, info: pydantic.ValidationInfo) -> Any:
+    """The stages that some texts stand for, or the entry of a scheme in a Python file."""
     if isinstance(value, dict) and "python" in value:
-        if not isinstance(files, Files):  # the keys of the file alone are looked at
-            return value
-        try:
-            return read_scheme(name, value, files)
-        except (PydanticCustomError, ValidationError) as error:
-            raise ValidationError.from_exception_data("spec", under(name, error)) from None
-    return _stages(name, value)
-
-
-def _check_name(name: str) -> None:
-    if not re.match(NAME, name):
-        raise wrong("is not a valid name", "must consist of letters, digits and _", name)
-    if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
-        raise wrong("is the name of a scheme", "give the composition another name", name)
-
-
-def _stages(name: str, texts: Any) -> Stages:
-    if not isinstance(texts, list):
-        raise wrong(f"is {shown(texts)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]", name)
-    if len(texts) > _MOST_STAGES:
-        raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_STAGES}", name)
-    stages = every(_stage, ((text, name, n) for n, text in enumerate(texts)))
+        return read_scheme(value, cast(Files, info.context))
+    if not isinstance(value, list):
+        raise wrong(f"is {shown(value)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]")
+    if len(value) > _MOST_STAGES:
+        raise wrong(f"has {entries_in(len(value))}", f"must have at most {_MOST_STAGES}")
+    stages = tuple(_stage(n, text) for n, text in enumerate(value))
     try:
         splitting(*stages)
     except ValueError as error:
-        raise wrong("is not a whole step", f"{error}", name) from None
-    return tuple(stages)
+        raise wrong("is not a whole step", f"{error}") from None
+    return stages
+
+
+def _labelled(entries: dict[str, Any]) -> dict[str, Any]:
+    return {k: entry._replace(label=k) if isinstance(entry, Scheme) else entry for k, entry in entries.items()}
+
+
+def _name(name: str) -> str:
+    if not re.match(NAME, name):
+        raise wrong("is not a valid name", "must consist of letters, digits and _")
+    if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
+        raise wrong("is the name of a scheme", "give the composition another name")
+    return name
 
 
 def weak_order(stages: Stages, model: Any) -> float:
-    """What theory says of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
+    """The weak order of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
     negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
@@ -198,7 +186,7 @@ def weak_order(stages: Stages, model: Any) -> float:
     """
     if has_loops(stages):
         return 1.0
-    if large(model):  # of hundreds of flows four tell the same
+    if large(model):  # four of its hundreds of flows suffice
         model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
     if repeats_increments(stages, model):
         return 1.0
@@ -216,32 +204,20 @@ def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
     return float(backward.weak_order(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
 
 
-def _texts(stages: Stages) -> list[str]:
-    """The stages in one text each, whatever the texts that they were read from."""
-    return [
-        _NAMES[type(stage.part)]
-        if _NAMES[type(stage.part)] in _SUPPLYING
-        else " ".join(
-            [
-                _NAMES[type(stage.part)],
-                repr(stage.fraction),
-                _NAMES[type(stage.order)],
-                *[_COIN] * (stage.coin is not None),
-                *[_SHARED] * (stage.shared is not None),
-            ]
-        )
-        for stage in stages
-    ]
+def _plain(entry: Stages | Scheme) -> Any:
+    """A scheme as all that decides its results, stages as one text each, whatever they were read from."""
+    return plain_scheme(entry) if isinstance(entry, Scheme) else [_text(stage) for stage in entry]
 
 
-def _plain(found: Stages | Scheme) -> Any:
-    return plain_scheme(found) if isinstance(found, Scheme) else _texts(found)
+def _text(stage: Flows) -> str:
+    part = _NAMES[type(stage.part)]
+    if part in _SUPPLYING:
+        return part
+    words = [_COIN] * (stage.coin is not None) + [_SHARED] * (stage.shared is not None)
+    return " ".join([part, repr(stage.fraction), _NAMES[type(stage.order)], *words])
 
 
-_LISTED: Any = {"type": "array", "items": {"type": "string"}}
-Compositions = Annotated[
-    dict[str, Any],
-    AfterValidator(_read),
-    PlainSerializer(lambda found: {name: _plain(one) for name, one in found.items()}),
-    Field(json_schema_extra={"additionalProperties": {"anyOf": [_LISTED, {"type": "object"}]}}),
+_Entry = Annotated[
+    Any, PlainValidator(_entry, json_schema_input_type=list[str] | dict[str, Any]), PlainSerializer(_plain)
 ]
+Compositions = Annotated[dict[Annotated[str, AfterValidator(_name)], _Entry], AfterValidator(_labelled)]

@@ -1,18 +1,14 @@
 """YAML as plain data that knows where it stands in the file."""
 
 import difflib
-import math
-import re
 import unicodedata
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn
 
 import yaml
-from pydantic import ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ..storage import contents
 
@@ -24,7 +20,7 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 def about(loc: Location, message: str) -> str:
-    """What is wrong at a location, without the file and the line."""
+    """A message about a location, without the file and the line."""
     key = ".".join(name for name in loc if isinstance(name, str))
     item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
     return f"{key}{': ' if key else ''}{item}{message}"
@@ -39,32 +35,6 @@ class SpecError(ValueError):
     def __init__(self, *messages: str) -> None:
         self.messages = tuple("".join(c if c.isprintable() else " " for c in message) for message in messages)
         super().__init__("\n".join(self.messages))
-
-
-class Faults:
-    """Collects what is wrong with a spec: ``with faults:`` ends with a SpecError, and the program goes on behind it."""
-
-    def __init__(self) -> None:
-        self.messages: dict[str, str] = {}  # by what is wrong
-
-    def __enter__(self) -> "Faults":
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        if isinstance(error, SpecError):
-            for message in error.messages:
-                self.messages.setdefault(message.partition("; ")[0], message)
-        return isinstance(error, SpecError)
-
-    def raise_all(self) -> None:
-        """Raise the SpecError with all that was collected, from the top of the file to its end, if there is any."""
-        if self.messages:
-            raise SpecError(*sorted(self.messages.values(), key=_line))
-
-
-def _line(message: str) -> float:
-    found = re.match(r".*?:(?: line )?(\d+):", message)
-    return int(found[1]) if found else math.inf
 
 
 class Document:
@@ -86,7 +56,7 @@ class Document:
         return reduce(getitem, loc, self.data)
 
     def depth(self, loc: Location) -> int:
-        """How far a location can be followed."""
+        """Length of the part of a location that exists."""
         return next(n for n in range(len(loc), -1, -1) if loc[:n] in self.places)
 
     def fail(self, loc: Location, message: str) -> NoReturn:
@@ -94,7 +64,7 @@ class Document:
         raise SpecError(self.message(loc, message))
 
     def message(self, loc: Location, message: str) -> str:
-        """What is wrong at a location; a key that is missing is reported where its mapping starts."""
+        """A message about a location; about a key that is missing at the start of its mapping."""
         return f"{self.places[loc[: self.depth(loc)]]} {about(loc, message)}"
 
     def _compose(self, text: str, top: Location) -> Any:
@@ -105,16 +75,16 @@ class Document:
             raise
         except yaml.MarkedYAMLError as error:
             line = (error.problem_mark or error.context_mark).line + 1
-            what = ", ".join(part for part in (error.context, error.problem) if part)
+            fault = ", ".join(part for part in (error.context, error.problem) if part)
         except yaml.reader.ReaderError as error:
-            line, what = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
+            line, fault = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
         except RecursionError:
-            line, what = 1, "is too deeply nested"
+            line, fault = 1, "is too deeply nested"
         except (ValueError, OverflowError):
-            line, what = 1, "has an escape that stands for no character"
+            line, fault = 1, "has an escape that stands for no character"
         top = top or ("YAML",)
         self.places[top] = self.place(line)
-        self.fail(top, f"{what}; check brackets, quotes, colons and indentation here")
+        self.fail(top, f"{fault}; check brackets, quotes, colons and indentation here")
 
     def _value(self, node: yaml.Node, loc: Location, around: tuple[yaml.Node, ...]) -> Any:
         """The value of a node at a location; `around` are the nodes that contain it."""
@@ -138,12 +108,12 @@ class Document:
         return None if node.tag.endswith(":null") else node.value
 
     def _check_text(self, text: str, loc: Location) -> None:
-        """Refuse what no results file can hold, and what a terminal would take for a command."""
+        """Refuse control characters, which a terminal obeys, and surrogates, which no results file can hold."""
         if bad := next((c for c in text if unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n"), None):
             self.fail(loc, f"has the character U+{ord(bad):04X}; remove it")
 
     def _mapping(self, node: yaml.MappingNode, loc: Location, around: tuple[yaml.Node, ...]) -> dict[str, Any]:
-        """A dict; what ``<<`` merges in is overridden by the mapping's own keys."""
+        """A dict; its own keys override those merged in by ``<<``."""
         merged: dict[str, Any] = {}
         own: dict[str, Any] = {}
         # What is merged in comes first, so that the mapping's own keys have the last word on places too.
@@ -182,7 +152,7 @@ def text_of(path: str | Path, names: Iterable[str] = ()) -> str:
 
 
 def _meant(path: Path, names: Iterable[str]) -> str:
-    """What to give instead of the path of a file that does not exist."""
+    """Advice about the path of a file that does not exist."""
     folders = (path.parent, path.parent / "experiments")
     for folder in folders:
         if (same := folder / f"{path.name}.yaml").is_file() or (same := folder / path.name).is_file():
@@ -196,59 +166,14 @@ def _meant(path: Path, names: Iterable[str]) -> str:
     return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
 
 
-def override(told: str, text: str) -> Document:
+def override(called: str, text: str) -> Document:
     """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own.
 
-    Messages begin with `told`, the spec that it overrides.
+    Messages begin with the spec that it overrides, which is `called` so.
     """
     key, equals, value = text.partition("=")
     if not key.strip() or not equals:
-        raise SpecError(f"{told}: --set {text}: is not an assignment; write --set key=value")
+        raise SpecError(f"{called}: --set {text}: is not an assignment; write --set key=value")
     word = key.strip().removeprefix("--")
     option = "--set" if word == key.strip() else f"--{word}:"
-    return Document(value, lambda line: f"{told}: {option}", tuple(word.split(".")))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Several mistakes under one key of a spec, reported together.
-# ---------------------------------------------------------------------------------------------------------------------
-
-Made = TypeVar("Made")
-
-
-def every(check: Callable[..., Made], entries: Iterable[tuple[Any, ...]]) -> list[Made]:
-    """What `check` makes of each of some entries; a ValidationError with all that is wrong with any of them."""
-    made, faults = [], list[InitErrorDetails]()
-    for entry in entries:
-        try:
-            made.append(check(*entry))
-        except (PydanticCustomError, ValidationError) as error:
-            faults += details(error)
-    if faults:
-        raise ValidationError.from_exception_data("spec", faults)
-    return made
-
-
-def details(error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:
-    """What an error reports, so that it can be raised again together with others."""
-    if isinstance(error, PydanticCustomError):
-        return [InitErrorDetails(type=error, loc=(), input=None)]
-    return [again(fault) for fault in error.errors(include_url=False)]
-
-
-def again(fault: Any) -> InitErrorDetails:
-    """A reported error as one that can be raised."""
-    kind, context = fault["type"], fault.get("ctx", {})
-    error = PydanticCustomError(kind, "{what}; {right}" if kind == "spec" else fault["msg"], context)
-    return InitErrorDetails(type=error, loc=fault["loc"], input=fault["input"])
-
-
-def under(key: str, error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:
-    """What an error about a mapping reports, as an error about the mapping in which that stands at `key`."""
-    found = ((one["type"], one.get("loc", ())) for one in details(error))
-    return [InitErrorDetails(type=_under((key, *loc), kind), loc=(), input=None) for kind, loc in found]
-
-
-def _under(keys: tuple[str | int, ...], error: Any) -> PydanticCustomError:
-    context = {"what": str(error), "right": "correct it"} | dict(error.context or {})
-    return PydanticCustomError("spec", "{what}; {right}", context | {"keys": (*keys, *context.get("keys", ()))})
+    return Document(value, lambda line: f"{called}: {option}", tuple(word.split(".")))

@@ -1,4 +1,4 @@
-"""What drives the noises of an experiment, where it is no Brownian motion.
+"""The key ``noise``: what drives the noises of an experiment, where it is no Brownian motion.
 
     noise: {kind: ornstein_uhlenbeck, tau: 0.1}
     noise: {kind: fractional, hurst: 0.7}
@@ -22,10 +22,13 @@ from ..ensemble.scheme_protocol import needs_areas, substeps
 from .checks import ROUNDING
 from .document import SpecError
 from .files import Files, arrays_in
-from .keys import Keys, explained, key_of, quantity, shown, suggestion, wrong
+from .keys import Keys, explained, key_of, one_of, quantity, shown, wrong
 
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
 _BROWNIAN = "Brownian motion"
+
+
+_KINDS = ("brownian", "ornstein_uhlenbeck", "fractional")
 
 
 class _Brownian(Keys):
@@ -51,7 +54,7 @@ class _File(Keys):
     )
 
 
-_KEYS: dict[str, Any] = {"brownian": _Brownian, "ornstein_uhlenbeck": _OrnsteinUhlenbeck, "fractional": _Fractional}
+_BY_KIND = pydantic.TypeAdapter(one_of((_Brownian, _OrnsteinUhlenbeck, _Fractional), "kind", _KINDS))
 _LAWS: dict[str, Any] = {"ornstein_uhlenbeck": OrnsteinUhlenbeck, "fractional": Fractional}
 _EXAMPLE = "must be a mapping such as {kind: fractional, hurst: 0.7} or {file: increments.npz}"
 
@@ -60,33 +63,32 @@ def _read(value: Any, inner: Any, info: pydantic.ValidationInfo) -> Any:
     """The law that a mapping stands for; of one layer of a spec, without files, the keys of a file."""
     if value is None:
         return None
-    if not isinstance(value, dict) or not {"file", "kind"} & {*value}:
+    if not isinstance(value, dict) or not value:
         raise wrong(f"is {shown(value)}", _EXAMPLE)
     if "file" in value:
         keys = _File.model_validate(value)
         return recorded(info.context, keys.file, keys.finer) if isinstance(info.context, Files) else keys
-    if not isinstance(value["kind"], str) or value["kind"] not in _KEYS:
-        raise wrong(f"is {shown(value['kind'])}", suggestion(value["kind"], _KEYS), "kind")
-    keys = _KEYS[value["kind"]].model_validate(value)
-    of_law = {key: given for key, given in keys if key != "kind"}
-    return _LAWS[keys.kind](**of_law) if of_law else None
+    keys = _BY_KIND.validate_python(value)
+    return _LAWS[keys.kind](**keys.model_dump(exclude={"kind"})) if keys.kind in _LAWS else None
 
 
 def plain(law: Any) -> Any:
-    """What of a law decides results."""
+    """All of a law that decides results."""
     if isinstance(law, Recorded):
         return {"file": law.digest, "step": law.step}
     return next(({"kind": kind, **law._asdict()} for kind, cls in _LAWS.items() if isinstance(law, cls)), None)
 
 
-def told(law: Any) -> str:
+def described(law: Any) -> str:
     """A law in words; empty for Brownian motion."""
-    if law is None:
-        return ""
-    if isinstance(law, Recorded):
-        return f"increments of a file, over steps of {quantity(law.step)}"
-    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck, tau", Fractional: "fractional, H"}
-    return f"{name[type(law)]} = {law[0]:.12g}"
+    match law:
+        case Recorded():
+            return f"increments of a file, over steps of {quantity(law.step)}"
+        case OrnsteinUhlenbeck():
+            return f"Ornstein-Uhlenbeck, tau = {law.tau:.12g}"
+        case Fractional():
+            return f"fractional, H = {law.hurst:.12g}"
+    return ""
 
 
 Noise = Annotated[
@@ -104,20 +106,19 @@ def law_of(noise: Any) -> Any:
     """The law that a mapping names, None for Brownian motion; SpecError if there is something wrong with it."""
     texts = {key: str(value) for key, value in noise.items()} if isinstance(noise, dict) else noise and str(noise)
     try:
-        found = _Alone(noise=texts).noise
+        law = _Alone(noise=texts).noise
     except pydantic.ValidationError as error:
         errors = error.errors(include_url=False)
-        each = (explained(one, errors, {"noise": texts}) for one in errors)
-        raise SpecError(*(f"{'.'.join(map(str, place))}: {what}" for place, what in each)) from None
-    if isinstance(found, _File):
+        each = (explained(mistake, errors, {"noise": texts}) for mistake in errors)
+        raise SpecError(*(f"{'.'.join(map(str, place))}: {message}" for place, message in each)) from None
+    if isinstance(law, _File):
         raise SpecError("noise: is a file, whose increments are what it holds; load it with numpy.load")
-    return found
+    return law
 
 
 def recorded(files: Any, path: str, finer: str) -> Recorded:
     """The increments in a file."""
-    found = arrays_in(files, path, ("dW", "step"))
-    dW, step = found["dW"], found["step"]
+    dW, step = arrays_in(files, path, ("dW", "step")).values()
     if dW.ndim not in (2, 3) or not dW.size:
         right = "dW must be (paths, steps, noises) or (steps, noises)"
         raise wrong(f"is {shown(path)}, in which dW has the shape {dW.shape}", right, "file")
@@ -145,7 +146,7 @@ def parts_of(case: Any) -> int:
 
 
 def check_noise(case: Any) -> None:
-    """What another driver than Brownian motion asks of a case."""
+    """Conditions on a case with another driver than Brownian motion."""
     law = case.noise
     if law is None:
         return
@@ -157,29 +158,26 @@ def check_noise(case: Any) -> None:
             raise wrong(f"{has} '{name}', which {obstacle[0]}", obstacle[1], where)
     others = [name for name in getattr(case, "estimators", None) or () if name != "plain"]
     levels = [count for count in getattr(case, "extrapolate", ()) if count]
-    for key, found in (("estimators", others), ("extrapolate", levels)):
-        if found:
-            raise wrong(f"has {found[0]}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
+    for key, entries in (("estimators", others), ("extrapolate", levels)):
+        if entries:
+            raise wrong(f"has {entries[0]}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
     if case.truncate_noise:
         raise wrong(f"is true, whose bound is that for {_BROWNIAN}", "leave it out", "truncate_noise")
     if isinstance(law, Fractional) and law.hurst <= 0.25 and area_pairs(case.model):
-        what = f"is {law.hurst:g}, where splittings have no limit if noises do not commute"
-        raise wrong(what, "must be above 1/4, or use one noise", "noise", "hurst")
+        fault = f"is {law.hurst:g}, where splittings have no limit if noises do not commute"
+        raise wrong(fault, "must be above 1/4, or use one noise", "noise", "hurst")
     for h in _steps(case):
         _check_step(case, law, h / parts_of(case))
 
 
 def _obstacle(law: Any, row: Any) -> tuple[str, str] | None:
-    """What of a scheme does not go with a law, and what would."""
+    """(obstacle, remedy) where a scheme cannot be driven by a law."""
     if needs_areas(row.record):
         return "needs Lévy areas, which are known for Brownian motion", "use splittings without Lévy areas"
     if isinstance(law, Recorded):
         return None
     if row.multiscale:
-        return (
-            "has a fast process of its own in place of the noise",
-            "use a splitting with tau: eps^2",
-        )
+        return "has a fast process of its own in place of the noise", "use a splitting with tau: eps^2"
     if row.left_out is not None:
         return "has an Itô correction, which belongs to Brownian motion", "use splittings or the midpoint rules"
     return None
@@ -187,19 +185,19 @@ def _obstacle(law: Any, row: Any) -> tuple[str, str] | None:
 
 def _steps(case: Any) -> tuple[float, ...]:
     """The step sizes for which increments are made."""
-    found = getattr(case, "reference_step", None) or getattr(case, "step", None)
-    return (found,) if found else tuple(case.steps)
+    finest = getattr(case, "reference_step", None) or getattr(case, "step", None)
+    return (finest,) if finest else tuple(case.steps)
 
 
 def _check_step(case: Any, law: Any, h: float) -> None:
     """There are increments of size h."""
     count = round(case.last_time / h)
-    if at_once(law) and hasattr(case, "step_count"):
-        what = "is that of a process whose increments are all made at once, and paths of kind equilibrium are too long"
-        raise wrong(what, "use another process, or kind: statistics", "noise", "kind")
+    if at_once(law) and not case.at_once:
+        fault = "is that of a process whose increments are all made at once, and paths of this kind are too long"
+        raise wrong(fault, "use another process, or kind: statistics", "noise", "kind")
     if at_once(law) and count * noises(case.model) > _MOST_AT_ONCE:
-        what = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"
-        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all", "noise", "kind")
+        fault = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"
+        raise wrong(fault, f"there may be {_MOST_AT_ONCE} in all", "noise", "kind")
     if isinstance(law, Recorded):
         _check_file(case, law, h)
 
@@ -211,13 +209,13 @@ def _check_file(case: Any, law: Recorded, h: float) -> None:
     if columns != noises(case.model):
         raise wrong(f"has increments of {columns} noises", f"must have {noises(case.model)}", "noise", "file")
     if h < law.step * (1 - ROUNDING) and not law.bridged:
-        what = f"has increments over {quantity(law.step)}, and steps go down to {quantity(h)}"
-        raise wrong(what, "use larger steps, or add finer: bridge for Brownian bridges", "noise", "file")
+        fault = f"has increments over {quantity(law.step)}, and steps go down to {quantity(h)}"
+        raise wrong(fault, "use larger steps, or add finer: bridge for Brownian bridges", "noise", "file")
     if abs(ratio - round(ratio)) > 1e-9 * ratio:
-        what = f"has increments over {quantity(law.step)}, and {quantity(h)} is no multiple or whole part of it"
-        raise wrong(what, "use other steps", "noise", "file")
+        fault = f"has increments over {quantity(law.step)}, and {quantity(h)} is no multiple or whole part of it"
+        raise wrong(fault, "use other steps", "noise", "file")
     if case.last_time > steps * law.step * (1 + 1e-9):
-        what = f"has {steps} increments over {quantity(law.step)}, until {quantity(steps * law.step)}"
-        raise wrong(what, f"must go until {quantity(case.last_time)}", "noise", "file")
+        fault = f"has {steps} increments over {quantity(law.step)}, until {quantity(steps * law.step)}"
+        raise wrong(fault, f"must go until {quantity(case.last_time)}", "noise", "file")
     if wanted > paths:
         raise wrong(f"has increments of {paths} paths", f"must have those of {wanted}", "noise", "file")

@@ -1,4 +1,4 @@
-"""The key ``expect``: what must come out.
+"""The key ``expect``: claims about the results.
 
     expect:
       splitting: {order: 1/2, casimir_drift: 1e-12}
@@ -13,16 +13,13 @@ test functions drops the claims about the others.
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
-from itertools import chain
+from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BeforeValidator
+from pydantic import PlainValidator
 
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
-from .document import every
 from .keys import shown, suggestion, wrong
 
 #: The keys of a spec whose entries claims may be about.
@@ -49,13 +46,15 @@ def _number(text: str) -> float:
     return float(number)
 
 
-def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
-    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
-    if not isinstance(value, dict):
-        return _stated(value, path) if path else {} if value is None else value
-    given = {key: inner for key, inner in value.items() if inner is not None}
-    read = every(_read, ((inner, (*path, key)) for key, inner in given.items()))
-    return dict(zip(given, read, strict=True))
+def _read(value: Any, path: tuple[str, ...] = ()) -> tuple[tuple[tuple[str, ...], Stated], ...]:
+    """(keys that lead to it, number) of each number in the value of ``expect`` to which `path` leads."""
+    if isinstance(value, dict):
+        return tuple(leaf for key, inner in value.items() for leaf in _read(inner, (*path, key)))
+    if value is None:
+        return ()
+    if not path:
+        raise wrong(f"is {shown(value)}", "must be a mapping, lines of key: value")
+    return ((path, _stated(value, path)),)
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
@@ -72,16 +71,12 @@ def _stated(value: Any, path: tuple[str, ...]) -> Stated:
     return stated
 
 
-Expect = Annotated[
-    dict[str, Any],
-    BeforeValidator(
-        _read, json_schema_input_type=dict[str, dict[str, float | str | dict[str, Any] | None] | None] | None
-    ),
-]
+_Number = float | str | dict[str, Any] | None
+Expect = Annotated[Any, PlainValidator(_read, json_schema_input_type=dict[str, dict[str, _Number] | None] | None)]
 
 
 def merged(below: Any, above: Any) -> Any:
-    """What the layer `above` makes of an ``expect`` that stands `below`."""
+    """An ``expect`` that stands `below` with the layer `above`."""
     if not isinstance(below, dict) or not isinstance(above, dict):
         return above
     return {**below, **{key: merged(below.get(key), value) for key, value in above.items()}}
@@ -95,91 +90,62 @@ def without(expect: Any, names: Iterable[str]) -> Any:
 
 
 def names_in(key: str, listed: Any) -> set[str]:
-    """The names, as claims have them, in what a spec has under one of the keys :data:`NAMING`."""
-    if key == "extrapolate":
-        return {f"{key} {levels}" for levels in ([listed] if isinstance(listed, str) else listed or ())}
-    return {"phi"} if isinstance(listed, str) else set(listed or ())
-
-
-class _Place(NamedTuple):
-    """Where in an ``expect`` a mapping of quantities stands."""
-
-    path: tuple[str, ...]
-    scopes: tuple[str, ...] = ()
-    limits: tuple[tuple[str, float], ...] = ()
-    text: str = ""  #: of the limits
+    """The names, as claims have them, of the entries that a spec has under one of the keys :data:`NAMING`."""
+    if isinstance(listed, str) and key != "extrapolate":
+        return {"phi"}
+    entries = [listed] if isinstance(listed, str) else listed if isinstance(listed, list | dict) else []
+    return {f"{key} {entry}" if key == "extrapolate" else entry for entry in entries if isinstance(entry, str)}
 
 
 def claims(case: Any) -> tuple[Claim, ...]:
-    """The claims of a case; raises the error for pydantic about all that is not known."""
+    """The claims of a case; raises the error about the first that is wrong."""
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
-    return tuple(chain.from_iterable(every(partial(_of_scheme, case), case.expect.items())))
+    return tuple(_claim(case, path, stated) for path, stated in case.expect)
 
 
-def _of_scheme(case: Any, scheme: str, stated: Any) -> list[Claim]:
-    place = _Place(("expect", scheme))
+def _claim(case: Any, path: tuple[str, ...], stated: Stated) -> Claim:
+    """A claim, to which `path` leads: scheme, scopes and limits, quantity."""
+    scheme, name = path[0], path[-1]
     if scheme not in case.schemes:
-        raise wrong("is not a known scheme", suggestion(scheme, case.schemes), *place.path)
-    right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
-    return _claims(case, scheme, _mapping(stated, right, place), place)
-
-
-def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> list[Claim]:
-    scopes = [name for key in case.scoping for name in getattr(case, key)]
-    scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
-
-    def read(key: str, value: Any) -> list[Claim]:
-        here = place._replace(path=(*place.path, key))
+        raise wrong("is not a known scheme", suggestion(scheme, case.schemes), "expect", scheme)
+    if len(path) == 1:
+        right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
+        raise wrong(f"is {shown(stated.text)}", right, "expect", scheme)
+    within = [entry for key in case.scoping for entry in getattr(case, key)]
+    within += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
+    scopes, limits, text = [], [], stated.text
+    for n, key in enumerate(path[1:], 2):
+        place = "expect", *path[:n]
         if key in case.quantities:
-            return [_claim(case, scheme, key, value, here)]
-        inside = _inside(case, key, scopes, here)
-        return _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
-
-    return list(chain.from_iterable(every(read, stated.items())))
-
-
-def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place:
-    """The place with the scope or the limit that `key` adds."""
-    limit = _UP_TO.fullmatch(key)
-    if limit:
-        name, largest = _limit(case, limit, place.path)
-        text = f"{place.text} up to {name} = {limit[2]}"
-        return place._replace(limits=(*place.limits, (name, largest)), text=text)
-    if key not in scopes:
-        right = suggestion(key, (*case.quantities, *scopes))
-        raise wrong("is not a known quantity", right, *place.path)
-    return place._replace(scopes=(*place.scopes, key))
-
-
-def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
-    """What stands at a place, if that is a mapping."""
-    if not isinstance(value, dict):
-        raise wrong(f"is {shown(value.text)}", right, *place.path)
-    return value
-
-
-def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Claim:
+            if n < len(path):
+                raise wrong("is a mapping", _RIGHT, *place)
+        elif limit := _UP_TO.fullmatch(key):
+            limits.append(_limit(case, limit, place))
+            text += f" up to {limits[-1][0]} = {limit[2]}"
+        elif key in within:
+            scopes.append(key)
+        else:
+            raise wrong("is not a known quantity", suggestion(key, (*case.quantities, *within)), *place)
+    if name not in case.quantities:
+        raise wrong(f"is {shown(stated.text)}", "must be a mapping of quantities", *place)
     sort = case.quantities[name]
-    if isinstance(value, dict):
-        raise wrong(f"is {shown(value)}", _RIGHT, *place.path)
-    if "h" in dict(place.limits) and not sort.per_step:
-        raise wrong("is not known for each step size", "state it outside of 'up to'", *place.path)
-    sense = value.sense or sort.sense
-    if value.tolerance and sense != EQUAL:
-        raise wrong(f"is {shown(value.text)}", f"has no tolerance, because it is judged as {sense}", *place.path)
-    text = value.text + place.text
-    return Claim(case.owner, scheme, name, sense, value.number, value.tolerance, text, place.scopes, place.limits)
+    if "h" in dict(limits) and not sort.per_step:
+        raise wrong("is not known for each step size", "state it outside of 'up to'", *place)
+    sense = stated.sense or sort.sense
+    if stated.tolerance and sense != EQUAL:
+        raise wrong(f"is {shown(stated.text)}", f"has no tolerance, because it is judged as {sense}", *place)
+    return Claim(case.owner, scheme, name, sense, stated.number, stated.tolerance, text, tuple(scopes), tuple(limits))
 
 
-def _limit(case: Any, limit: re.Match[str], path: tuple[str, ...]) -> tuple[str, float]:
-    """What must not exceed which number."""
+def _limit(case: Any, limit: re.Match[str], place: tuple[str, ...]) -> tuple[str, float]:
+    """(name, largest value) of a limit."""
     name = limit[1] or "h"
     if name not in case.limiting:
-        raise wrong(f"has no limit {shown(name)}", suggestion(name, case.limiting), *path)
+        raise wrong(f"has no limit {shown(name)}", suggestion(name, case.limiting), *place)
     try:
         return name, _number(limit[2])
     except NumberError as error:
-        raise wrong(f"has no number ({error})", "must be like up to 2^-3 or eps up to 0.01", *path) from None
+        raise wrong(f"has no number ({error})", "must be like up to 2^-3 or eps up to 0.01", *place) from None

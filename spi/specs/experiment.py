@@ -26,7 +26,7 @@ from ..models import MODELS
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
-from .document import Document, Faults, Location, SpecError, about, override, text_of
+from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
 from .keys import ABSENT, CaseName, Keys, attempt, key_of, needed_keys, one_of, suggestion
 from .models import COMPLETE, ModelPart, check_overrides, is_another, overridden
@@ -44,20 +44,18 @@ PROFILES = ("laptop", "paper", "quick")
 #: The keys of a file that are none of its cases.
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
-#: The kind of what names an accuracy in place of how it is to be reached.
+#: The kind of experiments that name an accuracy and leave steps and samples to the program.
 ANSWER = "answer"
 
-#: The context in which a word may stand for a number: that can be read only together with its values.
-SWEPT = "swept"
-_UNLESS_SWEPT = pydantic.WrapValidator(lambda value, read, info: value if info.context == SWEPT else read(value))
+#: Values of one layer are not read: another layer may change their meaning.
+_LATER = pydantic.WrapValidator(lambda value, read: value)
 
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
-    swept = case_class.swept_in
-    read = {k: Annotated[hints[k], _UNLESS_SWEPT] if k in swept else hints[k] for k in keys} | {"model": ModelPart}
+    read = {k: Annotated[hints[k], _LATER] for k in keys} | {"model": ModelPart, "sweep": hints["sweep"]}
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}
     name = (key_of(CaseName, "letters, digits, _ and -"), ...)
     title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
@@ -85,7 +83,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
 
 
 class Layers(NamedTuple):
-    """How the layers of spec files of some kinds of experiment are read."""
+    """The readers of the layers of spec files, by kind of experiment."""
 
     cases: dict[str, type[BaseCase]]  #: kind -> class of a complete case
     profiles: dict[str, type[Keys]]  #: kind -> class of a profile or an override
@@ -99,7 +97,7 @@ class Layers(NamedTuple):
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
     def asked(self, document: Document) -> Any:
-        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached.
+        """The data of a file, with kind answer where it names an accuracy and not how it is to be reached.
 
         SpecError where it names half of that."""
         data = document.data
@@ -119,15 +117,9 @@ class Layers(NamedTuple):
             return data
         answer = self.cases[ANSWER].model_fields
         if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
-            what = "asks for an answer, whose scheme, steps and samples are chosen"
-            document.fail(("accuracy",), f"{what}; leave out {lost}, or accuracy")
+            fault = "asks for an answer, whose scheme, steps and samples are chosen"
+            document.fail(("accuracy",), f"{fault}; leave out {lost}, or accuracy")
         return {**data, "kind": ANSWER}
-
-    def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
-        """In which the layers of a file are read: SWEPT where words may stand for numbers."""
-        case_class = self.cases.get(str(data.get("kind"))) if isinstance(data, dict) else None
-        needed = case_class is not None and case_class.model_fields["sweep"].is_required()
-        return SWEPT if needed or sweep.is_in(data, overrides) else None
 
     def json_schema(self) -> dict[str, Any]:
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
@@ -154,7 +146,7 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 class Heading(NamedTuple):
-    """What stands over an experiment."""
+    """The heading of an experiment."""
 
     title: str
     figure: int | None  #: of the paper
@@ -164,11 +156,10 @@ class Heading(NamedTuple):
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
     """The heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
 
-    Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
+    Only its keys are looked at: models and initial states can take seconds.
     """
     try:
-        data = kinds.asked(Document(text_of(path), str))
-        file = kinds.file.validate_python(data, context=kinds.context(data))
+        file = kinds.file.validate_python(kinds.asked(Document(text_of(path), str)))
     except (SpecError, ValidationError):
         return None
     return Heading(file.title or Path(path).stem, file.figure, file.kind)
@@ -201,11 +192,11 @@ class Experiment(NamedTuple):
         None  #: the claims of all cases, as ``spi.statistics.claims.of_text`` reads them; None if there are none
     )
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
-    called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
+    called: str = ""  #: its name in messages and commands: its path, or the name of one that comes with the program
 
     @property
     def results_name(self) -> str:
-        """What its results are called, see :mod:`spi.specs.naming`."""
+        """The name of its results, see :mod:`spi.specs.naming`."""
         return results_name(self.name, self.profile, self.overrides)
 
     @property
@@ -215,7 +206,7 @@ class Experiment(NamedTuple):
 
     @property
     def paths_hash(self) -> str:
-        """As `hash`, but the same whatever the numbers of samples: paths are the same then."""
+        """As `hash`, but without the numbers of samples, which change no path."""
         cases = self.effective["cases"].items()
         paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
         return _hash({**self.effective, "cases": paths})
@@ -255,29 +246,26 @@ def load(
 
     Raises SpecError if anything is wrong with the file, the profile or an override.
     """
-    told = called or str(path)
+    place = f"{called}: line " if called else f"{path}:"
+    called = called or str(path)
     if profile not in PROFILES:
-        raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
+        raise SpecError(f"{called}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
-    document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
-    named, faults = Files(path, files, trusts, added), Faults()
-    context = kinds.context(document.data, overrides)
-    file: Any = None
-    with faults:
-        file = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
-    faults.raise_all()
+    document = _document(path, text, kinds, place)
+    named = Files(path, files, trusts, added)
+    file: Any = _valid(kinds.file.validate_python, document.data, [(document, ())])
     stem = title or Path(path).stem  # which need not be Unicode
     title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    last = _last(partial(kinds.profiles[file.kind].model_validate, context=context), told, overrides, faults)
-    faults.raise_all()
-    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    last: list[Layer] = [(override(called, text), ()) for text in overrides]
+    for layer, _ in last:
+        _valid(kinds.profiles[file.kind].model_validate, layer.data, [(layer, ())])
+    read = partial(_cases, kinds.cases[file.kind], named, document, owners)
     each = {name: read(above) for name, above in {"": [], **profiles}.items()}
     cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
-    faults.raise_all()
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
@@ -299,12 +287,12 @@ def load(
         overrides=overrides,
         expect=claims.as_text(dict.fromkeys(claim for case in cases for claim in case.claims)),
         files=tuple(sorted(named.texts.items())),
-        called=told,
+        called=called,
     )
 
 
 def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
-    """The text of an experiment as plain data; `place` is what stands before the number of a line in messages."""
+    """The text of an experiment as plain data; `place` precedes the numbers of lines in messages."""
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
@@ -329,48 +317,34 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
     return owners or {"main": ((), title)}
 
 
-def _last(read: Callable[[Any], Any], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
-    """The layers that overrides are; adds to `faults` what is wrong with any of them."""
-    layers: list[Layer] = []
-    for one in overrides:
-        with faults:
-            layer = override(told, one), ()
-            _valid(read, layer[0].data, [layer])
-            layers.append(layer)
-    return layers
-
-
 def _cases(
     case_class: type[BaseCase],
     files: Files,
     file: Document,
     owners: dict[str, Owner],
-    faults: Faults,
     above: Sequence[Layer],
 ) -> tuple[BaseCase, ...]:
-    """The records of all cases of a file, with the layers `above`, but for those with `faults`."""
-    built, read = [], partial(case_class.model_validate, context=files)
+    """The records of all cases of a file, with the layers `above`."""
+    built: list[BaseCase] = []
     for name, (owner, title) in owners.items():
-        with faults:
-            layers: list[Layer] = [(file, ()), (file, owner)]
-            for document, loc in above:
-                by_name = document.at(loc).get("cases", {})
-                if other := next((other for other in by_name if other not in owners), None):
-                    document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
-                layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
-            merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+        layers: list[Layer] = [(file, ()), (file, owner)]
+        for document, loc in above:
+            by_name = document.at(loc).get("cases", {})
+            if other := next((other for other in by_name if other not in owners), None):
+                document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
+            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+        merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+        try:
             check_overrides(layers, merged, files)
-            data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
-            if isinstance(data.get("sweep"), dict):
-                built += _swept(case_class, files, data, layers)
-            else:
-                missing = case_class.model_fields["sweep"].is_required()
-                unread = case_class.swept_in if missing else ()  # where the missing parameter may stand
-                built.append(_valid(read, data, layers, unread))
+        except PydanticCustomError as error:
+            _report({tuple((error.context or {})["keys"]): error.message()}, layers)
+        data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
+        read = partial(case_class.model_validate, context=files)
+        swept = isinstance(data.get("sweep"), dict)
+        built += _swept(case_class, read, files, data, layers) if swept else [_valid(read, data, layers)]
     if len({case.sweep is None for case in built}) > 1:
-        one = next(case.name for case in built if case.sweep is None)
-        with faults:
-            file.fail(("cases",), f"has '{one}' without sweep beside others with one; sweep all of them, or none")
+        name = next(case.name for case in built if case.sweep is None)
+        file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
 
 
@@ -385,30 +359,31 @@ def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
                     document.fail((*place, "compositions", name), "is used nowhere; list it under schemes or remove it")
 
 
-def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layers: Sequence[Layer]) -> list[BaseCase]:
+def _swept(
+    case_class: type[BaseCase],
+    read: Callable[[Any], BaseCase],
+    files: Files,
+    data: dict[str, Any],
+    layers: Sequence[Layer],
+) -> list[BaseCase]:
     """The cases that a swept parameter makes of one; of stability that one, with the others in it."""
-    read = partial(case_class.model_validate, context=files)
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
-    required, keys = case_class.model_fields["sweep"].is_required(), case_class.swept_in
+    required = case_class.model_fields["sweep"].is_required()
     try:
-        known = [key for key in keys if key in case_class.model_fields]
-        versions = sweep.versions(data, known, files, most=1 if required else 2)
+        keys = [key for key in case_class.swept_in if key in case_class.model_fields]
+        versions = sweep.versions(data, keys, files, most=1 if required else 2)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
     if required:
-        found = [_valid(read, version, layers) for version in versions.values()]
-        return [found[0].model_copy(update={"sweep": found[0].sweep._replace(cases=tuple(found))})]
+        cases = [_valid(read, version, layers) for version in versions.values()]
+        return [cases[0].model_copy(update={"sweep": cases[0].sweep._replace(cases=tuple(cases))})]
     attempts = {at: attempt(read, version) for at, version in versions.items()}
-    mistakes = {at: wrong for at, (_, wrong) in attempts.items() if wrong}
-    if mistakes:
-        first = next(iter(mistakes.values()))
-        if len(mistakes) == len(attempts) and all(wrong == first for wrong in mistakes.values()):  # whatever the value
-            _report(first, layers)
+    wrong = {at: mistakes for at, (_, mistakes) in attempts.items() if mistakes}
+    for at, mistakes in wrong.items():
+        if all(wrong.get(other) == mistakes for other in attempts):  # whatever the value
+            _report(mistakes, layers)
         word = next(word for word in data["sweep"] if word != "of")
-        told = [(at, about(*next(iter(wrong.items())))) for at, wrong in mistakes.items()]
-        if len(data["sweep"].keys() - {"of"}) > 1:  # a mistake in one parameter once, not for all values of the other
-            told = [(at, text) for text, at in dict((text, at) for at, text in reversed(told)).items()][::-1]
-        raise SpecError(*(document.message((*top, "sweep", word), f"with {at}: {text}") for at, text in told))
+        document.fail((*top, "sweep", word), f"with {at}: {about(*next(iter(mistakes.items())))}")
     return sweep.apart([case for case, _ in attempts.values()])
 
 
@@ -417,20 +392,16 @@ def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layer
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unread: Sequence[str] = ()) -> Any:
-    """What pydantic reads from `data`, which the layers together make up; SpecError with all that is wrong.
-
-    Of the keys `unread` it cannot be told, since a mistake elsewhere leaves open what they mean.
-    """
+def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer]) -> Any:
+    """The record that pydantic reads from `data`, which the layers together make up; SpecError if it is wrong."""
     record, mistakes = attempt(read, data)
-    told = {loc: message for loc, message in mistakes.items() if loc[:1] == () or loc[0] not in unread}
-    return _report(told, layers) if mistakes else record
+    return _report(mistakes, layers) if mistakes else record
 
 
 def _report(mistakes: dict[Location, str], layers: Sequence[Layer]) -> NoReturn:
-    """Raise the SpecError with all that is wrong with what the layers together make up."""
-    told = []
+    """Raise the SpecError about mistakes in the mapping that the layers together make up."""
+    messages = []
     for loc, message in mistakes.items():
         document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
-        told.append(document.message(top + loc, message))
-    raise SpecError(*told)
+        messages.append(document.message(top + loc, message))
+    raise SpecError(*messages)

@@ -12,14 +12,11 @@ import binascii
 import difflib
 import io
 import json
-import math
 import traceback
-import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -30,7 +27,7 @@ from ..storage.records import Group
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
-_BINARY = "data:application/octet-stream;base64,"  # what begins a text that stands for bytes
+_BINARY = "data:application/octet-stream;base64,"  # the prefix of a text that encodes bytes
 
 
 def as_text(data: bytes) -> str:
@@ -95,8 +92,8 @@ class Files:
         except ImportError as error:
             raise wrong(f"is {shown(path)}{_line(error)}: {error}", self._remedy(error), key) from None
         except (Exception, SystemExit) as error:
-            what = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
-            raise wrong(what, "correct the Python file, which must be importable", key) from None
+            fault = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
+            raise wrong(fault, "correct the Python file, which must be importable", key) from None
 
     def _from_disk(self, path: str, key: str, most: int, binary: bool) -> str:
         file = self.folder / path
@@ -106,9 +103,8 @@ class Files:
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
-            right = (
-                f"did you mean '{Path(path).with_name(near[0])}'?" if near else "paths begin at the folder of the spec"
-            )
+            right = "paths begin at the folder of the spec"
+            right = f"did you mean '{Path(path).with_name(near[0])}'?" if near else right
             raise wrong(f"is {shown(path)}, and there is no file {file}", right, key) from None
         except UnicodeDecodeError:
             raise wrong(f"is {shown(path)}, which is not UTF-8", "save the file as UTF-8", key) from None
@@ -153,7 +149,7 @@ def array_in(files: Files, path: str) -> np.ndarray:
     data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
     try:
         values = array_of(data)
-    except (ValueError, SyntaxError, RecursionError, MemoryError):
+    except ValueError:
         raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
     check_finite(values, shown(path), "file")
     return values
@@ -163,44 +159,38 @@ def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.n
     """Arrays of a file that ``numpy.savez`` wrote, by their names; raises the error about the key ``file``."""
     data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
     try:
-        found = unpacked(data, (0, 1, 2, 3), names)
+        arrays = unpacked(data, (0, 1, 2, 3), names)
     except ValueError:
         right = f"give a file of numpy.savez with {' and '.join(names)}, of at most {_MOST_UNPACKED // 10**6} MB"
         raise wrong(f"is {shown(path)}, which holds no such arrays", right, "file") from None
     for name in names:
-        check_finite(found[name], f"{shown(path)}, in which {name}", "file")
-    return found
+        check_finite(arrays[name], f"{shown(path)}, in which {name}", "file")
+    return arrays
 
 
 def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
     """The arrays in a file of ``numpy.savez``, these or all, by their names; ValueError if there are none such."""
-    found, left = {}, _MOST_UNPACKED
     try:
-        with ZipFile(io.BytesIO(data)) as archive:
-            for name in names or [member.removesuffix(".npy") for member in archive.namelist()]:
-                with archive.open(f"{name}.npy") as member:
-                    text = member.read(left + 1)
-                left -= len(text)
-                if left < 0:
-                    raise ValueError("too large")
-                found[name] = array_of(text, dimensions)
-    except (SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error) as error:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            if sum(member.file_size for member in archive.zip.infolist()) > _MOST_UNPACKED:
+                raise ValueError("too large")
+            return {name: _real(archive[name], dimensions) for name in names or archive.files}
+    except Exception as error:  # damaged bytes make zipfile, zlib and NumPy raise errors of a dozen types
         raise ValueError(f"no such arrays: {error}") from None
-    return found
 
 
-def array_of(data: bytes, dimensions: tuple[int, ...] = (1, 2)) -> np.ndarray:
-    """What ``numpy.load`` would return, without trust in the size that a file claims; ValueError if it is damaged."""
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, by_columns, kind = read(file)
-    if kind.kind not in "iufc" or len(shape) not in dimensions or not all(shape):
+def array_of(data: bytes) -> np.ndarray:
+    """The array in a file of ``numpy.save``, real, of one dimension or two; ValueError if it is damaged."""
+    try:
+        return _real(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False), (1, 2))
+    except Exception as error:
+        raise ValueError(f"no such array: {error}") from None
+
+
+def _real(values: np.ndarray, dimensions: tuple[int, ...]) -> np.ndarray:
+    """An array of numbers, each complex one in a list as its real and its imaginary part; ValueError about others."""
+    if values.dtype.kind not in "iufc" or values.ndim not in dimensions or not values.size:
         raise ValueError("not such an array")
-    rest = data[file.tell() :]
-    if len(rest) != kind.itemsize * math.prod(shape):
-        raise ValueError("not of the size that it claims")
-    values = np.frombuffer(rest, kind).reshape(shape, order="F" if by_columns else "C")
     if values.dtype.kind == "c":
         if values.ndim == 2:
             raise ValueError("a complex field")
@@ -208,10 +198,10 @@ def array_of(data: bytes, dimensions: tuple[int, ...] = (1, 2)) -> np.ndarray:
     return values.astype(float)
 
 
-def check_finite(values: np.ndarray, what: str, key: str) -> None:
+def check_finite(values: np.ndarray, text: str, key: str) -> None:
     if not np.isfinite(values).all():
         place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise wrong(f"is {what}, which is not finite at [{place}]", "all numbers must be finite", key)
+        raise wrong(f"is {text}, which is not finite at [{place}]", "all numbers must be finite", key)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -222,32 +212,32 @@ def check_finite(values: np.ndarray, what: str, key: str) -> None:
 def state_in(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
     """The state at a time of a path in a results file; of the only case and scheme where none is named.
 
-    With the spec it is kept under the name of the file and ``.states``, which stands in for one that is missing.
+    With the spec it is stored under the name of the file and ``.states``, which stands in for one that is missing.
     """
-    asked, kept = f"{case or 'the case'}/{scheme or 'the scheme'} at {time!r}", f"{path}.states"
-    known: dict[str, str] = _states_kept(files, kept) if kept in files.texts else {}
-    if asked not in known and not files.complete:
-        if (files.folder / path).exists() or not (files.folder / kept).exists():
-            known[asked] = array_text(_state(files, path, case, scheme, time))
-            files.texts[kept] = json.dumps(known)
+    key, stored = f"{case or 'the case'}/{scheme or 'the scheme'} at {time!r}", f"{path}.states"
+    states = _stored_states(files, stored) if stored in files.texts else {}
+    if key not in states and not files.complete:
+        if (files.folder / path).exists() or not (files.folder / stored).exists():
+            states[key] = array_text(_state(files, path, case, scheme, time))
+            files.texts[stored] = json.dumps(states)
         else:
-            known = _states_kept(files, kept)
-    if asked not in known:
-        raise wrong(f"is {shown(path)}, of which {kept} lacks the state", "add the results file", "results")
-    values = array_of(content(known[asked]))
+            states = _stored_states(files, stored)
+    if key not in states:
+        raise wrong(f"is {shown(path)}, of which {stored} lacks the state", "add the results file", "results")
+    values = array_of(content(states[key]))
     check_finite(values, f"{shown(path)} at time {time:g}", "results")
     return values
 
 
-def _states_kept(files: Files, kept: str) -> dict[str, str]:
-    """The states in the text that is kept of a results file."""
+def _stored_states(files: Files, stored: str) -> dict[str, str]:
+    """The texts of states that are stored in place of a results file."""
     try:
-        known = json.loads(files.text(kept, "results", _MOST_OF_ARRAYS))
-        for one in known.values():
-            array_of(content(one))
+        states: dict[str, str] = json.loads(files.text(stored, "results", _MOST_OF_ARRAYS))
+        for text in states.values():
+            array_of(content(text))
     except (ValueError, RecursionError, AttributeError, TypeError):
-        raise wrong(f"is kept in {kept}, which is damaged", "delete it and add the results file", "results") from None
-    return known
+        raise wrong(f"is kept in {stored}, which is damaged", "delete it and add the results file", "results") from None
+    return states
 
 
 def _state(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
@@ -255,8 +245,8 @@ def _state(files: Files, path: str, case: str | None, scheme: str | None, time: 
     try:
         groups = read_results(files.folder / path).groups
     except StorageError as error:
-        what, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
-        raise wrong(f"is {shown(path)} ({what})", right or "give a results file", "results") from None
+        fault, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
+        raise wrong(f"is {shown(path)} ({fault})", right or "give a results file", "results") from None
     paths = [group for group in groups if "y" in group.variables and "t" in group.coordinates]
     if not paths:
         raise wrong(f"is {shown(path)}, which holds no paths", "give results of kind trajectory", "results")
@@ -273,9 +263,9 @@ def _state(files: Files, path: str, case: str | None, scheme: str | None, time: 
 def _chosen(groups: list[Group], attribute: str, name: str | None, path: str, key: str = "") -> list[Group]:
     """The groups of one case or variant: that of the name, or the only one."""
     key = key or attribute
-    known = list(dict.fromkeys(getattr(group, attribute) for group in groups))
-    if name is None and len(known) > 1:
-        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(known)}, which {shown(path)} has", key)
-    if name is not None and name not in known:
-        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(known)}", key)
-    return [group for group in groups if getattr(group, attribute) == (name or known[0])]
+    names = list(dict.fromkeys(getattr(group, attribute) for group in groups))
+    if name is None and len(names) > 1:
+        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(names)}, which {shown(path)} has", key)
+    if name is not None and name not in names:
+        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(names)}", key)
+    return [group for group in groups if getattr(group, attribute) == (name or names[0])]

@@ -1,4 +1,4 @@
-"""How ``initial`` is read: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
+"""The key ``initial``: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
@@ -38,7 +38,7 @@ from .files import Files, array_in, check_finite, content, state_in, unpacked
 from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How an ``initial`` at random is read: laws of states, of which each path has its own.
+# Laws of initial states, of which each path has its own.
 #
 # initial: {law: uniform_on_surface, through: [0, 0, 1]}
 # initial: {law: gibbs, through: [0, 0, 1], temperature: 0.2}
@@ -80,20 +80,22 @@ class OfGibbs(Keys):
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
         surface = _surface(model, self.through, "through")
-        found = quadratic(model)
-        if found is None:
+        polynomial = quadratic(model)
+        if polynomial is None:
             right = "draw states elsewhere, and give them by law: points"
             raise wrong("is 'gibbs', which is drawn where H is a quadratic polynomial", right, "law")
-        _, b, matrix = (part / self.temperature for part in found)
+        _, b, matrix = (part / self.temperature for part in polynomial)
         terms: list[tuple] = [(i, float(c)) for i, c in enumerate(b) if c]
         for i, j in np.argwhere(np.triu(matrix)).tolist():
             terms.append((i, j, float(matrix[i, j] if i < j else 0.5 * matrix[i, i])))
         law = Gibbs(surface, tuple(terms), least_on(surface, b, matrix))
         rate = float(np.exp(law.least - law.energy(_trials(surface))).mean())
         if rate < LEAST_ACCEPTANCE:
-            what = f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
+            fault = (
+                f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
+            )
             right = f"must be so far from 0 that {LEAST_ACCEPTANCE:g} are; or give states of your own by law: points"
-            raise wrong(what, right, "temperature")
+            raise wrong(fault, right, "temperature")
         return RandomState(surface.typical, law, self.model_dump())
 
 
@@ -106,7 +108,7 @@ class OfGauss(Keys):
     covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
         if len(given) != 1:
@@ -167,8 +169,8 @@ class OfPoints(Keys):
         with np.errstate(divide="ignore"):
             below = -np.log1p(-np.minimum(share[:-1], 1.0))
         digest = hashlib.sha256(y.tobytes() + weight.tobytes()).hexdigest()
-        told = {"law": self.law, "points": len(y), "digest": digest}
-        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), told)
+        plain = {"law": self.law, "points": len(y), "digest": digest}
+        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), plain)
 
 
 _CLASSES = (OnSurface, OfGibbs, OfGauss, OfPoints)
@@ -206,34 +208,35 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     surface = spheres(model, point)
     name = type(model).__qualname__
     if surface is None:
-        what = f"is for Casimir surfaces that are spheres or products of them, which those of {name} are not"
+        fault = f"is for Casimir surfaces that are spheres or products of them, which those of {name} are not"
         if key == "project":
-            raise wrong(what, f"leave it out, or {_POINTS}", key)
-        raise wrong(what, f"use gaussian, or {_POINTS}", "law")
+            raise wrong(fault, f"leave it out, or {_POINTS}", key)
+        raise wrong(fault, f"use gaussian, or {_POINTS}", "law")
     if not any(surface.lengths):
         raise wrong("is 0, a surface of one state", "give another state", key if key != "project" else "mean")
     return surface
 
 
 def _cholesky(matrix: _MATRIX) -> list[list[float]]:
-    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix."""
+    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix.
+
+    numpy.linalg refuses singular matrices, and its last bits depend on the machine.
+    """
     a = np.array(matrix)
     size = np.abs(a).max()
     if not np.allclose(a, a.T, rtol=1e-12, atol=0.0):
         raise wrong("is not symmetric", "must be", "covariance")
-    d, found = len(a), np.zeros_like(a)
-    for j in range(d):
-        for i in range(j, d):
-            left = float(a[i, j])
-            for k in range(j):
-                left -= float(found[i, k]) * float(found[j, k])
-            if i == j and left > 1e-14 * size:
-                found[j, j] = math.sqrt(left)
-            elif found[j, j] > 0.0:
-                found[i, j] = left / float(found[j, j])
-            elif abs(left) > 1e-12 * size:
-                raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
-    return found.tolist()
+    factor = np.zeros_like(a)
+    for j in range(len(a)):
+        left = a[j:, j].copy()
+        for k in range(j):
+            left -= factor[j:, k] * factor[j, k]
+        if left[0] > 1e-14 * size:
+            factor[j, j] = math.sqrt(left[0])
+            factor[j + 1 :, j] = left[1:] / factor[j, j]
+        elif np.abs(left).max() > 1e-12 * size:
+            raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
+    return factor.tolist()
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -242,7 +245,6 @@ def _cholesky(matrix: _MATRIX) -> list[list[float]]:
 
 
 def _names(model: Any) -> list[str]:
-    """What the components are called."""
     return list(variables(model)) or [f"y{i + 1}" for i in range(dimension(model))]
 
 
@@ -266,8 +268,8 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
         raise wrong(f"is {shown(path)}, which has no states", right, "file")
     for number, row in enumerate(rows, 1):
         if len(row) != len(head) or not all(map(_is_number, row)):
-            what = f"is {shown(path)}, whose state {number} is {shown(','.join(row))}"
-            raise wrong(what, f"must be {len(head)} numbers with commas between them", "file")
+            fault = f"is {shown(path)}, whose state {number} is {shown(','.join(row))}"
+            raise wrong(fault, f"must be {len(head)} numbers with commas between them", "file")
     values = dict(zip(head, np.array(rows, float).T, strict=True))
     return np.stack([values[name] for name in names], axis=1), values.get("weight", np.ones(len(rows)))
 
@@ -319,12 +321,12 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
-            known = _FIELDS if given else (*_FIELDS, "file", "results")
-            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(known)}")
+            keys = _FIELDS if given else (*_FIELDS, "file", "results")
+            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(keys)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
 
@@ -349,7 +351,7 @@ class Stored(Keys):
     case: key_of(str, "name of the case in it; default: the only one") = ABSENT
     scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
 
-    @condition()
+    @condition
     def _check_one(self) -> None:
         given = self.model_fields_set
         if {"file", "results"} <= given:
@@ -379,7 +381,7 @@ class Stored(Keys):
 
 def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
     """The state in which all modes but the given ones are 0."""
-    y, known = np.zeros(n * n - 1), places(n)
+    y, lattice = np.zeros(n * n - 1), places(n)
     written: dict[int, str] = {}
     for key, value in given.items():
         if not (match := _MODE.fullmatch(key)):
@@ -387,13 +389,13 @@ def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
         mode = int(match[1]), int(match[2])
         if mode == (0, 0):
             raise wrong("is the mean, which is 0", "leave it out", "modes", key)
-        if mode not in known:
+        if mode not in lattice:
             right = f"both numbers must be between -{n // 2} and {n // 2}"
             raise wrong(f"is not a mode of the lattice modulo {n}", right, "modes", key)
-        place, sign = known[mode]
+        place, sign = lattice[mode]
         if place in written:
-            what = f"is given twice, also as {shown(written[place])}"
-            raise wrong(what, "remove one, since -m has the complex conjugate of m", "modes", key)
+            fault = f"is given twice, also as {shown(written[place])}"
+            raise wrong(fault, "remove one, since -m has the complex conjugate of m", "modes", key)
         written[place] = key
         omega = _complex(value, key)
         y[2 * place : 2 * place + 2] = omega.real, sign * omega.imag
@@ -427,8 +429,8 @@ def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tu
     if subtract_mean:
         values = values - mean
     elif abs(mean) > fields.MEAN_ROUNDING * largest:
-        what = f"has the mean {mean:.12g}, which must be 0 on the torus"
-        raise wrong(what, "subtract it, or add subtract_mean: true", key)
+        fault = f"has the mean {mean:.12g}, which must be 0 on the torus"
+        raise wrong(fault, "subtract it, or add subtract_mean: true", key)
     return tuple(fields.projected(values, n).tolist())
 
 
@@ -452,7 +454,7 @@ def _at_random(text: str, energy: float, seed: int, n: int) -> tuple[float, ...]
 def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str) -> np.ndarray:
     """The values of an expression in some names at points (names, ...), all of them finite."""
     try:
-        if other := re.search(r"\b[yY][0-9]+\b", text):  # what components of states are called
+        if other := re.search(r"\b[yY][0-9]+\b", text):  # the names of components of states
             raise NumberError(f"unknown word '{other[0]}'")
         tree = parse_expression(text, len(names), names)
     except NumberError as error:
@@ -475,11 +477,10 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
     if not isinstance(value, dict):
         return numbers(_with_ranges(value, info))
     if "law" in value:
-        known, files = info.data.get("model"), cast(Files, info.context)
-        return random_state(value, None if isinstance(known, dict) else known, files)
+        return random_state(value, info.data.get("model"), cast(Files, info.context))
     stored = "file" in value or "results" in value
     given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
-    if model is None or isinstance(model, dict):  # of one layer, when it is not known yet which system it is
+    if model is None:  # it is wrong, which is reported
         return ()
     n = fields.lattice_of(model)
     if isinstance(given, Stored):
@@ -494,8 +495,7 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
     """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
     if not isinstance(value, list):
         return value
-    # Sizes are unknown where the model is wrong, of which alone is told then, and of one layer, before it is chosen.
-    if isinstance(info.data.get("model"), dict | None):
+    if info.data.get("model") is None:  # it is wrong, which is reported, and its sizes are not known
         return [entry for entry in value if not has_range(entry)]
     try:
         return expanded(value, info.data["model"])
@@ -504,7 +504,7 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What decides results: the numbers, or of a law what tells it."""
+    """All that decides results: the numbers, or the keys of a law."""
     return value.told if isinstance(value, RandomState) else value
 
 

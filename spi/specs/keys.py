@@ -1,4 +1,4 @@
-"""How values of a spec file are read: words of messages, numbers, lists.
+"""Values of a spec file: words of messages, numbers, lists.
 
 pydantic reads values as the annotations here ask, and writes their JSON Schema.
 """
@@ -6,22 +6,22 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 import difflib
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
-from functools import cache, partial, reduce
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial, reduce, wraps
 from operator import or_
-from types import UnionType
-from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
 from ..storage.records import RENAMED_KINDS
-from .document import Location, again, details, every
+from .document import Location
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -38,12 +38,13 @@ def shown(value: Any) -> str:
     return {None: "empty", True: "true", False: "false"}[value]
 
 
-def suggestion(word: Any, known: Collection[str]) -> str:
-    """What to write instead of an unknown word."""
-    if isinstance(word, str) and (renamed := RENAMED_KINDS.get(word)) in known:
+def suggestion(word: Any, words: Collection[str]) -> str:
+    """Advice about a word that is none of `words`."""
+    word = word if isinstance(word, str) else ""
+    if (renamed := RENAMED_KINDS.get(word)) in words:
         return f"it is called '{renamed}' now, and nothing else changes"
-    near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
-    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+    near = difflib.get_close_matches(word, words, 1)
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(words)}"
 
 
 def entries_in(count: int) -> str:
@@ -57,39 +58,26 @@ def quantity(value: float) -> str:
     return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
 
 
-def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
+def wrong(fault: str, right: str, *keys: str | int) -> PydanticCustomError:
     """The error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
-    return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
+    return PydanticCustomError("spec", "{fault}; {right}", {"fault": fault, "right": right, "keys": keys})
 
 
 # --- keys and numbers ------------------------------------------------------------------------------------------------
 
 
-def _faults_of_keys(data: dict[str, Any], known: dict[str, Any], needed: dict[str, Any]) -> list[InitErrorDetails]:
-    """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
-    unknown = [key for key in data if key not in known]
-    meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
-    faults = [wrong("is not a known key", suggestion(key, known), key) for key in unknown]
-    for key, field in needed.items():
-        if key not in data and key not in meant:
-            faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
-    return [InitErrorDetails(type=fault, loc=(), input=data) for fault in faults]
+def condition(check: Callable[[Any], Any]) -> Any:
+    """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between its keys.
 
-
-def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
-    """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
-
-    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It may return a copy of the
-    record with what it makes of it.  The conditions of a class are tried in the order in which they are
-    defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
-    common with it are left out, so that what depends on a mistake is not reported as another.
+    It may return a copy of the record with what it makes of it.  Conditions are tried once all keys have been read, up
+    to the first that is not met: in the order in which they are defined, those of base classes first.
     """
 
-    def mark(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        check.about = keys  # type: ignore[attr-defined]
-        return check
+    @wraps(check)
+    def checked(record: Any) -> Any:
+        return check(record) or record
 
-    return mark
+    return model_validator(mode="after")(checked)
 
 
 class Keys(pydantic.BaseModel):
@@ -97,43 +85,22 @@ class Keys(pydantic.BaseModel):
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self]) -> Any:
-        """The record; a ValidationError with all that is wrong with its keys, or else between them."""
-        if not isinstance(data, dict):
-            return read(data)
-        allowed = cls.model_config["extra"] == "allow"
-        faults = _faults_of_keys(data, data if allowed else cls.model_fields, needed_keys(cls))
-        try:
-            record = read({key: value for key, value in data.items() if allowed or key in cls.model_fields})
-        except ValidationError as invalid:
-            every = invalid.errors(include_url=False)
-            faults += [again(fault) for fault in every if fault["type"] != "missing" or len(fault["loc"]) > 1]
-        if not faults:
-            record = record._met(faults)
-        if faults:
-            raise ValidationError.from_exception_data(cls.__name__, faults)
-        return record
-
-    def _met(self, faults: list[InitErrorDetails]) -> Any:
-        """The record once its conditions are met; adds to `faults` those that are not."""
-        record, in_doubt = self, set[str]()
-        for name, keys in _conditions(type(self)).items():
-            if in_doubt.isdisjoint(keys):
-                try:
-                    record = getattr(record, name)() or record
-                except (PydanticCustomError, ValidationError) as error:
-                    faults += details(error)
-                    in_doubt.update(keys)
-        return record
+    def _check_keys(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            check_keys(data, data if cls.model_config["extra"] == "allow" else cls.model_fields, needed_keys(cls))
+        return data
 
 
-@cache
-def _conditions(cls: type[Keys]) -> dict[str, tuple[str, ...]]:
-    """The names of the conditions of a class, and the keys that they are about."""
-    named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
-    return {name: method.about for name, method in named if hasattr(method, "about")}
+def check_keys(
+    data: Mapping[str, Any], allowed: Collection[str], needed: Mapping[str, Any] = MappingProxyType({})
+) -> None:
+    """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one it lacks."""
+    if unknown := next((key for key in data if key not in allowed), None):
+        raise wrong("is not a known key", suggestion(unknown, allowed), unknown)
+    if missing := next((key for key in needed if key not in data), None):
+        raise wrong(f"missing key '{missing}'", f"add {missing}: {needed[missing].description}", missing)
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -142,14 +109,12 @@ def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
 
 
 def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
-    """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
-    known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
+    """The annotation of a mapping of one of these classes, which the value of `key`, one of `names`, tells apart."""
+    allowed = dict.fromkeys(k for cls in classes for k in cls.model_fields)
 
     def check(data: Any) -> Any:
-        """Where nothing tells which class it is, what is wrong with the keys."""
         if isinstance(data, dict) and key not in data:
-            faults = _faults_of_keys(data, known, {key: Field(description=" or ".join(names))})
-            raise ValidationError.from_exception_data("keys", faults)
+            check_keys(data, allowed, {key: Field(description=" or ".join(names))})
         return data
 
     return Annotated[reduce(or_, classes), Field(discriminator=key), BeforeValidator(check)]
@@ -177,12 +142,12 @@ def _number(kind: type, value: Any) -> Any:
 
 
 def _number_or_infinity(value: Any) -> float:
-    """The same of a float that may be infinite."""
+    """A float that may be infinite."""
     return math.inf if value in ("inf", ".inf") else float(_number(float, value))
 
 
 def _read(hint: Any) -> Any:
-    """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
+    """An annotation with arithmetic in its numbers, also in those of models, which do not depend on specs."""
     if hint == OrInfinite:
         return hint
     origin, arguments = get_origin(hint), get_args(hint)
@@ -203,7 +168,7 @@ def _read(hint: Any) -> Any:
 
 
 def text_in(hint: Any) -> str | None:
-    """The text in an annotation, which says what it is."""
+    """The description in an annotation."""
     return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
 
 
@@ -217,21 +182,21 @@ def _record_of(cls: Any) -> Any:
     """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
-    return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
+    return Annotated[keys, AfterValidator(lambda keys: cls(*(getattr(keys, key) for key in cls._fields)))]
 
 
 def powers_of_two(value: Any) -> Any:
-    """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
+    """The entries of a range such as 2^-5 .. 2^-13, as texts; a list as it is."""
     if isinstance(value, list):
         if ranges := [entry for entry in value if isinstance(entry, str) and ".." in entry]:
             raise wrong(f"has a range in a list, {shown(ranges[0])}", f"write it without brackets: {ranges[0]}")
         return value
-    what, such = f"is {shown(value)}", "such as 2^-5 .. 2^-13"
+    fault, such = f"is {shown(value)}", "such as 2^-5 .. 2^-13"
     if not isinstance(value, str) or ".." not in value:
-        raise wrong(what, f"must be a list such as [2^-5, 2^-6], or a range {such}")
+        raise wrong(fault, f"must be a list such as [2^-5, 2^-6], or a range {such}")
     ends = [math.frexp(_number(float, end)) for end in value.split("..")]
     if len(ends) != 2 or any(mantissa != 0.5 for mantissa, _ in ends):
-        raise wrong(what, f"a range must have powers of two at both ends, {such}")
+        raise wrong(fault, f"a range must have powers of two at both ends, {such}")
     (_, first), (_, last) = ends
     sign = 1 if last >= first else -1
     return [repr(2.0 ** (k - 1)) for k in range(first, last + sign, sign)]
@@ -250,21 +215,18 @@ def _complex_modes(value: Any) -> Any:
     return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
 
 
-NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
+NAME = "^[A-Za-z0-9_]+$"  #: pattern of names that a user gives
 
 
 def by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-
-    def check(name: str) -> None:
-        if not re.match(NAME, name):
-            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
-
     if isinstance(value, str):
         return {"phi": value}
     if not isinstance(value, dict):
         raise wrong(f"is {shown(value)}", "must be a mapping, as in {phi: y1^2, psi: y2}, or the text of one named phi")
-    every(check, ((name,) for name in value))
+    for name in value:
+        if not re.match(NAME, name):
+            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     return value
 
 
@@ -299,10 +261,10 @@ CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Errors of pydantic in the words of a spec file: where in it, what is wrong, what would be right.
+# Errors of pydantic in the words of a spec file: place, fault, remedy.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: type of an error of pydantic -> what would be right, where its own words are not those of a spec file
+#: type of an error of pydantic -> remedy, where its own words are not those of a spec file
 _RIGHT = {
     "bool_type": "must be true or false",
     "string_type": "must be text",
@@ -313,7 +275,7 @@ _RIGHT = {
 
 
 def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, str]:
-    """Where in `data` an error of pydantic is, and what is wrong there; `errors` are all of them."""
+    """(place in `data`, message) of an error of pydantic, which is one of `errors`."""
     kind, context = error["type"], error.get("ctx", {})
     loc: Location = ()
     value = data
@@ -328,8 +290,8 @@ def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, s
         message = error["msg"]
         loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
     elif kind in ("literal_error", "union_tag_invalid"):
-        known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
-        message = f"is {shown(value)}; {suggestion(value, known)}"
+        words = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
+        message = f"is {shown(value)}; {suggestion(value, words)}"
     elif kind in ("missing", "too_long"):
         missing = [int(e["loc"][-1]) for e in errors if e["type"] == "missing" and e["loc"][:-1] == error["loc"][:-1]]
         count = context["max_length"] if context else 1 + max(missing)
@@ -342,15 +304,15 @@ def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, s
 
 
 def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, str]]:
-    """What pydantic reads from `data`, or what is wrong where in it."""
+    """(the record that pydantic reads from `data`, no mistakes) or (None, place -> mistake)."""
     try:
         return read(data), {}
     except ValidationError as invalid:
         errors = invalid.errors(include_url=False)
-    found: dict[Location, str] = {}
+    mistakes: dict[Location, str] = {}
     for error in errors:
         loc, message = explained(error, errors, data)
-        if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
-            continue  # one mistake, seen as each of the things that may stand there
-        found[loc] = message
-    return None, found
+        # one mistake may be seen as each of the things that may stand there
+        if not any(loc[: len(other)] == other or other[: len(loc)] == loc for other in mistakes):
+            mistakes[loc] = message
+    return None, mistakes

@@ -1,4 +1,4 @@
-"""How ``model`` is read: a built-in model by its name, or one from a file.
+"""The key ``model``: a built-in model by its name, or one from a file.
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
@@ -12,9 +12,9 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
-from operator import or_
+from operator import getitem, or_
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
 import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
@@ -28,7 +28,7 @@ from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from .document import Document, Location, SpecError
 from .files import Files
-from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Models that are Lie-Poisson systems written in YAML: in the spec itself, or in a file that it names.
@@ -36,7 +36,7 @@ from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
 #     model: {algebra: so(3), hamiltonian: y1^2/2 + y2^2/4, noises: [y3], sigma: [0.1]}
 #     model: {system: heavy_top.yaml, parameters: {weight: 2}}
 #
-# What the spec says beside ``system`` overrides what the file says, parameters and sizes one by one.
+# Keys beside ``system`` override those of the file, parameters and sizes one by one.
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: Keys whose mappings are overridden entry by entry.
@@ -52,9 +52,7 @@ KEYS = {**systems.KEYS, **_OTHERS}
 
 def read_system(data: Mapping[str, Any], files: Files) -> Any:
     """The record of the model that is generated of a system; raises the error about a key of `data`."""
-    for key in data:
-        if key not in KEYS:
-            raise wrong("is not a known key", suggestion(key, KEYS), key)
+    check_keys(data, KEYS)
     document = _document(data["system"], files) if "system" in data else None
     whole = overridden(document.data, data) if document else data
     name = _name(whole)
@@ -71,17 +69,14 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
 
 def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:
     """The keys of a system in the file at this path; raises the error about the key ``system``."""
-    found: Mapping[str, Any] = _document(path, files).data
-    return found
+    data: Mapping[str, Any] = _document(path, files).data
+    return data
 
 
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a system with those that stand above them."""
-    both = {
-        key: {**below[key], **above[key]}
-        for key in BY_ENTRY
-        if isinstance(below.get(key), dict) and isinstance(above.get(key), dict)
-    }
+    """The keys of a system, overridden by those of a higher layer."""
+    pairs = {key: (below.get(key), above.get(key)) for key in BY_ENTRY}
+    both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
     return {**below, **above, **both}
 
 
@@ -114,28 +109,29 @@ def _document(path: Any, files: Files) -> Document:
     if not isinstance(document.data, dict):
         raise wrong(f"is {shown(path)}, which is not a mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
     if unknown := next((key for key in document.data if key not in KEYS or key == "system"), None):
-        what = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
-        raise wrong(what, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
+        fault = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
+        raise wrong(fault, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
     return document
 
 
-def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> Any:
+def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> NoReturn:
     """Raise the error about the key to which one of a definition belongs."""
-    what, _, right = str(error).rpartition("; ")
-    what, right = (what, right) if what else (right, "correct it")
+    fault, _, right = str(error).rpartition("; ")
+    fault, right = (fault, right) if fault else (right, "correct it")
     keys = tuple(error.keys)
-    if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _found(data, keys):
-        raise wrong(what, right, *keys) from None
+    if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _stands_in(data, keys):
+        raise wrong(fault, right, *keys) from None
     place = document.places.get(keys[: document.depth(keys)], "line 1")
     key = ".".join(str(k) for k in keys if isinstance(k, str))
-    raise wrong(f"is {shown(data['system'])}, {place}, {key}: {what}", right, "system") from None
+    raise wrong(f"is {shown(data['system'])}, {place}, {key}: {fault}", right, "system") from None
 
 
-def _found(data: Any, keys: tuple[Any, ...]) -> bool:
-    for key in keys:
-        if not isinstance(data, dict | list) or (key not in data if isinstance(data, dict) else key >= len(data)):
-            return False
-        data = data[key]
+def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
+    """Whether `keys` lead to a value."""
+    try:
+        reduce(getitem, keys, data)
+    except (LookupError, TypeError):
+        return False
     return bool(keys)
 
 
@@ -145,7 +141,7 @@ def _found(data: Any, keys: tuple[Any, ...]) -> bool:
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
-    """The keys of a model: those that tell which it is, and the fields of its record, all of them if `complete`."""
+    """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
@@ -156,9 +152,9 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 def _record(cls: Any, parameters: Keys) -> Any:
     """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
-    if found := fault(model):
-        key, what, right = found
-        raise wrong(what, right, key)
+    if refused := fault(model):
+        key, complaint, right = refused
+        raise wrong(complaint, right, key)
     return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
 
 
@@ -180,9 +176,8 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
-        raise wrong(
-            f"is {shown(data['name'])}, whose field {taken} has the name of a key", f"rename it; {remedy}", "name"
-        )
+        fault = f"is {shown(data['name'])}, whose field {taken} has the name of a key"
+        raise wrong(fault, f"rename it; {remedy}", "name")
     return _record(cls, keys.model_validate(data))
 
 
@@ -191,13 +186,12 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def class_in(data: dict[str, Any], files: Files, what: str) -> Any:
-    """The class `name` in the Python file `python`; raises the error about either key. `what` says what to write."""
+def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
+    """The class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
-        raise wrong(
-            f"is {shown(path)}", "must be the path of a Python file, seen from the folder of this one", "python"
-        )
+        right = "must be the path of a Python file, seen from the folder of this one"
+        raise wrong(f"is {shown(path)}", right, "python")
     module = files.module(path, "python")
     here = [
         name
@@ -206,16 +200,12 @@ def class_in(data: dict[str, Any], files: Files, what: str) -> Any:
     ]
     name = data.get("name")
     if name is None:
-        raise wrong(
-            "missing key 'name'", f"add name: the class in {path}, one of {', '.join(here) or '(none yet)'}", "name"
-        )
+        right = f"add name: the class in {path}, one of {', '.join(here) or '(none yet)'}"
+        raise wrong("missing key 'name'", right, "name")
     cls = getattr(module, name, None) if isinstance(name, str) else None
     if cls is None:
-        raise wrong(
-            f"is {shown(name)}, for which there is no class in {path}",
-            suggestion(name, here) if here else f"write a {what}",
-            "name",
-        )
+        right = suggestion(name, here) if here else f"write a {remedy}"
+        raise wrong(f"is {shown(name)}, for which there is no class in {path}", right, "name")
     return cls
 
 
@@ -258,9 +248,9 @@ def is_another(above: Any, below: Any) -> bool:
 
 
 def name_of(model: Any) -> str:
-    """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
+    """The name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, known in MODELS.items() if known is cls), cls.__qualname__)
+    return next((name for name, built_in in MODELS.items() if built_in is cls), cls.__qualname__)
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -271,14 +261,14 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         if systems.variables(model):  # nobody wrote its class, whose name and lines say nothing
-            found = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
-            raise wrong(f"{found}{more}", _remedy(found), "model", *SOURCES)
-        what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
-        raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
+            complaint = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
+            raise wrong(f"{complaint}{more}", _remedy(complaint), "model", *SOURCES)
+        fault = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
+        raise wrong(fault, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
 def _remedy(complaint: str) -> str:
-    """What would be right where a system written in YAML fails a generic check."""
+    """Advice where a system written in YAML fails a generic check."""
     if "not finite" in complaint or "cannot be computed" in complaint:
         return "near the initial state the formulas must be finite; take others, or another state"
     if "gradient" in complaint or "hessian" in complaint:
@@ -287,7 +277,7 @@ def _remedy(complaint: str) -> str:
 
 
 def _plain(model: Any) -> dict[str, Any]:
-    """All that decides results: of a model from elsewhere its code too."""
+    """All that decides results, of a model from elsewhere its code too."""
     record = undamped(model)
     code = modules.digest(type(record))
     return {"name": name_of(model), **({"code": code} if code else {}), **record._asdict()}
@@ -304,7 +294,7 @@ _PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.
 _BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
 
 
-#: What JSON Schema says of a name that is not one of theirs.
+#: In the JSON Schema, a name that is none of theirs.
 _NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
 
 
@@ -335,40 +325,37 @@ ModelPart = Annotated[
 
 
 _WORD = re.compile(r"[^\W\d]\w*")
-_ONE_OF = {"parameters": "parameter", "sizes": "size"}
 
 
 def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[str, Any], files: Files) -> None:
-    """SpecError about a parameter or size that a layer adds to a system and that nothing of it names.
+    """Raise the error about a parameter or size that a layer adds to a system and that no formula names.
 
-    `data` is what the layers together make of a case.
+    `data` are the keys of a case, which the layers together make up.
     """
-    whole: dict[str, Any] = {}
-    added: list[tuple[Document, Location, str, list[str]]] = []
-    for document, top in layers:
-        model = document.at(top).get("model")
-        if not isinstance(model, dict):
-            continue
-        if begins := not whole or is_another(model, whole):
-            try:
-                whole, added = dict(system_in_file(model["system"], files)) if "system" in model else {}, []
-            except PydanticCustomError:
-                return  # reading the model reports it
-        for key in BY_ENTRY if "system" in model or not begins else ():
-            known = _names(whole, key)
-            new = [name for name in _names(model, key) if name not in known]
-            added += [(document, (*top, "model", key, name), _ONE_OF[key], known) for name in new]
-        whole = overridden(whole, model)
+    model = data.get("model")
+    if not isinstance(model, dict):
+        return
+    lowest = next(part["model"] for document, top in layers if "model" in (part := document.at(top)))
+    whole: Mapping[str, Any] = model
+    if "system" in model:
+        try:
+            lowest = system_in_file(model["system"], files)
+        except PydanticCustomError:
+            return  # reading the model reports it
+        whole = overridden(lowest, model)
     used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
-    for document, loc, what, known in added:
-        if loc[-1] not in used:
-            right = suggestion(loc[-1], known) if known else "leave it out"
-            document.fail(loc, f"is no {what} of the system, and no formula names it; {right}")
+    for key, noun in zip(BY_ENTRY, ("parameter", "size"), strict=True):
+        declared = names_under(key, lowest)
+        for name in names_under(key, model):
+            if name not in declared and name not in used:
+                right = suggestion(name, declared) if declared else "leave it out"
+                raise wrong(f"is no {noun} of the system, and no formula names it", right, "model", key, name)
 
 
-def _names(model: Mapping[str, Any], key: str) -> list[str]:
-    found = model.get(key)
-    return list(found) if isinstance(found, dict) else []
+def names_under(key: str, model: Any) -> list[str]:
+    """The names in a mapping of a model that stands under a key."""
+    named = model.get(key) if isinstance(model, dict) else None
+    return list(named) if isinstance(named, dict) else []
 
 
 def _texts(value: Any) -> Iterator[str]:

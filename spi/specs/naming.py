@@ -1,4 +1,4 @@
-"""What results are called: one name for each experiment, profile and set of overrides.
+"""The names of results: one for each experiment, profile and set of overrides.
 
     rigid_body_strong                            the spec as it stands
     rigid_body_strong.quick                      --profile quick
@@ -29,10 +29,10 @@ _VALUE, _ALL = 24, 64
 
 
 def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> str:
-    """What the results of the experiment `name` are called; `overrides` are texts as ``spi.specs.load`` takes them."""
+    """The name of the results of the experiment `name`; `overrides` are texts as ``spi.specs.load`` takes them."""
     last = {}
-    for one in overrides:
-        key, _, value = one.partition("=")
+    for override in overrides:
+        key, _, value = override.partition("=")
         last[key.strip().removeprefix("--")] = "".join(value.split())
     tags = [_tag(key, last[key]) for key in sorted(last) if not _is_neutral(key)]
     if len(".".join(tags)) > _ALL:
@@ -94,9 +94,9 @@ def separated(data: Mapping[str, Any], files: dict[str, str]) -> dict[str, Any]:
 def _each(parts: Any, files: dict[str, str]) -> Any:
     """The cases of a spec, or its profiles, with :func:`separated` keys."""
     if isinstance(parts, Mapping):
-        return {name: separated(one, files) if isinstance(one, Mapping) else one for name, one in parts.items()}
+        return {name: separated(part, files) if isinstance(part, Mapping) else part for name, part in parts.items()}
     if isinstance(parts, list | tuple):
-        return [separated(one, files) if isinstance(one, Mapping) else one for one in parts]
+        return [separated(part, files) if isinstance(part, Mapping) else part for part in parts]
     return parts
 
 

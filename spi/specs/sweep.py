@@ -1,10 +1,10 @@
-"""A parameter and its values: what comes out is a curve over them.
+"""The key ``sweep``, a parameter and its values: results are curves over them.
 
     sweep: {sigma: [0.1, 1, 10]}
     sweep: {s: 2^-4 .. 2^0, of: [order, error]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-or two of them, and what comes out is a map over both:
+or two of them, and results are maps over both:
 
     sweep: {sigma: 2^-4 .. 2^0, T: [0.1, 1, 10]}
 
@@ -13,7 +13,7 @@ number.  Reading makes a case of each value, but for stability, whose figure nee
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
 from typing import Annotated, Any, NamedTuple
@@ -26,11 +26,11 @@ from ..expressions.arithmetic import Numbers
 from ..models import MODELS
 from .files import Files
 from .keys import powers_of_two, suggestion, wrong
-from .models import BY_ENTRY, SOURCES, system_in_file
+from .models import BY_ENTRY, SOURCES, names_under, system_in_file
 
 POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
 _NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: the same elsewhere
+PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand in other kinds
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
 SWEEP += "of two parameters a map"
@@ -40,7 +40,7 @@ _LISTS = {"steps": "which gives results at each of them", "schemes": "which give
 
 
 class Sweep(NamedTuple):
-    """What ``sweep`` is turned into."""
+    """A sweep: its parameters, their values, and those of one of its cases."""
 
     word: str
     values: tuple[float, ...]
@@ -54,7 +54,7 @@ class Sweep(NamedTuple):
     second_value: float | None = None  #: that of this case
 
     def effective(self) -> dict[str, Any]:
-        """What of it decides results, as plain data."""
+        """All of it that decides results, as plain data."""
         if not self.cases:
             return {self.word: self.values}
         return {
@@ -74,7 +74,7 @@ _Values = Annotated[
 
 
 def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
-    """The sweep that a mapping of a word and its values says, and perhaps of what; none for nothing."""
+    """The sweep of a mapping {word: values, of: quantities}; None for None."""
     if value is None:
         return None
     if not isinstance(value, dict):
@@ -82,13 +82,13 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
     of = value.get("of", [])
     if not isinstance(of, str | list) or not all(isinstance(name, str) for name in of):
         raise wrong("is no list of quantities", "write one or several, as in of: [order, error]", "of")
-    found = read({word: values for word, values in value.items() if word != "of"})
-    for word, values in found.items():
+    parameters = read({word: values for word, values in value.items() if word != "of"})
+    for word, values in parameters.items():
         if len(set(values)) < len(values):
             raise wrong("has a value twice", "remove one", word)
-    if len(found) > 2:
-        raise wrong(f"has {len(found)} parameters", _RIGHT)
-    (word, values), (second, others) = [*found.items(), ("", ()), ("", ())][:2]
+    if len(parameters) > 2:
+        raise wrong(f"has {len(parameters)} parameters", _RIGHT)
+    (word, values), (second, others) = [*parameters.items(), ("", ()), ("", ())][:2]
     shown = (of,) if isinstance(of, str) else tuple(of)
     return Sweep(word, values, shown, second_word=second, second_values=others)
 
@@ -98,7 +98,7 @@ Swept = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_typ
 
 
 def check_shown(case: Any) -> None:
-    """What is shown over the parameter is among what comes out of a kind; there are values to draw a curve through."""
+    """Raise the error about quantities that do not come out of the kind, or about a single value."""
     if case.sweep is None:
         return
     if not case.quantities:
@@ -127,24 +127,20 @@ def versions(data: dict[str, Any], keys: Sequence[str], files: Files, most: int 
     """
     sweep = {word: values for word, values in data["sweep"].items() if word != "of"}
     if not 1 <= len(sweep) <= most:
-        raise wrong(
-            f"has {len(sweep)} parameters",
-            _RIGHT if most > 1 else _RIGHT.replace("one or two and their", "one and its"),
-        )
-    found = {"": data}
+        right = _RIGHT if most > 1 else _RIGHT.replace("one or two and their", "one and its")
+        raise wrong(f"has {len(sweep)} parameters", right)
+    cases = {"": data}
     for word, values in sweep.items():
-        found = {
-            ", ".join(filter(None, (before, f"{word} = {value}"))): version
-            for before, one in found.items()
-            for value, version in _with_each(one, word, values, keys, files).items()
-        }
-    return found
+        put = _putting(data, word, keys, files)
+        texts = [str(value) for value in _range(values)]
+        cases = {f"{at}{word} = {text}, ": put(case, text) for at, case in cases.items() for text in texts}
+    return {at.removesuffix(", "): case for at, case in cases.items()}
 
 
-def _with_each(
-    data: Mapping[str, Any], word: str, values: Any, keys: Sequence[str], files: Files
-) -> dict[str, dict[str, Any]]:
-    """By each value, as a text, the keys of a case with it in place of one parameter."""
+def _putting(
+    data: Mapping[str, Any], word: str, keys: Sequence[str], files: Files
+) -> Callable[[dict[str, Any], str], dict[str, Any]]:
+    """The function that puts a value, as text, in place of a parameter in the keys of a case, such as `data`."""
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
         raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
     if word in _LISTS:
@@ -157,42 +153,35 @@ def _with_each(
         meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key in _NUMBERS)])
         right = meant if meant.startswith("did you") else f"use it in one of {', '.join(keys)}"
         raise wrong(f"the parameter '{word}' is not used", right)
-    found = {}
-    for value in map(str, _range(values)):
-        replaced = {key: _replaced(part, word, value) if key in within else part for key, part in data.items()}
-        found[value] = _with(replaced, place, value) if place else replaced
-    return found
 
+    def put(case: dict[str, Any], text: str) -> dict[str, Any]:
+        replaced = {key: _replaced(part, word, text) if key in within else part for key, part in case.items()}
+        return _with(replaced, place, text) if place else replaced
 
-def is_in(data: Any, overrides: Iterable[str] = ()) -> bool:
-    """Whether a parameter is swept in a file, or by overrides, so that a word may stand where a number is meant."""
-    parts = [*data.values()] if isinstance(data, dict) else data if isinstance(data, list) else []
-    within = isinstance(data, dict) and "sweep" in data
-    return within or any(one.startswith("sweep") for one in overrides) or any(map(is_in, parts))
+    return put
 
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """A sweep with what stands above it: another parameter or other values, or another choice of what is shown."""
-    kept = {key: value for key, value in below.items() if key == "of" or above.keys() - {"of"} <= below.keys()}
-    return kept | above
+    """A sweep, overridden by a higher layer: by another parameter, other values or another choice of quantities."""
+    return {key: value for key, value in below.items() if key == "of" or above.keys() - {"of"} <= below.keys()} | above
 
 
 def apart(cases: Sequence[Any]) -> list[Any]:
     """The cases of all values of a sweep, each with its value and with a name of its own."""
-    found, sweep = [], cases[0].sweep
+    first, separate = cases[0], []
+    sweep = first.sweep._replace(case=first.name, title=first.title)
+    names, titles = ([], []) if first.name == "main" else ([first.name], [first.title])
     values = product(sweep.values, sweep.second_values or [None])
     for case, (value, second) in zip(cases, values, strict=True):
-        whole = [] if case.name == "main" else [case.name]
-        title = [] if case.name == "main" else [case.title]
-        own = sweep._replace(case=case.name, title=case.title, value=value, second_value=second)
-        at = {own.word: value} | ({} if second is None else {own.second_word: second})
-        numbers = {word: repr(one).removesuffix(".0") for word, one in at.items()}
-        told = {
-            "name": "_".join([*whole, *(f"{word}={one}" for word, one in numbers.items())]),
-            "title": ", ".join([*title, *(f"{word} = {one}" for word, one in numbers.items())]),
+        numbers = {sweep.word: value} | ({} if second is None else {sweep.second_word: second})
+        texts = {word: repr(number).removesuffix(".0") for word, number in numbers.items()}
+        own = {
+            "name": "_".join([*names, *(f"{word}={text}" for word, text in texts.items())]),
+            "title": ", ".join([*titles, *(f"{word} = {text}" for word, text in texts.items())]),
+            "sweep": sweep._replace(value=value, second_value=second),
         }
-        found.append(case.model_copy(update=told | {"sweep": own}))
-    return found
+        separate.append(case.model_copy(update=own))
+    return separate
 
 
 def _place(data: Mapping[str, Any], word: str, declared: Sequence[str], keys: Sequence[str]) -> tuple[str, ...]:
@@ -207,20 +196,19 @@ def _place(data: Mapping[str, Any], word: str, declared: Sequence[str], keys: Se
 
 def _declared(model: Any, files: Files) -> list[str]:
     """The parameters of a system that is written in YAML."""
-    parts: list[Mapping[str, Any]] = [model] if isinstance(model, dict) else []
-    if parts and isinstance(path := model.get("system"), str):
+    names = names_under("parameters", model)
+    if isinstance(model, dict) and isinstance(path := model.get("system"), str):
         with suppress(PydanticCustomError):  # reading the model reports it
-            parts.append(system_in_file(path, files))
-    found = [part["parameters"] for part in parts if isinstance(part.get("parameters"), dict)]
-    return [name for part in found for name in part]
+            names += names_under("parameters", system_in_file(path, files))
+    return names
 
 
 def _parameters(model: Any) -> list[str]:
     """The parameters of a model that are keys under ``model``."""
     if not isinstance(model, dict):
         return []
-    known = [*getattr(_class_of(model), "_fields", ()), *model]
-    return [key for key in dict.fromkeys(known) if key not in (*SOURCES, *BY_ENTRY)]
+    keys = dict.fromkeys((*getattr(_class_of(model), "_fields", ()), *model))
+    return [key for key in keys if key not in (*SOURCES, *BY_ENTRY)]
 
 
 def _class_of(model: Mapping[str, Any]) -> Any:

@@ -2,17 +2,19 @@
 
 A spec states claims under its key ``expect``; the module ``results`` of a kind of experiment says which quantities came
 out; :func:`judge` compares the two.  A quantity is judged with its 95 % interval.  With [a, b] the numbers that the
-claim allows, it is
+claim allows, the claim is
 
-    passed         if the interval lies in [a, b]; where one number is claimed, with a tolerance or without, if it meets
-                   [a, b], since no interval lies in a single number,
-    failed         if not even the interval of twice that width meets [a, b],
-    inconclusive   otherwise, and if the interval is too wide to say anything or the number is not known.
+    confirmed      if the interval lies in [a, b],
+    consistent     if it meets [a, b], but does not lie in it,
+    contradicted   if not even the interval of twice that width meets [a, b],
+    inconclusive   otherwise, and if the interval is too wide to say anything or the number is not resolved.
 
-No claim passes about what is not finite, be it in part, or of which paths diverged: it fails if what is finite
-contradicts it, else it is inconclusive.  Only how many paths diverged is a number all the same (:data:`COUNTS`).
+No claim is confirmed, nor consistent, about what is not finite, be it in part, or of which paths diverged: it is
+contradicted by what is finite, or inconclusive.  Only how many paths diverged is a number all the same
+(:data:`COUNTS`).
 
-An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim hardly ever fails.
+An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim is hardly ever
+contradicted.
 """
 
 import json
@@ -22,13 +24,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..storage.records import INTERVAL, Description, Order
+from ..storage.records import Order
+from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Stored, last
 
-EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in which a number can be claimed
-PASSED, INCONCLUSIVE, FAILED = "passed", "inconclusive", "failed"  #: the verdicts, from good to bad
-VERDICTS = (PASSED, INCONCLUSIVE, FAILED)
-
-WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
+CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED = "confirmed", "consistent", "inconclusive", "contradicted"
+VERDICTS = (CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED)  #: from good to bad
 
 _ROUNDING = 1e-12  # relative: step sizes written as decimals are not exact
 
@@ -37,15 +37,18 @@ class Sort(NamedTuple):
     """A quantity that the specs of a kind may expect."""
 
     sense: str  #: in which a bare number is meant
-    per_step: bool = False  #: whether it is known for each step size
+    per_step: bool = False  #: whether it belongs to a step size
 
 
 #: The quantities that say how many paths diverged, or how many did not, and what they are if none did.
 COUNTS = {"nonfinite": 0.0, "finite": 1.0}
 
-#: The quantities of several kinds.
-ORDER = {"order": Sort(EQUAL)}
-STEPWISE = {name: Sort(AT_MOST, per_step=True) for name in ("error", "casimir_drift", "nonfinite")}
+
+def claimable(record: type[Stored]) -> dict[str, Sort]:
+    """The quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
+    found = [(entry, claim) for entry in record.entries for claim in entry.meaning.claims]
+    found.sort(key=lambda pair: (math.isinf(pair[1].widest), pair[1].sense != EQUAL))
+    return {claim.name or entry.name: Sort(claim.sense, "h" in entry.axes) for entry, claim in found}
 
 
 class Claim(NamedTuple):
@@ -97,19 +100,19 @@ class Quantity(NamedTuple):
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
     expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
-    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it passes
+    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it is confirmed
 
     @property
     def at(self) -> tuple[str, float] | None:
-        """The swept parameter and the value it belongs to, within a result or because its case has it."""
-        return self.swept or (self.about.swept and self.about.swept[:2])
+        """The first swept parameter and the value it belongs to, within a result or because its case has it."""
+        return next(iter(self.swept_places.items()), None)
 
     @property
     def swept_places(self) -> dict[str, float]:
         """The swept parameters with the values it belongs to."""
-        if self.swept is None and self.about.swept is not None:
-            return self.about.swept.places
-        return dict([self.swept] if self.swept else [])
+        if self.swept is not None:
+            return dict([self.swept])
+        return self.about.swept.places if self.about.swept else {}
 
     @property
     def places(self) -> dict[str, float]:
@@ -120,7 +123,7 @@ class Quantity(NamedTuple):
     @property
     def subject(self) -> str:
         """The scheme, its eps, the estimator and the test function that it belongs to, as text."""
-        return ", ".join(filter(None, (self.about.label, self.about.estimator, self.function)))
+        return self.about.subject(self.function)
 
 
 class Verdict(NamedTuple):
@@ -128,7 +131,7 @@ class Verdict(NamedTuple):
 
     claim: Claim
     found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
-    verdict: str  #: PASSED, INCONCLUSIVE or FAILED
+    verdict: str  #: one of VERDICTS
 
     @property
     def subject(self) -> str:
@@ -170,33 +173,58 @@ def order(
     return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST, expected=theory)
 
 
-def each_step(
-    name: str, about: Description, h: np.ndarray, values: np.ndarray, stderr: np.ndarray | None = None
-) -> Iterator[Quantity]:
-    """A quantity for each step size in `h` (S,): the `values` (S,) and their standard errors if they have any."""
-    yield from at_steps(name, about, h, values, np.zeros(len(h)) if stderr is None else INTERVAL * stderr)
-
-
-def at_steps(
-    name: str, about: Description, h: np.ndarray, values: np.ndarray, halves: np.ndarray, function: str = ""
-) -> Iterator[Quantity]:
-    """A quantity for each step size in `h` (S,), of its `values` (S,) and half the widths of their intervals (S,)."""
-    for step, value, half in zip(h.tolist(), values.tolist(), halves.tolist(), strict=True):
-        yield quantity(name, about, value, half, function, step)
-
-
-def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Quantity]:
-    """``casimir_drift`` for each step size, of `drift` (S, C) the largest over the Casimirs; nothing if C = 0.
-
-    A drift that is no number, because paths diverged, counts as infinite.
-    """
-    if drift.shape[1]:
-        yield from each_step("casimir_drift", about, h, lost_is_infinite(drift.max(axis=1)))
-
-
 def lost_is_infinite(values: np.ndarray) -> np.ndarray:
     """The values with infinity for NaN, where NaN means that a path diverged."""
     return np.where(np.isnan(values), np.inf, values)
+
+
+def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
+    """The quantities of the records of a case that specs may expect, and those that several records have together."""
+    for record in readings:
+        for entry in record.entries:
+            for claim in entry.meaning.claims:
+                yield from _claimed(record, entry.name, claim)
+    if readings:
+        yield from readings[0].quantities_of_case(readings)
+
+
+#: The axes along which a field has quantities of their own, beside those whose values have labels.
+_APART = ("h", "value")
+
+
+def _claimed(record: Stored, name: str, claim: Claimed) -> Iterator[Quantity]:
+    """The quantities of a field: of several times the last, and of further axes each number, or the worst exact one."""
+    numbers = record.estimate(name)
+    if numbers is None or not numbers.value.size:
+        return
+    if claim.infinite:
+        numbers = numbers.map(lost_is_infinite)
+    if claim.absolute:
+        numbers = numbers.absolute
+    if "t" in numbers.axes:
+        numbers = numbers.without("t", last)
+    labels = {axis: record.by_name[axis].meaning.label for axis in numbers.axes if axis in record.by_name}
+    further = [axis for axis in numbers.axes if axis not in _APART and not labels.get(axis)]
+    for axis in further if numbers.exact and claim.sense != EQUAL else ():
+        numbers = numbers.without(axis, np.max if claim.sense == AT_MOST else np.min)
+    sides = ((claim.where, True), (claim.expected, math.nan), (claim.lost, ""))
+    where, expected, lost = (record.along(side, numbers, default) for side, default in sides)
+    for place in np.ndindex(numbers.value.shape):
+        at = {axis: record.get(axis)[i] for axis, i in zip(numbers.axes, place, strict=True) if axis in labels}
+        if where[place]:
+            yield Quantity(
+                name=claim.name or name,
+                about=record.about,
+                value=float(numbers.value[place]),
+                low=float(numbers.low[place]),
+                high=float(numbers.high[place]),
+                function=", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis]),
+                h=float(at["h"]) if "h" in at else None,
+                swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
+                widest=claim.widest,
+                expected=float(expected[place]),
+                lost=str(lost[place]),
+            )
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -255,10 +283,11 @@ def _verdict(claim: Claim, q: Quantity) -> str:
     down, up = (0.0 if end == q.value else abs(q.value - end) for end in (q.low, q.high))
     if any(map(math.isnan, (q.value, down, up))) or (down + up) / 2 > q.widest:
         return INCONCLUSIVE
-    meets = q.low <= b and q.high >= a
-    if meets if claim.sense == EQUAL else a <= q.low and q.high <= b:
-        return INCONCLUSIVE if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))) else PASSED
-    return INCONCLUSIVE if q.value - 2 * down <= b and q.value + 2 * up >= a else FAILED
+    if q.low <= b and q.high >= a:
+        if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))):
+            return INCONCLUSIVE
+        return CONFIRMED if a <= q.low and q.high <= b else CONSISTENT
+    return INCONCLUSIVE if q.value - 2 * down <= b and q.value + 2 * up >= a else CONTRADICTED
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -1,12 +1,14 @@
 """Curves of quantities, perhaps over a swept parameter: one for each quantity, scheme, estimator and function."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from ..storage.records import INTERVAL, Description
+from ..storage.records import INTERVAL
+from ..storage.stored import Description
 from .claims import Quantity
 
 
@@ -144,7 +146,7 @@ def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
     for (name, function, _, place, *_), points in by_curve.items():
         first = next(iter(points.values())).about
         if place is None and first.eps is not None:
-            first = first._replace(eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
+            first = replace(first, eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
         listed.append(Curve(name, function, first, tuple(points.values())))
     return sorted(listed, key=lambda curve: names.index(curve.name))
 

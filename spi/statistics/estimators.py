@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..ensemble.observer import add_moments
 from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order
 
@@ -42,15 +41,6 @@ def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples:
             rows = power.reshape(rounds * LANES // PARTS, -1)
             added[k] = np.add.reduce(np.vstack([sum_of_power.reshape(1, -1), rows])).reshape(sum_of_power.shape)
     return added
-
-
-def add_values(values: np.ndarray, first: int, end: int, sums: np.ndarray) -> None:
-    """Add values (blocks, T, columns, LANES) to the sums (2, T, columns, GROUPS) of them and of their squares.
-
-    The first block is number `first`; paths from number `end` on do not count.
-    """
-    times, none = values.shape[1], np.zeros(0, int)
-    add_moments(values, first, end, sums, none, none, np.zeros((1, times, 0, GROUPS)), (0, times))
 
 
 def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -213,6 +203,23 @@ def samples_needed(value: Array, stderr: Array, samples: int) -> Array:
     """About how many samples would resolve a value that `samples` did not; NaN if that cannot be said."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return samples * (RESOLVED * stderr / value) ** 2
+
+
+def note_unresolved(error: Array, stderr: Array, resolved: Array, samples: int) -> str:
+    """The reason why errors are not resolved, and how many samples would do, as text; "" if all are."""
+    finite = np.isfinite(error)
+    if resolved.all():
+        return ""
+    if samples == 1:
+        return "one path has no standard error: not resolved"
+    if not finite.all():
+        return "the mean square is infinite where paths diverged (NaN or infinity) or nearly so"
+    if not error.any():
+        return "errors of 0 have no order"
+    needed = samples_needed(error, stderr, samples)[~resolved].max()
+    if not np.isfinite(needed) or needed <= 0:
+        return f"in brackets: errors below {RESOLVED:g} standard errors"
+    return f"in brackets: not resolved, would need about {float(f'{needed:.1g}'):.0f} samples"
 
 
 def fit_order(

@@ -42,11 +42,6 @@ class Sums(Protocol):
     def _asdict(self) -> dict[str, Any]: ...
 
 
-def sum_of_fields(one: Any, other: Any) -> Any:
-    """The ``NamedTuple`` whose fields are the sums of the fields of two."""
-    return type(one)(*(mine + its for mine, its in zip(one, other, strict=True)))
-
-
 @dataclass(frozen=True)
 class Chunk:
     """Consecutive blocks of the paths of one path set."""

@@ -123,19 +123,12 @@ def remove_leftovers(path: Path) -> None:
         return
     name = re.compile(re.escape(f".{path.name}.{_host()}.") + r"(\d+)\.tmp")
     for entry in os.listdir(path.parent) if path.parent.is_dir() else ():
-        if (match := name.fullmatch(entry)) and not _lives(int(match[1])):
-            with contextlib.suppress(OSError):
-                path.with_name(entry).unlink()
-
-
-def _lives(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:  # it belongs to somebody else
-        return True
-    return True
+        if match := name.fullmatch(entry):
+            with contextlib.suppress(OSError):  # such as: it lives, and belongs to somebody else
+                try:
+                    os.kill(int(match[1]), 0)
+                except (ProcessLookupError, OverflowError):
+                    path.with_name(entry).unlink()
 
 
 @contextlib.contextmanager

@@ -79,7 +79,11 @@ def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[st
     if not Path(path).exists():
         return
     stored = _existing(path)
-    sizes, old = _sizes(parts), _stored_sizes(stored)
+    sizes = _sizes(parts)
+    try:
+        old = _sizes(json.loads(stored["parts"]))
+    except (KeyError, TypeError, ValueError, AttributeError):  # where the file does not state them, a key of no part
+        old = {"": 0}
     among_them = old.keys() <= sizes.keys()
     if stored.get("source_digest") != identity["source_digest"] and (
         among_them or stored.get("paths_hash") == identity["paths_hash"]
@@ -120,14 +124,6 @@ def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
     for part in parts.values():
         largest |= {key: max(size, largest.get(key, 0)) for key, size in part.items()}
     return largest
-
-
-def _stored_sizes(stored: dict[str, Any]) -> dict[str, int]:
-    """The sizes of the parts of results, by key; under a key of no part where the file does not state them."""
-    try:
-        return _sizes(json.loads(stored["parts"]))
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return {"": 0}
 
 
 def computed_by(about: dict[str, Any]) -> str:

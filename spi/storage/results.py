@@ -56,16 +56,16 @@ def read(path: str | Path) -> Results:
     path = Path(path)
     with _open_results(path) as file:
         try:
-            groups = tuple(
-                group
-                for case in file
-                if case != _CHUNKS
-                for variant in file[case]
-                for group in _read_groups(case, variant, file)
-            )
+            groups: list[Group] = []
+            for case, variants in file.items():
+                for variant, source in variants.items() if case != _CHUNKS else ():
+                    if isinstance(next(iter(source.values()), None), h5py.Group):
+                        groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
+                    else:
+                        groups.append(_read_group(case, variant, "", source))
             chunks = tuple(read_array(file[_CHUNKS]).tolist())
             check_fact(_CHUNKS, chunks, tuple[str, ...])
-            return Results(_read_root(file), groups, chunks)
+            return Results(_read_root(file), tuple(groups), chunks)
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
@@ -98,14 +98,6 @@ def _write_group(file: h5py.File, group: Group) -> None:
             dataset.dims[i].attach_scale(target[axis])
     for name, notes in group.notes.items():
         target[name].attrs.update(notes)
-
-
-def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
-    """The group of a scheme, or those of its estimators."""
-    source = file[case][variant]
-    if not isinstance(next(iter(source.values()), None), h5py.Group):
-        return [_read_group(case, variant, "", source)]
-    return [_read_group(case, variant, estimator, source[estimator]) for estimator in source]
 
 
 def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> Group:

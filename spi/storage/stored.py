@@ -1,30 +1,45 @@
-"""One description of a result: a class whose annotated fields are the contents of a group of a results file.
+"""One description of a result: a class whose fields are the contents of a group of a results file.
 
     class Energies(Stored):
         \"\"\"Mean energies of one scheme.\"\"\"
 
-        h: Annotated[Array, axis("step size")]
-        energy: Annotated[Array, array("h", "mean of H(y(T))")]
+        row_axes = ("h",)
+
+        h: Array = axis("step size")
+        energy: Array = array("h", "mean of H(y(T))", claim="equal")
+        energy_stderr: Array = array("h", "standard error of the mean")
         order: Order
-        samples: Annotated[int, fact("number of paths", column=True)]
+        samples: int = fact("number of paths", column=True)
+
+        @derived("h", "mean of H(y(T)) by that of H(y(0))")
+        def ratio(self) -> Array:
+            return self.energy / self.energy[0]
 
 A study makes such a record; ``record.group()`` is the group that stores it and ``Energies.of(group)`` the record again.
-Long names, formulas and units go into the file with the arrays, and from there to xarray; the columns of tables
-(``spi.printing.rows``) and the page docs/reference/results.md come from the same fields.
+Long names, formulas and units go into the file with the arrays, and from there to xarray.  From the same fields come
+the quantities that a spec may expect (``spi.statistics.claims``), rows of CSV and JSON (``spi.printing.rows``), tables
+(``spi.printing.tables``) and the page docs/reference/results.md.
 
 A field that is None is not stored.  Axes that no field describes, as "casimir", are numbered from 0.  A field that is a
 :class:`Described` itself is stored field by field, under its prefix; an order, or a tuple of orders, as the arrays
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
+
+The 95 % interval of a field ``x`` is that from ``x_low`` to ``x_high`` where there are such fields or properties, or
+``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :meth:`Stored.estimate`.
+
+The file is long because declaring, storing, reading and estimating are one mechanism.
 """
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING, dataclass
+from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
 from typing import (
-    Annotated,
     Any,
     ClassVar,
+    Generic,
     NamedTuple,
     Self,
     TypeVar,
@@ -37,7 +52,8 @@ from typing import (
 
 import numpy as np
 
-from .records import Description, Group, Order, check_array, check_axis, check_fact
+from ..ensemble.random_states import RandomState
+from .records import INTERVAL, Group, Order, Part, check_array, check_axis, check_fact
 
 Array = np.ndarray
 
@@ -53,8 +69,24 @@ NUMBERED = {
 }
 
 
+EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in which a number can be claimed
+
+
+class Claimed(NamedTuple):
+    """The claims that specs may make about a field; texts are names of fields or properties of the record."""
+
+    sense: str  #: in which a bare number is meant
+    name: str = ""  #: of the quantity, if it is not that under which the field is stored
+    widest: float = math.inf  #: half the width of an interval from which on it says nothing
+    absolute: bool = False  #: whether it counts without its sign
+    infinite: bool = False  #: whether NaN, which means that paths diverged, counts as infinite
+    expected: str = ""  #: its value by theory, a reference or a solver without sampling
+    where: str = ""  #: whether it is a quantity at all
+    lost: str = ""  #: why no claim about it is confirmed
+
+
 class Meaning(NamedTuple):
-    """The description of a field: its long name, unit, formula and axes, and how it is stored."""
+    """The description of a field: its long name, unit, formula and axes, how it is stored and what may be claimed."""
 
     text: str = ""
     unit: str = ""
@@ -63,7 +95,9 @@ class Meaning(NamedTuple):
     name: str = ""  #: under which it is stored, if not under that of the field
     column: str = ""  #: its name in JSON and CSV; of each place along further axes where it has a {}; "" if it is none
     is_axis: bool = False
-    prefix: str = ""  #: of the names of the fields of a nested record
+    prefix: str = ""  #: of the names of the fields of a nested record, or of the entries of a dictionary
+    claims: tuple[Claimed, ...] = ()  #: what specs may expect of it
+    apart: bool = False  #: whether a nested record has no columns in JSON and CSV
 
     @property
     def notes(self) -> dict[str, str]:
@@ -71,25 +105,89 @@ class Meaning(NamedTuple):
         texts = {"long_name": self.text, "formula": self.formula, "units": self.unit}
         return {name: text for name, text in texts.items() if text}
 
-
-def axis(text: str, unit: str = "", name: str = "") -> Meaning:
-    """The values along an axis, numbers or texts."""
-    return Meaning(text, unit, name=name, is_axis=True)
-
-
-def array(axes: str, text: str, unit: str = "", formula: str = "", name: str = "", column: str = "") -> Meaning:
-    """An array over `axes`, names divided by blanks; of an order or a nested record, the axes of all arrays in it."""
-    return Meaning(text, unit, formula, tuple(axes.split()), name, column)
+    @property
+    def label(self) -> str:
+        """The template that names a quantity at a place along an axis; empty if it has no such name."""
+        return self.column or "{}" * (self.name == "function")
 
 
-def fact(text: str, unit: str = "", name: str = "", column: bool = False) -> Meaning:
-    """A number, a text or a tuple of them that describes the whole; `column` says whether rows of numbers have it."""
-    return Meaning(text, unit, name=name, column="yes" * column)
+_Claims = Claimed | str | tuple[Claimed, ...]
 
 
-def nested(axes: str = "", prefix: str = "") -> Meaning:
+def _claims(claim: _Claims) -> tuple[Claimed, ...]:
+    """The claims in short form: the sense of the only one, or nothing for none."""
+    if isinstance(claim, str):
+        return (Claimed(claim),) if claim else ()
+    return (claim,) if isinstance(claim, Claimed) else claim
+
+
+def _described(meaning: Meaning, default: Any) -> Any:
+    """The field of a dataclass with this description."""
+    return dataclass_field(default=default, metadata={"meaning": meaning})
+
+
+def axis(text: str, unit: str = "", name: str = "", column: str = "", default: Any = MISSING) -> Any:
+    """The values along an axis, numbers or texts; `column` names the quantities at each of them."""
+    return _described(Meaning(text, unit, name=name, column=column, is_axis=True), default)
+
+
+def array(
+    axes: str,
+    text: str,
+    unit: str = "",
+    formula: str = "",
+    name: str = "",
+    column: str = "",
+    claim: _Claims = "",
+    default: Any = MISSING,
+) -> Any:
+    """An array over `axes` (names separated by spaces); for an order or a nested record, the axes of all its arrays."""
+    return _described(Meaning(text, unit, formula, tuple(axes.split()), name, column, claims=_claims(claim)), default)
+
+
+def fact(
+    text: str,
+    unit: str = "",
+    name: str = "",
+    column: bool = False,
+    axes: str = "",
+    prefix: str = "",
+    claim: _Claims = "",
+    default: Any = MISSING,
+) -> Any:
+    """A number, a text or a tuple of them that describes the whole; `column` says whether rows of numbers have it.
+
+    A tuple of numbers may be over an axis; a dictionary is stored entry by entry under its `prefix`.
+    """
+    meaning = Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claims=_claims(claim))
+    return _described(meaning, default)
+
+
+def nested(axes: str = "", prefix: str = "", apart: bool = False, default: Any = MISSING) -> Any:
     """A record within a record: the first axes of all its arrays, and the prefix of its names in a file."""
-    return Meaning(axes=tuple(axes.split()), prefix=prefix)
+    return _described(Meaning(axes=tuple(axes.split()), prefix=prefix, apart=apart), default)
+
+
+V = TypeVar("V")
+
+
+class Derived(Generic[V]):
+    """A property of a record that is described as its fields are."""
+
+    def __init__(self, function: Callable[[Any], V], meaning: Meaning):
+        self.function, self.meaning, self.__doc__ = function, meaning, meaning.text
+
+    def __get__(self, record: Any, owner: Any = None) -> V:
+        own: Any = self
+        return own if record is None else self.function(record)
+
+
+def derived(
+    axes: str, text: str, name: str = "", column: str = "", claim: _Claims = ""
+) -> Callable[[Callable[[Any], V]], Derived[V]]:
+    """Make a method a :class:`Derived` property, which follows from the fields of a record and is not stored."""
+    meaning = Meaning(text, axes=tuple(axes.split()), name=name, column=column, claims=_claims(claim))
+    return lambda function: Derived(function, meaning)
 
 
 class Field(NamedTuple):
@@ -112,49 +210,270 @@ class Field(NamedTuple):
         return self.type is Order or (get_origin(self.type) is tuple and get_args(self.type)[0] is Order)
 
     @property
+    def is_mapping(self) -> bool:
+        """Whether it is a dictionary of facts."""
+        return get_origin(self.type) is dict
+
+    @property
     def is_record(self) -> bool:
         """Whether it is a record of its own."""
         return isinstance(self.type, type) and issubclass(self.type, Described)
 
 
 def _field(hint: Any, field: Any) -> Field:
-    meaning = Meaning()
-    if get_origin(hint) is Annotated:
-        hint, meaning = get_args(hint)[:2]
     members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     (kind,) = (member for member in members if member is not type(None))
-    return Field(field.name, kind, len(members) > 1, field.default, meaning)
+    return Field(field.name, kind, len(members) > 1, field.default, field.metadata.get("meaning", Meaning()))
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True)
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(axis, array, fact, nested))
 class Described:
     """A class whose fields say what they hold; each subclass is a frozen dataclass."""
 
-    described: ClassVar[tuple[Field, ...]]  #: its fields but `about`
+    described: ClassVar[tuple[Field, ...]]  #: its fields but for those that the name of the group tells, and `about`
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls, include_extras=True)
+        hints = get_type_hints(cls)
         own: Any = cls  # mypy does not see that it is a dataclass by now
         cls.described = tuple(
-            _field(hints[field.name], field) for field in dataclass_fields(own) if field.name != "about"
+            _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
         )
+
+
+_OF_GROUP = ("about", "case", "variant")
+
+
+WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
+
+#: The description of an order whose field has none, and what may be claimed of that under the name ``order``.
+ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
+ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
+_CLAIMED = (Claimed(EQUAL, widest=WIDEST, expected="expected_order"),)
+
+
+class Entry(NamedTuple):
+    """An array, axis or attribute of a file, or a derived property, by its name."""
+
+    name: str
+    axes: tuple[str, ...]
+    meaning: Meaning
+    always: bool
+    is_fact: bool
+    path: tuple[str, ...]  #: from the record to its value
+    field: Field | None = None  #: None of a derived property
+    apart: bool = False  #: whether it belongs to a nested record that is
+
+    def of(self, record: Any) -> Any:
+        """Its value in a record; None if there is none."""
+        for name in self.path:
+            if isinstance(record, tuple) and not isinstance(record, Order):  # orders along an axis
+                return np.array([getattr(order, name) for order in record])
+            record = getattr(record, name, None)
+        return record
+
+
+def layout(
+    cls: type[Described],
+    outer: Meaning = Meaning(),  # noqa: B008
+    always: bool = True,
+    path: tuple[str, ...] = (),
+) -> Iterator[Entry]:
+    """The entries of a file that store a record, name by name."""
+    for field in cls.described:
+        needed, here = always and not field.optional and field.default is MISSING, (*path, field.name)
+        if field.is_record:
+            yield from layout(field.type, field.meaning, needed, here)
+            continue
+        name, *ends = stored_names(field, outer.prefix)
+        axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
+        meaning, is_fact = field.meaning, not (field.is_array or field.is_order)
+        if field.is_order:
+            meaning = (meaning if meaning.text else ORDER)._replace(claims=_CLAIMED * (name == "order"))
+            here = (*here, "order")
+        yield Entry(name, axes, meaning, needed, is_fact, here, field, outer.apart)
+        for end, part, attribute in zip(ends, ENDS, Order._fields[1:], strict=False):
+            yield Entry(end, axes, part, needed, False, (*here[:-1], attribute), field, outer.apart)
+
+
+def properties(
+    cls: type[Described],
+    outer: Meaning = Meaning(),  # noqa: B008
+    path: tuple[str, ...] = (),
+) -> Iterator[Entry]:
+    """The derived properties of a record and of those within it."""
+    for name, member in vars(cls).items():
+        if isinstance(member, Derived):
+            meaning = member.meaning
+            axes, stored = (*outer.axes, *meaning.axes), meaning.name or outer.prefix + name
+            yield Entry(stored, axes, meaning, False, False, (*path, name), apart=outer.apart)
+    for field in cls.described:
+        if field.is_record:
+            yield from properties(field.type, field.meaning, (*path, field.name))
+
+
+class Swept(Described):
+    """The value of a swept parameter that a case has."""
+
+    word: str = fact("the swept parameter")
+    value: float = fact("its value")
+    owner: str = fact("the case of the spec that is swept", name="swept_case")
+    title: str = fact("the title of that case")
+    of: tuple[str, ...] = fact("the quantities that are to be shown, if not those that suit the kind", default=())
+    second_word: str = fact("another swept parameter", default="")
+    second_value: float = fact("its value", default=math.nan)
+
+    @property
+    def places(self) -> dict[str, float]:
+        """The values by the names of the parameters."""
+        return {self.word: self.value} | ({self.second_word: self.second_value} if self.second_word else {})
+
+
+class Description(Described):
+    """The system and scheme that were integrated.
+
+    Of a whole sweep, a field that differs from value to value is None, or missing among the parameters.
+    """
+
+    case: str
+    variant: str  #: the scheme, at one eps if it has one, extrapolated so often: unique within a case
+    case_title: str = fact("title of the case")
+    scheme: str = fact("name of the scheme in a spec file")
+    scheme_label: str = fact("name of the scheme in print, without its eps")
+    eps: float | None = fact("scale of the fast processes of the multiscale system")
+    estimator: str = fact("estimator, where a study has several", default="")
+    seed: int = fact("seed of the random numbers")
+    model: str = fact("name of the model in a spec file")
+    parameters: dict[str, Any] = fact("parameters of the model", prefix="model_")
+    variables: tuple[str, ...] = fact("names of the components in the system, if it gives them any", default=())
+    initial: tuple[float, ...] | None = fact("initial state")
+    final_time: float | None = fact("final time", "time")
+    truncate_noise: bool = fact("whether large increments of the noises are cut off")
+    extrapolate: int = fact("levels of Richardson extrapolation of weak errors", default=0)
+    areas: str = fact("how Lévy areas were drawn, if they were", default="exact")
+    driver: str = fact("what drove the noises in place of Brownian motion", default="")
+    initial_law: str | None = fact("law of initial states, where each path has its own", default=None)
+    swept: Swept | None = nested(prefix="swept_", default=None)
+
+    @property
+    def owner(self) -> str:
+        """The name of the case in the spec, which is another one than that of the group if a parameter is swept."""
+        return self.swept.owner if self.swept else self.case
+
+    @property
+    def label(self) -> str:
+        """The name of the scheme in print, with its eps if it has one and with its extrapolation."""
+        return self.subject(with_estimator=False)
+
+    def subject(self, function: str = "", with_estimator: bool = True) -> str:
+        """The parts of the name with a test function, divided by commas."""
+        return ", ".join(self.parts(function, with_estimator))
+
+    def parts(self, function: str = "", with_estimator: bool = True) -> list[str]:
+        """The scheme, its eps and extrapolation, the estimator and a test function, as far as it has them."""
+        eps = "" if self.eps is None else f"eps = {self.eps:g}"
+        parts = self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function
+        return [part for part in parts if part]
+
+    @property
+    def extrapolation(self) -> str:
+        """``extrapolated twice``; empty if it is not."""
+        times = {0: "", 1: "extrapolated", 2: "extrapolated twice"}
+        return times.get(self.extrapolate, f"extrapolated {self.extrapolate} times")
+
+    @classmethod
+    def describe(cls, case: Any, row: Any, part: Part) -> Self:
+        """The description of `part` of `case`; `row` is its scheme's row of SCHEMES."""
+        random, sweep = isinstance(case.initial, RandomState), getattr(case, "sweep", None)
+        return cls(
+            case=case.name,
+            case_title=case.title,
+            variant=part.variant,
+            scheme=part.scheme,
+            scheme_label=row.label,
+            eps=part.eps,
+            estimator=part.estimator,
+            seed=case.seed,
+            model=case.model_name,
+            parameters={name: value for name, value in case.parameters.items() if name != "constants"},
+            variables=tuple(getattr(case, "variables", ())),
+            initial=None if random else case.initial,
+            final_time=getattr(case, "final_time", None),
+            truncate_noise=case.truncate_noise,
+            extrapolate=part.extrapolate,
+            areas=getattr(case, "areas", "exact"),
+            driver=getattr(case, "driver", ""),
+            initial_law=case.initial.text if random else None,
+            swept=None if sweep is None or sweep.value is None else _swept(sweep),
+        )
+
+    def attributes(self) -> dict[str, Any]:
+        """The attributes of a group that store it, but for what is as by default, and for the names in its path."""
+        stored: dict[str, Any] = {}
+        for entry in layout(type(self)):
+            value, field = entry.of(self), entry.field
+            if field and field.is_mapping:
+                stored |= {entry.meaning.prefix + name: it for name, it in value.items()}
+            elif field and value is not None and value is not field.default and value != field.default:
+                stored[entry.name] = value
+        return stored
+
+    @classmethod
+    def of(cls, group: Group) -> Self:
+        """The description of a group; KeyError, with the name, if it lacks a needed attribute."""
+        fields = _taken(cls, group, Meaning()) | {"estimator": group.estimator}
+        return cls(case=group.case, variant=group.variant, **fields)
+
+
+def _swept(sweep: Any) -> Swept:
+    """The record of the key ``sweep`` of a case that has one of its values."""
+    second = {"second_word": sweep.second_word, "second_value": sweep.second_value} if sweep.second_word else {}
+    return Swept(word=sweep.word, value=sweep.value, owner=sweep.case, title=sweep.title, of=sweep.of, **second)
 
 
 class Stored(Described):
     """The results of one part of an experiment, stored as a group of a results file."""
 
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
+    row_axes: ClassVar[tuple[str, ...]] = ()  #: the axes whose points are the rows of CSV and JSON
+    row_columns: ClassVar[tuple[str, ...]] = ()  #: those that are spread over columns
+    row_largest: ClassVar[tuple[str, ...]] = ()  #: those along which the largest value counts
+    row_last: ClassVar[tuple[str, ...]] = ()  #: those at whose end alone a row has what is not over them
+
+    tables: ClassVar[Sequence[Any]] = ()  #: those of a case, see ``spi.printing.tables``
+
+    entries: ClassVar[tuple[Entry, ...]]  #: all that a file holds of it, and its derived properties
+    by_name: ClassVar[dict[str, Entry]]  #: the same; facts go before arrays of the same name
 
     about: Description
-    wall_seconds: Annotated[float, fact("wall-clock time of the part", "s")] = 0.0
-    threads: Annotated[int, fact("number of threads")] = 1
+    wall_seconds: float = fact("wall-clock time of the part", "s", default=0.0)
+    threads: int = fact("number of threads", default=1)
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.entries = (*layout(cls), *properties(cls))
+        cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: entry.is_fact)}
+
+    @property
+    def interval(self) -> float:
+        """Half the width of a 95 % interval in standard errors."""
+        return INTERVAL
 
     def group(self) -> Group:
         """The group of a results file that stores it."""
         about = self.about
         group = Group(about.case, about.variant, {}, {}, about.attributes(), about.estimator, {})
-        _put(self, group, Meaning())
+        for entry in layout(type(self)):
+            if (value := entry.of(self)) is None:
+                continue
+            if entry.is_fact:
+                group.attributes[entry.name] = value
+                continue
+            if entry.meaning.is_axis:
+                group.coordinates[entry.name] = np.asarray(value)
+            else:
+                group.variables[entry.name] = entry.axes, np.asarray(value)
+            group.notes[entry.name] = entry.meaning.notes
         used = {
             name: size
             for axes, values in group.variables.values()
@@ -166,9 +485,60 @@ class Stored(Described):
         return group
 
     @classmethod
+    def facts(cls) -> list[str]:
+        """The names of the fields that hold a number, a text or a tuple of them."""
+        return [field.name for field in cls.described if not (field.is_array or field.is_order or field.is_record)]
+
+    @classmethod
     def of(cls, group: Group) -> Self:
         """The record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
+
+    def get(self, name: str) -> Any:
+        """A field, or a derived property, by its name in files; None if there is none."""
+        return self.by_name[name].of(self) if name in self.by_name else None
+
+    def estimate(self, name: str) -> "Estimate | None":
+        """The numbers of a field or derived property with their intervals; None if there are none."""
+        if (value := self.get(name)) is None:
+            return None
+        axes, numbers = self.by_name[name].axes, np.asarray(value)
+        low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
+        half = self.get(f"{name}_bound") if half is None else half
+        if half is None and stderr is not None:
+            half = np.where(np.asarray(stderr) == 0, 0.0, self.interval * np.asarray(stderr))
+        with np.errstate(invalid="ignore", over="ignore"):
+            if low is None or high is None:
+                if half is None:
+                    return Estimate(axes, numbers, numbers, numbers)
+                low, high = numbers - half, numbers + half
+            certain = np.isinf(numbers)  # as that paths diverged
+            return Estimate(axes, numbers, np.where(certain, numbers, low), np.where(certain, numbers, high))
+
+    def along(self, name: str, numbers: "Estimate", default: Any) -> Array:
+        """A field or derived property over the axes of `numbers`, the last along others; `default` if there is none."""
+        shape = numbers.value.shape
+        if (value := self.get(name)) is None:
+            return np.full(shape, default)
+        own, values = self.by_name[name].axes, np.asarray(value)
+        for axis in [axis for axis in own if axis not in numbers.axes]:
+            values, own = last(values, own.index(axis)), tuple(other for other in own if other != axis)
+        sizes = [values.shape[own.index(axis)] if axis in own else 1 for axis in numbers.axes]
+        return np.broadcast_to(values.reshape(sizes), shape)
+
+    @classmethod
+    def quantities_of_case(cls, readings: Any) -> Iterator[Any]:
+        """The quantities (``spi.statistics.claims.Quantity``) that follow from several records of a case."""
+        yield from ()
+
+    def remarks(self) -> Iterator[str]:
+        """Lines under the tables, behind those on what records have in common."""
+        yield from ()
+
+    @classmethod
+    def remarks_of_case(cls, readings: Any) -> Iterator[str]:
+        """Lines on all records of a case."""
+        yield from ()
 
 
 R = TypeVar("R", bound=Stored)
@@ -190,33 +560,6 @@ def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:
     return name, f"{name}_low", f"{name}_high", "points_in_fit" if name == "order" else f"{name}_points"
 
 
-def _put(record: Described, group: Group, outer: Meaning) -> None:
-    """Add the fields of a record to a group."""
-    for field in record.described:
-        value, meaning = getattr(record, field.name), field.meaning
-        if value is None:
-            continue
-        names = stored_names(field, outer.prefix)
-        axes = (*outer.axes, *meaning.axes)
-        if field.is_record:
-            _put(value, group, meaning)
-        elif field.is_order:
-            columns = np.array(value, float).reshape(-1, len(Order._fields)).T
-            shape = (-1,) if axes else ()
-            for name, values, kind in zip(names, columns, (float, float, float, np.int64), strict=True):
-                group.variables[name] = axes, values.astype(kind).reshape(shape)
-            meanings = meaning if meaning.text else ORDER, *ENDS
-            group.notes.update((name, part.notes) for name, part in zip(names, meanings, strict=True))
-        elif field.is_array:
-            if meaning.is_axis:
-                group.coordinates[names[0]] = np.asarray(value)
-            else:
-                group.variables[names[0]] = axes, np.asarray(value)
-            group.notes[names[0]] = meaning.notes
-        else:
-            group.attributes[names[0]] = value
-
-
 def _taken(cls: type[Described], group: Group, outer: Meaning) -> dict[str, Any]:
     """The fields of a record from a group, by name."""
     return {field.name: _value(field, group, outer) for field in cls.described}
@@ -227,6 +570,12 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
     if field.is_record:
         there = _is_there(field, group)
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
+    if field.is_mapping:
+        prefix = field.meaning.prefix
+        entries = {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
+        for name, entry in entries.items():
+            check_fact(prefix + name, entry, float | str | bool | tuple[Any, ...])
+        return entries
     names = stored_names(field, outer.prefix)
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):
@@ -258,30 +607,48 @@ def _is_there(field: Field, group: Group) -> bool:
     return stored_names(needed, field.meaning.prefix)[0] in {**group.coordinates, **group.variables, **group.attributes}
 
 
-#: The description of an order whose field has none.
-ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
-ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
+# ---------------------------------------------------------------------------------------------------------------------
+# Numbers with their intervals
+# ---------------------------------------------------------------------------------------------------------------------
 
 
-class Entry(NamedTuple):
-    """An array, axis or attribute of a file, by its name."""
+class Estimate(NamedTuple):
+    """Numbers over some axes with the ends of their 95 % intervals; both are the numbers themselves where exact."""
 
-    name: str
     axes: tuple[str, ...]
-    meaning: Meaning
-    always: bool
-    is_fact: bool
+    value: Array
+    low: Array
+    high: Array
+
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers have no intervals."""
+        return self.low is self.value
+
+    @property
+    def absolute(self) -> "Estimate":
+        """The numbers without their signs."""
+        negative = self.value < 0
+        low, high = np.where(negative, -self.high, self.low), np.where(negative, -self.low, self.high)
+        value = np.abs(self.value)
+        return Estimate(self.axes, value, *((value, value) if self.exact else (low, high)))
+
+    def map(self, function: Callable[[Array], Array]) -> "Estimate":
+        """The numbers and the ends after a function."""
+        value = function(self.value)
+        return self._replace(
+            value=value,
+            low=value if self.exact else function(self.low),
+            high=value if self.exact else function(self.high),
+        )
+
+    def without(self, axis: str, function: Callable[..., Array]) -> "Estimate":
+        """With one number in place of those along an axis, such as the largest: ``function(values, axis=...)``."""
+        at = self.axes.index(axis)
+        rest = self._replace(axes=(*self.axes[:at], *self.axes[at + 1 :]))
+        return rest.map(lambda values: function(values, axis=at))
 
 
-def layout(cls: type[Described], outer: Meaning = Meaning(), always: bool = True) -> Iterator[Entry]:  # noqa: B008
-    """The entries of a file that store a record, name by name."""
-    for field in cls.described:
-        needed = always and not field.optional and field.default is MISSING
-        if field.is_record:
-            yield from layout(field.type, field.meaning, needed)
-            continue
-        name, *ends = stored_names(field, outer.prefix)
-        axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
-        meaning = ORDER if field.is_order and not field.meaning.text else field.meaning
-        yield Entry(name, axes, meaning, needed, not (field.is_array or field.is_order))
-        yield from (Entry(end, axes, part, needed, False) for end, part in zip(ends, ENDS, strict=False))
+def last(values: Array, axis: int) -> Array:
+    """The last numbers along an axis."""
+    return np.take(values, -1, axis)

@@ -143,7 +143,7 @@ def has_range(text: Any) -> bool:
 
 
 def inexact(model: Any) -> dict[str, dict[int, tuple[str, str]]]:
-    """Of a generated model, {"pieces" or "noises": {k: (formula, why)}} of those without an exact flow."""
+    """{"pieces" or "noises": {k: (formula, why)}} of the parts of a generated model without an exact flow."""
     return _facts_of(model).get("inexact", {})
 
 

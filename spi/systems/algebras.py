@@ -24,9 +24,10 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import numpy as np
 import sympy
 
-from .brackets import Linear
+from .brackets import Linear, added
 from .text import NumberError, Symbols, parts, whole
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -37,7 +38,7 @@ from .text import NumberError, Symbols, parts, whole
 # ---------------------------------------------------------------------------------------------------------------------
 
 Entries = dict[tuple[int, int], complex]  #: of a matrix whose entries are a + b i with whole a and b
-Part = tuple[Any, Any]  #: a complex number as its real and imaginary part
+Complex = tuple[np.ndarray, np.ndarray]  #: a matrix of expressions as its real and imaginary part
 
 
 class Generator(NamedTuple):
@@ -99,36 +100,31 @@ OF_MATRICES: dict[str, tuple[Callable[[int], list[Generator]], Callable[[int], r
 _MOST_POWER = 6  # a higher one takes thousands of products
 
 
-def brackets_of(generators: Sequence[Generator]) -> list[tuple[int, int, Linear]]:
+def brackets_of(generators: Sequence[Generator], size: int) -> list[tuple[int, int, Linear]]:
     """(a, b, {y_a, y_b}), minus the commutators."""
-    at: dict[tuple[int, int], list[int]] = {}
-    for c, generator in enumerate(generators):
-        for i, j in generator.dual:
-            at.setdefault((j, i), []).append(c)
+    matrices, duals = (
+        np.array([_dense(entries, size) for entries in parts])
+        for parts in zip(*((g.matrix, g.dual) for g in generators), strict=True)
+    )
     brackets = []
     for (a, first), (b, second) in itertools.combinations(enumerate(generators), 2):
-        commutator = _product(first.matrix, second.matrix)
-        for place, value in _product(second.matrix, first.matrix).items():
-            commutator[place] = commutator.get(place, 0) - value
+        commutator = matrices[a] @ matrices[b] - matrices[b] @ matrices[a]
         linear: Linear = {}
-        for c in sorted({c for place, value in commutator.items() if value for c in at.get(place, ())}):
-            third = generators[c]
-            trace = sum(value * commutator.get((j, i), 0) for (i, j), value in third.dual.items())
+        for c, trace in enumerate(np.einsum("cij,ji->c", duals, commutator).real.round().astype(int).tolist()):
             if trace:
-                whole = sympy.Rational(round(trace.real) * third.weight.numerator, third.weight.denominator)
+                third = generators[c]
+                whole = sympy.Rational(trace * third.weight.numerator, third.weight.denominator)
                 linear[c] = -whole * first.scale * second.scale / third.scale
         if linear:
             brackets.append((a, b, linear))
     return brackets
 
 
-def _product(first: Entries, second: Entries) -> Entries:
-    product: Entries = {}
-    for (i, j), a in first.items():
-        for (k, m), b in second.items():
-            if j == k:
-                product[i, m] = product.get((i, m), 0) + complex(a) * b
-    return product
+def _dense(entries: Entries, size: int) -> np.ndarray:
+    matrix = np.zeros((size, size), complex)
+    for place, value in entries.items():
+        matrix[place] = value
+    return matrix
 
 
 def traces(name: str, size: int, variables: Sequence[Any]) -> list[tuple[int, Any]]:
@@ -137,46 +133,33 @@ def traces(name: str, size: int, variables: Sequence[Any]) -> list[tuple[int, An
     tr X^k; for su(n), where X is i times a Hermitian matrix Y with tr Y^2 = 2 |y|^2, half of tr Y^k.
     """
     make, powers = OF_MATRICES[name]
-    generators, rotation = make(size), -1j if name == "su" else 1
-    x: list[list[Part]] = [[(sympy.Integer(0), sympy.Integer(0))] * size for _ in range(size)]
-    for y, generator in zip(variables, generators, strict=True):
+    rotation, half = (-1j, sympy.Rational(1, 2)) if name == "su" else (1, sympy.Integer(1))
+    real, imaginary = (np.full((size, size), sympy.Integer(0)) for _ in range(2))
+    for y, generator in zip(variables, make(size), strict=True):
         factor = sympy.Rational(generator.weight.numerator, generator.weight.denominator) / generator.scale
-        for (i, j), value in generator.dual.items():
+        for place, value in generator.dual.items():
             c = complex(value) * rotation
-            x[i][j] = (x[i][j][0] + round(c.real) * factor * y, x[i][j][1] + round(c.imag) * factor * y)
-    functions, half = [], sympy.Rational(1, 2) if name == "su" else sympy.Integer(1)
-    power, degrees = {1: x}, [k for k in powers(size) if k <= _MOST_POWER]
-    for k in range(2, max(degrees, default=2) // 2 + 1):
-        power[k] = _multiplied(power[k - 1], x)
+            real[place] += round(c.real) * factor * y
+            imaginary[place] += round(c.imag) * factor * y
+    degrees = [k for k in powers(size) if k <= _MOST_POWER]
+    power: dict[int, Complex] = {1: (real, imaginary)}
+    for k in range(2, max(degrees, default=2) // 2 + 2):
+        power[k] = _product(power[k - 1], power[1])
+    functions = []
     for k in degrees:
-        trace = half * _trace(
-            power[k // 2], power[k - k // 2] if k - k // 2 in power else _multiplied(power[k // 2], x)
-        )
+        product, _ = _product(power[k // 2], power[k - k // 2])
+        trace = half * np.trace(product)
         functions.append((k, sympy.expand(trace) if k <= 3 else trace))
     return functions
 
 
-def _multiplied(a: list[list[Part]], b: list[list[Part]]) -> list[list[Part]]:
-    n = range(len(a))
-    return [[_sum(_times(a[i][k], b[k][j]) for k in n) for j in n] for i in n]
-
-
-def _trace(a: list[list[Part]], b: list[list[Part]]) -> Any:
-    """The real part of the trace of a product."""
-    n = range(len(a))
-    return _sum(_times(a[i][k], b[k][i]) for i in n for k in n)[0]
-
-
-def _times(a: Part, b: Part) -> Part:
-    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
-
-
-def _sum(parts: Any) -> Part:
-    real, imaginary = zip(*parts, strict=True)
-    return sympy.Add(*real), sympy.Add(*imaginary)
+def _product(a: Complex, b: Complex) -> Complex:
+    """The product of two matrices, with real and imaginary parts of expressions."""
+    return a[0] @ b[0] - a[1] @ b[1], a[0] @ b[1] + a[1] @ b[0]
 
 
 Brackets = list[tuple[int, int, Linear]]  #: (i, j, {y_i, y_j})
+Algebra = tuple[int, Brackets]  #: dimension, brackets
 
 _FACTOR = re.compile(r"\s*([a-z]+)\s*(?:\(([^()]*)\))?\s*(?:\^\s*(\w+|\([^()]*\)))?\s*$")
 _LARGEST = 64  # components
@@ -185,7 +168,7 @@ KNOWN = (
 )
 
 
-def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
+def algebra(text: str, symbols: Symbols) -> Algebra:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
     dimension, brackets = 0, Brackets()
     for name, sizes, count, factor in _factors(text, symbols):
@@ -226,7 +209,7 @@ def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int,
         yield name, sizes, count, factor.strip()
 
 
-def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
+def _simple(name: str, sizes: list[int], text: str) -> Algebra:
     """(dimension, brackets) of an algebra that is no product."""
     make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
     if make is None:
@@ -239,7 +222,7 @@ def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
     return make(*sizes)
 
 
-def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Brackets]:
+def _rotations(metric: tuple[int, ...], translations: bool) -> Algebra:
     """{L_ij, L_jk} = metric_j L_ik, and {L_ij, g_i} = -metric_i g_j, {L_ij, g_j} = metric_j g_i."""
     n = len(metric)
     pairs = {pair: k for k, pair in enumerate(itertools.combinations(range(n), 2))}
@@ -264,7 +247,7 @@ def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Bracke
     return d + n * translations, brackets
 
 
-def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int, Brackets]:
+def _of_vectors(factors: tuple[int, int, int], translations: bool) -> Algebra:
     """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
     brackets = Brackets()
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -275,44 +258,41 @@ def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int,
     return 6 if translations else 3, brackets
 
 
-def _so(n: int) -> tuple[int, Brackets]:
+def _so(n: int) -> Algebra:
     return _of_vectors((-1, -1, -1), False) if n == 3 else _rotations((1,) * n, False)
 
 
-def _se(n: int) -> tuple[int, Brackets]:
+def _se(n: int) -> Algebra:
     return _of_vectors((-1, -1, -1), True) if n == 3 else _rotations((1,) * n, True)
 
 
-def _so_mixed(p: int, q: int) -> tuple[int, Brackets]:
+def _so_mixed(p: int, q: int) -> Algebra:
     if (p, q) == (2, 1):
         return _of_vectors((-1, -1, 1), False)
     return _rotations((1,) * p + (-1,) * q, False)
 
 
-def _gl(n: int) -> tuple[int, Brackets]:
+def _gl(n: int) -> Algebra:
     brackets = Brackets()
     places = list(itertools.product(range(n), repeat=2))
     for (a, (i, j)), (b, (k, m)) in itertools.combinations(enumerate(places), 2):
-        linear: Linear = {}
-        if j == k:
-            linear[i * n + m] = linear.get(i * n + m, sympy.Integer(0)) - 1
-        if m == i:
-            linear[k * n + j] = linear.get(k * n + j, sympy.Integer(0)) + 1
+        one = sympy.Integer(1)
+        linear = added([(i * n + m, -one)] * (j == k) + [(k * n + j, one)] * (m == i))
         brackets.append((a, b, {place: c for place, c in linear.items() if c}))
     return n * n, brackets
 
 
-def _of_matrices(name: str, n: int) -> tuple[int, Brackets]:
+def _of_matrices(name: str, n: int) -> Algebra:
     generators = OF_MATRICES[name][0](n)
-    return len(generators), brackets_of(generators)
+    return len(generators), brackets_of(generators, n)
 
 
-def _heisenberg(n: int) -> tuple[int, Brackets]:
+def _heisenberg(n: int) -> Algebra:
     return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
 
 
 #: (name, number of sizes) -> (function that makes it, least size, largest size)
-_MAKE: dict[tuple[str, int], tuple[Callable[..., tuple[int, Brackets]], int, int]] = {
+_MAKE: dict[tuple[str, int], tuple[Callable[..., Algebra], int, int]] = {
     ("so", 1): (_so, 2, 11),
     ("so", 2): (_so_mixed, 1, 10),
     ("se", 1): (_se, 2, 10),

@@ -21,6 +21,21 @@ Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
 Polynomial = dict[Monomial, Any]  #: the factor of each monomial
 Linear = dict[int, Any]  #: of an affine function of w, the factor of each coordinate, and the constant at the place d
 Entry = dict[Any, Any]  #: an affine function with further monomials of degree 2 and more
+Matrix = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number
+Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
+
+
+def added(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Terms (key, value) with equal keys added up."""
+    sums: dict[Any, Any] = {}
+    for key, value in terms:
+        sums[key] = sums.get(key, 0) + value
+    return sums
+
+
+def summed(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Terms (key, number) with equal keys added up, without those that vanish."""
+    return {key: value for key, value in added(terms).items() if abs(value) > NOTHING}
 
 
 class BracketError(ValueError):
@@ -94,19 +109,19 @@ class Bracket(NamedTuple):
         """Whether y_i is a coordinate whose brackets are affine."""
         return i not in self.logarithmic and not any(i in pair for pair in self.higher)
 
-    def field(self, functional: Mapping[int, Any]) -> dict[tuple[int, int], mpmath.mpf]:
+    def field(self, functional: Mapping[int, Any]) -> Matrix:
         """M, (row, column) -> number, of the field w' = M (w, 1) of l = sum_j functional[j] w_j, if it is affine."""
         return field_of(self.constants, functional)
 
-    def curved(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def curved(self, functional: Mapping[int, Any]) -> Field:
         """The terms of degree 2 and more of the field of a linear function, (row, monomial) -> number."""
         return field_of(self.higher, functional)
 
-    def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def polynomial_field(self, functional: Mapping[int, Any]) -> Field:
         """The whole field of a linear function."""
         return {**self.as_field(self.field(functional)), **self.curved(functional)}
 
-    def as_field(self, entries: Mapping[tuple[int, int], mpmath.mpf]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+    def as_field(self, entries: Matrix) -> Field:
         """M (w, 1) by row and monomial."""
         return {(row, self.monomial(k)): c for (row, k), c in entries.items()}
 
@@ -119,14 +134,12 @@ class Bracket(NamedTuple):
         if len(first) == len(second) == 1:
             (i,), (j,) = first, second
             return self.commute(i, j)
-        total: dict[Any, mpmath.mpf] = {}
         with mpmath.workdps(DIGITS):
-            for (i, a), (j, b) in itertools.product(first.items(), second.items()):
-                for k, c in self.of(i, j).items():
-                    total[k] = total.get(k, mpmath.mpf(0)) + a * b * precise(c)
-            for (row, monomial), c in self.curved(second).items() if self.higher else ():
-                total[monomial] = total.get(monomial, mpmath.mpf(0)) + first.get(row, 0) * c
-        return all(abs(value) < NOTHING for value in total.values())
+            pairs = itertools.product(first.items(), second.items())
+            terms: list[Any] = [(k, a * b * precise(c)) for (i, a), (j, b) in pairs for k, c in self.of(i, j).items()]
+            curved = self.curved(second) if self.higher else {}
+            terms += [(monomial, first.get(row, 0) * c) for (row, monomial), c in curved.items()]
+            return not summed(terms)
 
     def at(self, point: Sequence[Any]) -> dict[tuple[int, int], Any]:
         """{w_i, w_j}, i < j, where w has these values; those of logarithms do not matter."""
@@ -139,15 +152,14 @@ class Bracket(NamedTuple):
 
 def field_of(brackets: Mapping[tuple[int, int], Entry], functional: Mapping[int, Any]) -> Entry:
     """(row, term) -> number, of w_i' = sum_j functional[j] {w_i, w_j} where {w_i, w_j} = sum of entry[term] * term."""
-    total: Entry = {}
     with mpmath.workdps(DIGITS):
-        for (i, j), entry in brackets.items():
-            for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in functional:
-                    for term, c in entry.items():
-                        value = sign * precise(c) * functional[column]
-                        total[row, term] = total.get((row, term), mpmath.mpf(0)) + value
-    return {place: value for place, value in total.items() if abs(value) > NOTHING}
+        return summed(
+            ((row, term), sign * precise(c) * functional[column])
+            for (i, j), entry in brackets.items()
+            for row, column, sign in ((i, j, 1), (j, i, -1))
+            if column in functional
+            for term, c in entry.items()
+        )
 
 
 def precise(number: Any) -> mpmath.mpf:
@@ -195,7 +207,8 @@ def checked(
             continue
         pair = (min(i, j), max(i, j))
         entry = entry if i < j else {k: -c for k, c in entry.items()}
-        if pair in by_pair and not _equal(by_pair[pair], entry):
+        before = by_pair.get(pair, entry)
+        if not all(_is_zero(sympy.sympify(before.get(k, 0)) - entry.get(k, 0)) for k in {*before, *entry}):
             opposite = "{" + f"{variables[j]}, {variables[i]}" + "}"
             fault = f"{name} is not the opposite of {opposite}"
             raise BracketError(f"is not antisymmetric: {fault}; give one of them only", "bracket", key)
@@ -234,12 +247,13 @@ def _violation(bracket: Bracket) -> tuple[int, int, int] | None:
         for k in set().union(*(partners[m] for m in linear)) - {i, j}
     }
     for i, j, k in sorted(triples):
-        total: Linear = {}
-        for a, b, c in ((i, j, k), (j, k, i), (k, i, j)):
-            for m, factor in bracket.of(b, c).items():
-                for n, other in bracket.of(a, m).items():
-                    total[n] = total.get(n, 0) + factor * other
-        if any(not _is_zero(value) for value in total.values()):
+        jacobi = added(
+            (n, factor * other)
+            for a, b, c in ((i, j, k), (j, k, i), (k, i, j))
+            for m, factor in bracket.of(b, c).items()
+            for n, other in bracket.of(a, m).items()
+        )
+        if not all(map(_is_zero, jacobi.values())):
             return i, j, k
     return None
 
@@ -250,25 +264,20 @@ def _violation_of_polynomials(bracket: Bracket) -> tuple[int, int, int] | None:
     for i, j, polynomial in bracket.entries():
         entries[i, j], entries[j, i] = polynomial, {monomial: -c for monomial, c in polynomial.items()}
     for i, j, k in itertools.combinations(range(bracket.dimension), 3):
-        total: Polynomial = {}
-        for a, b, c in ((i, j, k), (j, k, i), (k, i, j)):
-            for monomial, factor in entries.get((b, c), {}).items():
-                for place, m in enumerate(monomial):  # {w_a, w_m} times the derivative by w_m, power by power
-                    rest = monomial[:place] + monomial[place + 1 :]
-                    for other, number in entries.get((a, m), {}).items():
-                        product = tuple(sorted(rest + other))
-                        total[product] = total.get(product, 0) + factor * number
-        if any(not _is_zero(value) for value in total.values()):
+        jacobi = added(
+            (tuple(sorted(monomial[:place] + monomial[place + 1 :] + other)), factor * number)
+            for a, b, c in ((i, j, k), (j, k, i), (k, i, j))
+            for monomial, factor in entries.get((b, c), {}).items()
+            for place, m in enumerate(monomial)  # {w_a, w_m} times the derivative by w_m, power by power
+            for other, number in entries.get((a, m), {}).items()
+        )
+        if not all(map(_is_zero, jacobi.values())):
             return i, j, k
     return None
 
 
 def _is_zero(number: Any) -> bool:
     return bool(number == 0) or (not number.is_Rational and abs(precise(number)) < NOTHING)
-
-
-def _equal(first: Entry, second: Entry) -> bool:
-    return all(_is_zero(sympy.sympify(first.get(k, 0)) - second.get(k, 0)) for k in {*first, *second})
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -11,10 +11,9 @@ import numpy as np
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import DIGITS, NOTHING, Bracket, precise
+from .brackets import DIGITS, NOTHING, Bracket, added, precise
 from .splitting import connected
-from .symbolics import Symbolics, degree_of, reduced
-from .system import Function
+from .symbolics import Function, Symbolics, degree_of, echelon, reduced
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients
@@ -86,22 +85,7 @@ def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
         for (i, j), entry in world.bracket.at(point).items():
             rows[i][j], rows[j][i] = entry, -entry
         gradients = [world.gradient_at(function, point) for function in functions]
-        return _rank(gradients), d - _rank(rows)
-
-
-def _rank(rows: Iterable[dict[int, Any]]) -> int:
-    """The number of independent rows, place -> number, in the precision at hand."""
-    left, count = [dict(row) for row in rows], 0
-    while left := [row for row in left if any(row.values())]:
-        count += 1
-        pivot, value = max(((i, c) for i, c in left[0].items()), key=lambda entry: abs(entry[1]))
-        first = {i: c / value for i, c in left.pop(0).items()}
-        for n, row in enumerate(left):
-            if factor := row.get(pivot):
-                size = max(map(abs, row.values()))
-                new = {i: row.get(i, 0) - factor * first.get(i, 0) for i in {*row, *first} - {pivot}}
-                left[n] = {i: c for i, c in new.items() if abs(c) > size * NOTHING**1.5}
-    return count
+        return len(echelon(gradients, NOTHING)), d - len(echelon(rows, NOTHING))
 
 
 def _linear(constants: dict[tuple[int, int], Any], part: Sequence[int], world: Symbolics) -> list[Any]:
@@ -236,14 +220,11 @@ def _products(
     for count in range(1, degree + 1):
         for chosen in itertools.combinations_with_replacement(polynomials, count):
             if sum(d for d, _ in chosen) == degree and count > 1:
-                total: dict[tuple[int, ...], Fraction] = {(): Fraction(1)}
+                product: dict[tuple[int, ...], Fraction] = {(): Fraction(1)}
                 for _, factor in chosen:
-                    product: dict[tuple[int, ...], Fraction] = {}
-                    for (a, x), (b, y) in itertools.product(total.items(), factor.items()):
-                        key = tuple(sorted(a + b))
-                        product[key] = product.get(key, Fraction(0)) + x * y
-                    total = product
-                yield total
+                    pairs = itertools.product(product.items(), factor.items())
+                    product = added((tuple(sorted(a + b)), x * y) for (a, x), (b, y) in pairs)
+                yield product
 
 
 def _expressions(

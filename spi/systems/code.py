@@ -61,26 +61,24 @@ class Formula:
     def _product(self, e: Any) -> str:
         """Code of a product; factors that are equal in all lanes come first, in parentheses, to be computed once."""
         same = [f for f in e.args if not f.free_symbols & self.varying]
-        other = [f for f in e.args if f not in same]
-        above: list[Any] = []
-        below: list[Any] = []
-        for f in other:
-            (below if f.is_Pow and f.exp.is_number and f.exp.is_negative else above).append(f)
         invariant = self._invariant(same)
-        factors = ([invariant] if invariant not in ("1.0", "-1.0") else []) + [self.code(f) for f in above]
-        text = " * ".join(factors) or "1.0"
+        above, below = self._quotient([f for f in e.args if f not in same])
+        text = " * ".join([invariant] * (invariant not in ("1.0", "-1.0")) + above) or "1.0"
         if below:
-            text = f"{text} / ({' * '.join(self.code(f.base**-f.exp) for f in below)})"
+            text = f"{text} / ({' * '.join(below)})"
         return f"-{text}" if invariant == "-1.0" else text
+
+    def _quotient(self, factors: Sequence[Any]) -> tuple[list[str], list[str]]:
+        """The codes of the factors above and below the line of a quotient."""
+        below = [f for f in factors if f.is_Pow and f.exp.is_number and f.exp.is_negative]
+        return [self.code(f) for f in factors if f not in below], [self.code(f.base**-f.exp) for f in below]
 
     def _invariant(self, factors: Sequence[Any]) -> str:
         number = sympy.Mul(*(f for f in factors if f.is_Rational))
         if max(abs(number.p), number.q) >= 2**53:  # not both are doubles, so that a quotient would round thrice
             number, factors = sympy.Integer(1), [sympy.Float(number, 30), *factors]
-        rest = [f for f in factors if not f.is_Rational]
-        above = [self.code(f) for f in rest if not (f.is_Pow and f.exp.is_number and f.exp.is_negative)]
-        below = [self.code(f.base**-f.exp) for f in rest if f.is_Pow and f.exp.is_number and f.exp.is_negative]
-        if not rest:
+        above, below = self._quotient([f for f in factors if not f.is_Rational])
+        if not above and not below:
             return _literal(number)
         if number.p == -1 and number.q == 1 and above:
             above[0] = f"-{above[0]}"
@@ -116,9 +114,8 @@ class Formula:
         if isinstance(e, sympy.sin | sympy.cos):
             if not self.angles:
                 return f"np.{e.func.__name__}({inner})"
-            part = 0 if isinstance(e, sympy.sin) else 1
-            taken = f"sin_versine(angles, {inner})[{part}]"
-            return taken if part == 0 else f"(1.0 - {taken})"
+            pair = f"sin_versine(angles, {inner})"
+            return f"{pair}[0]" if isinstance(e, sympy.sin) else f"(1.0 - {pair}[1])"
         if isinstance(e, sympy.Heaviside):  # the derivative of a maximum; 1/2 where two are equal
             return f"(0.5 + 0.5 * np.sign({inner}))"
         return f"{_PLAIN[e.func]}({inner})"
@@ -233,14 +230,6 @@ def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, 
         return None
     (a, b, _), (count, ratio) = max(counts.items(), key=lambda item: (item[1][0], abs(abs(item[1][1]) - 1) < _EXACT))
     return (a, b, ratio) if count > 1 else None
-
-
-def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
-    """A linear form from its terms; a quantity may occur in several."""
-    form: dict[str, mpmath.mpf] = {}
-    for name, c in terms:
-        form[name] = form.get(name, mpmath.mpf(0)) + c
-    return {name: c for name, c in form.items() if abs(c) > NOTHING}
 
 
 def signed(value: mpmath.mpf, factor: str) -> tuple[str, str]:

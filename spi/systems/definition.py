@@ -21,9 +21,10 @@ from .casimirs import LARGEST_DENOMINATOR, counted, named, squares_first
 from .driving import TIME, Data, driving_of, split_in_time
 from .keys import KEYS, MOST, DefinitionError
 from .quadratics import by_quadratics
-from .source import Generated, generate
+from .source import Generated, System, generate
 from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import (
+    Function,
     NoExactFlow,
     NowhereFinite,
     Symbolics,
@@ -34,7 +35,6 @@ from .symbolics import (
     polynomial,
     shortened,
 )
-from .system import Function, System
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 
@@ -147,13 +147,10 @@ class _Reader(Data):
 
     def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
-        if ("algebra" in self.data) == ("bracket" in self.data):
-            fault = (
-                "has algebra and bracket; leave one out"
-                if "algebra" in self.data
-                else "missing key 'algebra'; add algebra: or bracket:"
-            )
-            raise DefinitionError(fault, *(["bracket"] if "algebra" in self.data else ["algebra"]))
+        if {"algebra", "bracket"} <= {*self.data}:
+            raise DefinitionError("has algebra and bracket; leave one out", "bracket")
+        if not {"algebra", "bracket"} & {*self.data}:
+            raise DefinitionError("missing key 'algebra'; add algebra: or bracket:", "algebra")
         sizes = Symbols(indices=self.sizes)
         variables = [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
         if "bracket" in self.data:
@@ -320,12 +317,13 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         lines.append(
             f"flows multiply {shortened(', '.join(positive))} by exponentials: what is positive stays positive"
         )
+    by = {"": "", "midpoint": "; by the implicit midpoint rule", "munthe_kaas": "; by Munthe-Kaas midpoint"}
     moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
     for n, (flow, motion) in enumerate(moving):
         number = n - len(system.flows)
         name = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
         if isinstance(motion, str):
-            lines.append(f"{name}: {_terms(flow, defined)}: no exact flow, as {motion}{_by_inner(system.inner)}")
+            lines.append(f"{name}: {_terms(flow, defined)}: no exact flow, as {motion}{by[system.inner]}")
             continue
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
@@ -336,11 +334,6 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
     if system.inner and not lacking:
         lines.append(f"inner: {system.inner} is not needed, all flows are exact")
     return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(defined)]
-
-
-def _by_inner(method: str) -> str:
-    """The method that compositions use in place of an exact flow, for people."""
-    return {"": "", "midpoint": "; by the implicit midpoint rule", "munthe_kaas": "; by Munthe-Kaas midpoint"}[method]
 
 
 def _casimirs(defined: Defined) -> str:

@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import sympy
 
-from .brackets import Bracket
+from .brackets import Bracket, added
 from .code import Formula, Numbers, as_tuple, case, words_in
 from .driving import Coefficients
-from .generators import Generator, Moving
-from .motion_code import Motion, motion
+from .motion_code import Generator, Motion, Moving, motion
 from .splitting import Flow
 from .symbolics import Symbolics, reduced
 
@@ -18,8 +17,7 @@ from .symbolics import Symbolics, reduced
 # Source of flows as loops over tables of components, see ``ensemble/protocol.py``.
 #
 # A motion moves block by block.  Blocks that move alike, by rates that no block changes, are rows of one table; the
-# text
-# of what one of them does, in its own components, is the shape.
+# text of the motion of one of them, in its own components, is the shape.
 # ---------------------------------------------------------------------------------------------------------------------
 
 FROM = 13  #: components from which on a system has tables
@@ -60,7 +58,7 @@ class Tables:
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
     def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
-        """That of a flow, given its :func:`.generators.motions` with so many parameters; () if it has none."""
+        """The table of a flow, given its :func:`.motion_code.motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()
@@ -82,7 +80,7 @@ class Tables:
             shape = self._shape(row)
             groups.setdefault(shape, []).append(row.order)
             counts[shape] = len(row.made.components)
-        return tuple((shape, counts[shape], tuple(found)) for shape, found in groups.items())
+        return tuple((shape, counts[shape], tuple(orders)) for shape, orders in groups.items())
 
     def _row(self, made: Motion, rates: Sequence[Any]) -> _Row | None:
         """A block of a motion; None if it has too many components, or one that is no variable."""
@@ -147,29 +145,28 @@ class Tables:
         """variable -> component of B grad of a function."""
         variables = self.world.variables
         gradient = {i: sympy.diff(function, variables[i]) for i in self.world.used(function)}
-        found: dict[Any, Any] = {}
+        terms = []
         for i, j, polynomial in self.world.bracket.entries(symbolic=True):
             for row, column, sign in ((i, j, 1), (j, i, -1)):
                 if column in gradient:
                     products = (_exact(c) * sympy.Mul(*(variables[k] for k in m)) for m, c in polynomial.items())
-                    change = sign * sympy.Add(*products) * gradient[column]
-                    found[variables[row]] = found.get(variables[row], sympy.Integer(0)) + change
-        return {y: change for y, change in found.items() if change != 0}
+                    terms.append((variables[row], sign * sympy.Add(*products) * gradient[column]))
+        return {y: change for y, change in added(terms).items() if change != 0}
 
     # ---- the class -------------------------------------------------------------------------------------------------
 
     def lines(self, drift: Sequence[Any], noise: Sequence[Any], friction: Sequence[Any]) -> list[str]:
-        """Traits and methods, given the tables of pieces and noises, and what :meth:`friction` says of these."""
+        """Traits and methods, given the tables of pieces and noises, and the :meth:`friction` of each noise."""
         if not self.shapes or len(self.shapes) > _SHAPES or len(self.slopes) > _SHAPES:
             return []
         lines = ["", f"row_length = {self.length}"]
         lines += [f"drift_tables = {tuple(drift)!r}", f"noise_tables = {tuple(noise)!r}"]
         lines += [f"friction_tables = {tuple(friction)!r}"] if friction and all(friction) else []
-        found, count = self.shapes.values(), len(self.shapes)
+        shapes, count = self.shapes.values(), len(self.shapes)
         lines += ["", "def shape_flow(model, k, t, y, angles):"]
-        lines += [line for one in found for line in case(one.number, count, one.flow)]
+        lines += [line for shape in shapes for line in case(shape.number, count, shape.flow)]
         lines += ["", "def shape_angle(model, k, t, y):"]
-        lines += [line for one in found for line in case(one.number, count, one.angle)]
+        lines += [line for shape in shapes for line in case(shape.number, count, shape.angle)]
         if friction and all(friction):
             lines += ["", "def shape_slopes(model, k, y):"]
             lines += [line for n, text in self.slopes.values() for line in case(n, len(self.slopes), text)]
@@ -177,8 +174,9 @@ class Tables:
 
     def functions(self) -> list[list[str]]:
         """The lines of the functions of all shapes."""
-        padded = [(one, [*one.moved, *["0.0"] * (self.length - len(one.moved))]) for one in self.shapes.values()]
-        return [[*one.function, f"    return {', '.join(result)}"] for one, result in padded]
+        pad = ["0.0"] * self.length
+        results = ((shape, [*shape.moved, *pad][: self.length]) for shape in self.shapes.values())
+        return [[*shape.function, f"    return {', '.join(result)}"] for shape, result in results]
 
 
 def has_tables(world: Symbolics, coefficients: Coefficients | None) -> bool:
@@ -201,7 +199,7 @@ Moves = Sequence[tuple[str, Sequence[Any]]]  #: (a time as source text, the rate
 
 
 class Call(NamedTuple):
-    """Of one motion."""
+    """A call of a motion."""
 
     k: int  #: the number of the flow
     key: Any  #: of its motion, or a text why there is none
@@ -214,7 +212,7 @@ class Writer(NamedTuple):
 
     names: Mapping[Any, str]  #: how symbols are called
     world: Symbolics
-    motions: Mapping[Any, Any]  #: key -> (name, motion, what moves, whether it is given the model)
+    motions: Mapping[Any, Any]  #: key -> (name, motion, generators, whether it is given the model)
 
     def words(self, heads: Sequence[str], calls: Sequence[Call]) -> list[str]:
         """Two methods, of flows and of their angles."""
@@ -255,12 +253,12 @@ class Writer(NamedTuple):
 
 def _angles(moves: Moves, codes: Sequence[str], places: Sequence[int]) -> list[str]:
     """The angles at these places, each the sum of times and rates; `codes` are the rates of all moves in turn."""
-    found = []
+    angles = []
     for n in places:
         terms = [(t, codes[m * len(rates) + n]) for m, (t, rates) in enumerate(moves)]
-        kept = [f"{t} * {code}" for t, code in terms if code != "0.0" or len(moves) == 1]
-        found.append(" + ".join(kept) or "0.0")
-    return found
+        products = [f"{t} * {code}" for t, code in terms if code != "0.0" or len(moves) == 1]
+        angles.append(" + ".join(products) or "0.0")
+    return angles
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -280,14 +278,14 @@ def families(flows: Sequence[tuple[Flow, bool]], noises: Sequence[tuple[Flow, bo
 
     Of each flow it is given whether it lacks a motion.
     """
-    found: list[Family] = []
+    grouped: list[Family] = []
     for flow, lacks in flows:
-        family, taken = Family(flow, ()), {k for one in found for k in one.noises}
+        family, taken = Family(flow, ()), {k for other in grouped for k in other.noises}
         for k, (noise, also) in enumerate(noises):
             if not (lacks or also or k in taken) and (leader := _leader(family.leader, noise)):
                 family = Family(leader, (*family.noises, k))
-        found.append(family)
-    return found
+        grouped.append(family)
+    return grouped
 
 
 def _leader(first: Flow, second: Flow) -> Flow | None:
@@ -307,29 +305,31 @@ LONG = 150  #: lines from which on a motion is long
 
 _SINE = re.compile(r"(\w+), (\w+) = sin_versine\(angles, (.*)\)")
 
-Motions = Mapping[Any, tuple[str, Motion, Sequence[Generator], bool]]  #: key -> (name, motion, by what, is given model)
+Motions = Mapping[
+    Any, tuple[str, Motion, Sequence[Generator], bool]
+]  #: key -> (name, motion, generators, is given model)
 
 
 def motion_functions(motions: Motions, bracket: Bracket, phases: int) -> list[list[str]]:
-    """The lines of the functions of all motions; `phases`: how many angles those return that are divided.
+    """The lines of the functions of all motions; `phases`: the number of angles returned by divided ones.
 
-    A long motion is divided: what it takes sines of, and what is done with them.  The latter is the same for angles of
+    A long motion is divided: the angles of its sines, and the use of these sines.  The latter is the same for angles of
     all sizes and is compiled once, where a model says how many sines there are (``phases``).
     """
     return [
         line
-        for name, made, found, uses in motions.values()
-        for line in (_functions(name, made, found, uses, bracket, phases) if phases or len(made.lines) >= LONG else [])
-        or [_defined(name, _parameters(found, uses), [_said(made, found, uses, bracket), *_whole(made, bracket)])]
+        for name, made, by, uses in motions.values()
+        for line in (_functions(name, made, by, uses, bracket, phases) if phases or len(made.lines) >= LONG else [])
+        or [_defined(name, _parameters(by, uses), [_said(made, by, uses, bracket), *_whole(made, bracket)])]
     ]
 
 
 def phases_of(motions: Motions) -> int:
-    """How many sines motions take at most, where one is long and all can be divided; otherwise 0."""
-    made = [one for _, one, _, _ in motions.values()]
-    if not any(len(one.lines) >= LONG for one in made) or not all(map(_is_divisible, made)):
+    """The most sines that a motion takes, where one is long and all can be divided; otherwise 0."""
+    made = [motion for _, motion, _, _ in motions.values()]
+    if not any(len(motion.lines) >= LONG for motion in made) or not all(map(_is_divisible, made)):
         return 0
-    return max(len(_sines(one)) for one in made)
+    return max(len(_sines(motion)) for motion in made)
 
 
 def divided_words(part: str, calls: Sequence[Call], writer: Writer, phases: int) -> list[str]:
@@ -363,16 +363,16 @@ def _is_divisible(made: Motion) -> bool:
 
 
 def _functions(
-    name: str, made: Motion, found: Sequence[Generator], uses: bool, bracket: Bracket, phases: int
+    name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket, phases: int
 ) -> list[list[str]]:
     """A motion as three functions; none if that cannot be."""
     if not _is_divisible(made):
         return []
-    sines, own, model = _sines(made), _parameters(found, uses), ["model"] * uses
+    sines, own, model = _sines(made), _parameters(by, uses), ["model"] * uses
     given = [*model, *(s for s, _, _ in sines), *(v for _, v, _ in sines)]
     angles = [*(angle for _, _, angle in sines), *["0.0"] * (phases - len(sines))]
     taken = [f"    {s}, {v} = sin_versine(angles, {angle})" for s, v, angle in sines]
-    whole = [_said(made, found, uses, bracket), *taken, f"    return {name}_turned({', '.join((*given, 'y'))})"]
+    whole = [_said(made, by, uses, bracket), *taken, f"    return {name}_turned({', '.join((*given, 'y'))})"]
     functions = [
         _defined(f"{name}_turned", given, _whole(made._replace(lines=tuple(_rest(made))), bracket)),
         _defined(name, own, whole),
@@ -383,18 +383,18 @@ def _functions(
     return functions
 
 
-def _parameters(found: Sequence[Generator], uses: bool) -> list[str]:
-    return ["model"] * uses + ["angles", *(f"a{n + 1}" for n in range(len(found)))]
+def _parameters(by: Sequence[Generator], uses: bool) -> list[str]:
+    return ["model"] * uses + ["angles", *(f"a{n + 1}" for n in range(len(by)))]
 
 
-def _said(made: Motion, found: Sequence[Generator], uses: bool, bracket: Bracket) -> str:
+def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> str:
     names = bracket.coordinates
     if uses:  # without numbers, so that others make the same text
-        text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
+        texts = [f"a {g.kind} function of {', '.join(names[i] for i in g.components)}" for g in by]
     else:
-        text = ", ".join(one.text for one in found)
+        texts = [g.text for g in by]
     kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-    return f'    """By a1, a2, ... along the fields of {text}: {kinds}."""'
+    return f'    """By a1, a2, ... along the fields of {", ".join(texts)}: {kinds}."""'
 
 
 def _defined(name: str, parameters: Sequence[str], lines: Sequence[str], last: str = "y") -> list[str]:

@@ -2,18 +2,25 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mpmath
+import sympy
 
-from .brackets import NOTHING
-from .code import Numbers, forms, total, written_sum
-from .spectrum import Block, Near, Space
-from .splitting import Series
+from .brackets import NOTHING, Bracket, Field, Matrix, summed
+from .code import Numbers, forms, written_sum
+from .spectrum import Block, Near, Space, blocks
+from .splitting import Flow, Series, constant_rates, series
+from .symbolics import Symbolics, form_text
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.
 # ---------------------------------------------------------------------------------------------------------------------
+
+
+Terms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
+Parts = tuple[str, str]  #: codes of a real and an imaginary part
 
 
 class Shears:
@@ -25,7 +32,7 @@ class Shears:
         self.phases: list[tuple[mpmath.mpf, ...]] = []
         self.kinds: list[str] = []
         self.left = 0
-        self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
+        self.sines: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
 
     def name(self, prefix: str) -> str:
         """A name that no other line has."""
@@ -40,14 +47,18 @@ class Shears:
         self.lines.append(f"{name} = {code}")
         return name
 
+    def sum(self, prefix: str, terms: Terms) -> str:
+        """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
+        return self.let(prefix, written_sum(terms)) if terms else "0.0"
+
     def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
         """Names of the sine and the versine of an angle; `phase` are the factors of the a in it."""
-        if angle not in self.taken:
+        if angle not in self.sines:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
             self.phases.append(phase)
-            self.taken[angle] = s, v
-        return self.taken[angle]
+            self.sines[angle] = s, v
+        return self.sines[angle]
 
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
@@ -102,14 +113,14 @@ class Shears:
             self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
             self.kinds.append("scaling")
 
-    def sheared(self, space: Space, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    def sheared(self, space: Space, u: Sequence[Parts]) -> list[Parts]:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
         if space.near:
             return self.near(space.near, u)
-        total: list[list[list[str]]] = [[[], []] for _ in u]
+        total: list[list[Terms]] = [[[], []] for _ in u]
         power = list(u)
         for order, moving in enumerate(space.sheared_rows(), 1):
-            rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
+            rows: list[list[Terms]] = [[[], []] for _ in u]
             for n, shear in enumerate(space.shears):
                 for m, k, c in (entry for entry in shear if entry[0] in moving):
                     for part, other, factor in self._products(c, order):
@@ -118,21 +129,12 @@ class Shears:
                             rows[m][part].append(
                                 (sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}")
                             )
-            power = [
-                (
-                    self.let("q", written_sum(row[0])) if row[0] else "0.0",
-                    self.let("q", written_sum(row[1])) if row[1] else "0.0",
-                )
-                for row in rows
-            ]
+            power = [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in rows]
             for sums, parts in zip(total, power, strict=True):
                 for terms, name in zip(sums, parts, strict=True):
                     if name != "0.0":
-                        terms.append(name)
-        return [
-            (self.let("q", " + ".join(re)) if re else "0.0", self.let("q", " + ".join(im)) if im else "0.0")
-            for re, im in total
-        ]
+                        terms.append(("+", name))
+        return [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in total]
 
     @staticmethod
     def _products(c: Any, order: int) -> list[tuple[int, int, mpmath.mpf]]:
@@ -142,7 +144,7 @@ class Shears:
         products = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
         return [(part, other, number) for part, other, number in products if number]
 
-    def near(self, near: Near, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    def near(self, near: Near, u: Sequence[Parts]) -> list[Parts]:
         """The change for N_j = c_j K with K^2 = kappa: (cosh w - 1) u + sinh(w)/sqrt(kappa) K u.
 
         w is sqrt(kappa) sum_j c_j a_j.
@@ -157,7 +159,7 @@ class Shears:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sinh_coshm1({self.total_angle(rates)})")
         s = self.let("s", self.product(inverse, s))
-        rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
+        rows: list[list[Terms]] = [[[], []] for _ in u]
         for m, n, c in near.entries:
             for part, other, factor in self._products(c, 1):
                 if u[n][other] != "0.0":
@@ -279,7 +281,7 @@ class _Writer(Shears):
         s, v = self.let("s", self.product(inverse, s)), self.let("v", self.product(inverse_square, v))
         rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
         first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
-        again = [total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
+        again = [summed((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
         for i, code in zip(block.components, self.linear(again), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
@@ -332,7 +334,7 @@ class _Writer(Shears):
                     for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
                         if factor and part != "0.0":
                             changes[i].append((part, factor / common))
-        for i, code in zip(block.components, self.linear(list(map(total, changes.values()))), strict=True):
+        for i, code in zip(block.components, self.linear(list(map(summed, changes.values()))), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}")
             else:
@@ -348,7 +350,7 @@ class _Writer(Shears):
         with mpmath.workdps(60):
             return max(abs(c) for c in block.spaces[0].right[0].values())
 
-    def complex_space(self, space: Space, coordinates: Any) -> list[tuple[str, str]]:
+    def complex_space(self, space: Space, coordinates: Any) -> list[Parts]:
         u = [(next(coordinates), next(coordinates)) for _ in space.left]
         s, v = self.sine(self.total_angle(space.phases), space.phases)
         real, imaginary = f"-{v}", s
@@ -392,3 +394,71 @@ def _kind(space: Space) -> str:
     kinds = {(True, True): "spiral", (True, False): "rotation", (False, True): "scaling", (False, False): ""}
     kind = kinds[space.is_complex, any(space.rates)]
     return " with ".join(part for part in (kind, shear) if part)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The generators of a flow: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps.
+#
+# Where logarithms are coordinates, y stands for these; where fields are not affine, M_j stands for a field.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: Blocks, series by component, and the variables whose logarithms are coordinates.
+Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
+
+
+class Generator(NamedTuple):
+    """One of the matrices."""
+
+    entries: Matrix
+    rate: Any  #: a_j, a function of y
+    key: tuple[Any, ...]  #: equal for equal matrices
+    components: tuple[int, ...]  #: of the linear or quadratic function whose field it is
+    text: str  #: that function in words
+    kind: str  #: linear or quadratic
+    curved: Field = MappingProxyType({})  #: the whole field where it is not affine
+
+
+def generators(flow: Flow, world: Symbolics) -> list[Generator]:
+    """The generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
+    bracket = world.bracket
+    generators = []
+    key: tuple[Any, ...]
+    for f, pivot in zip(*flow.reduced(), strict=True):
+        if bracket.moves(f):
+            key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
+            curved = bracket.polynomial_field(f) if bracket.curved(f) else {}
+            text = form_text(f, bracket.coordinates)
+            slope = rate(flow, pivot, world)
+            generators.append(Generator(bracket.field(f), slope, key, tuple(f), text, "linear", curved))
+    for term in flow.terms:
+        for symbol, u in term.inner.items():
+            slope, text = (term.slope(symbol), world.name(u.function)) if u.fields else (None, "")
+            for c, entries in u.fields:
+                key = (c, tuple((place, mpmath.nstr(value, 40)) for place, value in sorted(entries.items())))
+                turned = sympy.Mul(world.coordinate(c), slope)
+                used = world.used(u.function)
+                generators.append(Generator(entries, turned, ("quadratic", *key), used, text, "quadratic"))
+    return _added(generators)
+
+
+def rate(flow: Flow, pivot: int, world: Symbolics) -> Any:
+    """The factor a_j of the linear function with this pivot that a flow depends on."""
+    return world.by_coordinate(flow.slope(world.variables[pivot]), pivot)
+
+
+def _added(generators: Sequence[Generator]) -> list[Generator]:
+    """Generators with equal matrices added up to one with the sum of their rates."""
+    merged: dict[tuple[Any, ...], Generator] = {}
+    for generator in generators:
+        before = merged.get(generator.key)
+        merged[generator.key] = generator if before is None else before._replace(rate=before.rate + generator.rate)
+    return list(merged.values())
+
+
+def motions(generators: Sequence[Generator], bracket: Bracket) -> Moving:
+    """The motions by commuting matrices, block by block, and by series."""
+    if any(generator.curved for generator in generators):
+        fields = [generator.curved or bracket.as_field(generator.entries) for generator in generators]
+        return [], series(fields), bracket.logarithmic
+    steady, matrices = constant_rates([generator.entries for generator in generators], bracket.dimension)
+    return blocks(matrices), steady, bracket.logarithmic

@@ -18,29 +18,29 @@ import mpmath
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import NOTHING, precise
+from .brackets import NOTHING, Matrix, added, precise
 from .splitting import Term, connected
-from .symbolics import Entries, NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
+from .symbolics import NoExactFlow, Quadratic, Symbolics, commuting, functionals_of, unmoved
 
 _MOST_TERMS = 200  # of a polynomial that is factored
 _MOST_KEPT = 20  # linear functions s
 
 
 def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Term | None:
-    """The term that a function of such quadratic functions and linear ones is; None if it is none."""
+    """A function of such quadratic functions and of linear ones as a term; None if it is no such function."""
     if not all(map(world.bracket.is_affine, world.used(expression))):
         return None
     search = _Search(world, casimirs)
     outer = search.replaced(expression)
-    if not search.found:
+    if not search.quadratics:
         return None
-    forms = {symbol: u.form + symbol for symbol, u in search.found.items() if not u.fields}
+    forms = {symbol: u.form + symbol for symbol, u in search.quadratics.items() if not u.fields}
     with contextlib.suppress(NoExactFlow):
-        functionals, pivots = functionals_of(outer.xreplace(forms), world, search.found)
-        kept = {symbol: u.function for symbol, u in search.found.items()}
+        functionals, pivots = functionals_of(outer.xreplace(forms), world, search.quadratics)
+        values = {symbol: u.function for symbol, u in search.quadratics.items()}
         varying = bool(world.bracket.formulas) or search.depends
         varying = varying or (any(len(f) > 1 for f in functionals) and world.varies(outer))
-        term = Term(outer, functionals, pivots, varying, kept, expression, search.found)
+        term = Term(outer, functionals, pivots, varying, values, expression, search.quadratics)
         return term if _is_kept(term, world) else None
     return None
 
@@ -56,10 +56,10 @@ def _is_kept(term: Term, world: Symbolics) -> bool:
 
 
 class _Search:
-    """Finds the quadratic functions in one expression."""
+    """The search for quadratic functions in one expression."""
 
     def __init__(self, world: Symbolics, casimirs: Sequence[Any]) -> None:
-        self.world, self.found, self.depends = world, dict[Any, Quadratic](), False
+        self.world, self.quadratics, self.depends = world, dict[Any, Quadratic](), False
         linked = {i for pair in world.bracket.constants for i in pair}
         self.central = set(range(len(world.variables))) - linked
         if not world.bracket.is_lie:
@@ -67,7 +67,7 @@ class _Search:
         self.casimirs = [c for c in casimirs if self._degree(c) == 2 and not c.free_symbols & set(world.parameters)]
 
     def _degree(self, expression: Any) -> int | None:
-        """Of a polynomial."""
+        """The degree of a polynomial; None for another function."""
         if not expression.is_polynomial(*self.world.variables):
             return None
         return sympy.Poly(expression, *self.world.variables).total_degree()
@@ -109,12 +109,13 @@ class _Search:
         for monomial, c in poly.terms():
             parts[sum(monomial)].append(c * sympy.Mul(*(y**n for y, n in zip(poly.gens, monomial, strict=True))))
         constant, linear, form = (sympy.Add(*part) for part in parts)
-        if self._is_of_commuting(form):
+        functionals, _ = functionals_of(form, self.world)
+        if all(self.world.bracket.commuting(f, g) for f, g in itertools.combinations(functionals, 2)):
             return e
         if linear != 0 and (whole := self.by_fields(linear + form)):
             return self.symbol(whole) + constant
-        if found := self.by_fields(form) or self.by_kept(form):
-            return self.symbol(found) + linear + constant
+        if u := self.by_fields(form) or self.by_kept(form):
+            return self.symbol(u) + linear + constant
         pieces = sympy.Add.make_args(form)
         links = [{*self.world.used(piece)} for piece in pieces] + [
             {i, j} for i, j in self.world.bracket.constants if {i, j} <= {*self.world.used(form)}
@@ -125,16 +126,12 @@ class _Search:
         divided = [sympy.Add(*(p for p in pieces if {*self.world.used(p)} <= group)) for group in groups]
         return sympy.Add(*map(self.of_degree_two, divided)) + linear + constant
 
-    def _is_of_commuting(self, form: Any) -> bool:
-        functionals, _ = functionals_of(form, self.world)
-        return all(self.world.bracket.commuting(f, g) for f, g in itertools.combinations(functionals, 2))
-
     def symbol(self, u: Quadratic) -> Any:
-        for symbol, other in self.found.items():
+        for symbol, other in self.quadratics.items():
             if other.function == u.function:
                 return symbol
-        symbol = sympy.Symbol(f"ζ{len(self.found) + 1}", real=True)
-        self.found[symbol] = u
+        symbol = sympy.Symbol(f"ζ{len(self.quadratics) + 1}", real=True)
+        self.quadratics[symbol] = u
         self.depends = self.depends or (bool(u.fields) and self.world.varies(u.function))
         return symbol
 
@@ -158,18 +155,15 @@ class _Search:
         cleaned = [(c, {p: x for p, x in entries.items() if abs(x) > NOTHING}) for c, entries in sorted(fields.items())]
         return Quadratic(u, sympy.Integer(0), tuple((c, entries) for c, entries in cleaned if entries), slopes)
 
-    def _slopes(self, u: Any) -> Entries:
+    def _slopes(self, u: Any) -> Matrix:
         """The gradient of u, (component, factor of y_k or, in the last column, of 1)."""
         poly = sympy.Poly(u, *self.world.variables)
-        slopes: dict[tuple[int, int], Any] = {}
+        terms = []
         for monomial, coefficient in poly.terms():
             value = precise(coefficient.xreplace(dict(self.world.parameters)))
-            places = [i for i, power in enumerate(monomial) for _ in range(power)]
-            for i, k in (
-                ((places[0], places[1]), (places[1], places[0])) if len(places) > 1 else ((places[0], len(monomial)),)
-            ):
-                slopes[i, k] = slopes.get((i, k), mpmath.mpf(0)) + value
-        return slopes
+            i, *rest = [i for i, power in enumerate(monomial) for _ in range(power)]
+            terms += [((i, k), value) for k in rest or [len(monomial)]] + [((k, i), value) for k in rest]
+        return added(terms)
 
     # ---- the second kind -----------------------------------------------------------------------------------------
 
@@ -179,11 +173,11 @@ class _Search:
         linked = connected([{*pair, *linear} - unit for pair, linear in self.world.bracket.constants.items()])
         within = sorted(set().union(*(group for group in linked if group & set(self.world.used(u)))))
         try:
-            kept = list(self._kept(u, within))
-            if not 0 < len(kept) <= _MOST_KEPT:
+            linear = list(self._kept(u, within))
+            if not 0 < len(linear) <= _MOST_KEPT:
                 return None
-            pairs = itertools.combinations_with_replacement(kept, 2)
-            products = [*(sympy.expand(a * b) for a, b in pairs), *kept]
+            pairs = itertools.combinations_with_replacement(linear, 2)
+            products = [*(sympy.expand(a * b) for a, b in pairs), *linear]
             functions = [sympy.expand(c) for c in self.casimirs if {*self.world.used(c)} <= {*within}]
             factors = _combination(u, [*functions, *products], self.world.variables)
         except (sympy.CoercionFailed, ValueError):

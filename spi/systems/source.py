@@ -11,20 +11,49 @@ import sympy
 
 from .brackets import DIGITS, Bracket, precise
 from .code import Formula, Numbers, as_tuple, case, signed, written_sum
-from .driving import Coefficients
+from .driving import Coefficients, Driving
 from .flow_code import Call, Tables, Writer, divided_words, families, has_tables, motion_functions, phases_of
-from .generators import Generator, Moving, generators, motions, rate
-from .motion_code import Motion, motion
+from .motion_code import Generator, Motion, Moving, generators, motion, motions, rate
 from .spectrum import Inseparable
 from .splitting import Flow, commute
-from .system import System, poisson_bracket
-from .system import lines as lines_of_solvable
+from .symbolics import Function, Symbolics
+
+
+class System(NamedTuple):
+    """A system of which a model is generated."""
+
+    world: Symbolics
+    hamiltonian: Any
+    flows: tuple[Flow, ...]
+    noises: tuple[Flow, ...]
+    casimirs: tuple[Function, ...]
+    squared_length_first: bool  #: whether the first Casimir function is |y|^2
+    constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
+    inner: str = ""  #: how compositions move by terms that have no exact flow
+    driving: Driving | None = None  #: how time enters; None where nothing depends on it
+
+
+def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
+    """{f, g} = sum_ij df/dy_i {y_i, y_j} dg/dy_j, expanded."""
+    bracket, y = world.bracket, world.variables
+    factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
+    slopes_f, slopes_g = ({i: sympy.diff(h, y[i]) for i in world.used(h)} for h in (f, g))
+    terms = []
+    for i, j, polynomial in bracket.entries(symbolic=True):
+        if not {i, j} & {*slopes_f} or not {i, j} & {*slopes_g}:
+            continue
+        entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
+        turned = slopes_f.get(i, 0) * slopes_g.get(j, 0) - slopes_f.get(j, 0) * slopes_g.get(i, 0)
+        terms.append(factor[i] * factor[j] * entry * turned)
+    return sympy.expand(sympy.Add(*terms))
+
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of the methods of a model besides its flows: B v, H, gradients and their derivatives.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Term = tuple[str, str]  #: (sign, code)
+Moved = tuple[Any, list[Any]]  #: of a flow: the key of its motion, or a reason why there is none; its rates
 
 
 def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable[int], at: str = "y") -> str:
@@ -177,6 +206,75 @@ class Derivatives:
         return lines if cases else [*lines, f"    return {'v' if head.endswith('v)') else 'y'}"]
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Systems that the solvers without sampling know: a rigid body, and Maxwell-Bloch, with any constants.
+#
+# On so(3) a Hamiltonian and noises that are sums of squares of the components, at most one for each; on e(2) with the
+# variables (L, g1, g2) multiples of L^2 and of g2.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_E2 = {(0, 1): {2: -1}, (0, 2): {1: 1}}
+Rates = dict[int, Any]  #: place -> rate or inertia of the flow there
+Read = Callable[[Flow, System], tuple[int, Any] | None]
+
+
+def solvable_lines(system: System, code: Callable[[Any], str]) -> list[str]:
+    """Lines of the class of a system by which a solver knows it; none if it is no such system."""
+    bracket = system.world.bracket
+    if system.driving or bracket.formulas:
+        return []
+    if bracket.is_cross_product:
+        word, count, nothing, read = "axis_inertias", 3, "np.inf", _inertia
+    elif bracket.dimension == 3 and bracket.is_lie and dict(bracket.constants) == _E2:
+        word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
+    else:
+        return []
+    drift, noise = _placed(system.flows, system, read), _placed(system.noises, system, read)
+    if drift is None or noise is None:
+        return []
+    both = ", ".join(
+        f"({', '.join(code(rates[place]) if place in rates else nothing for place in range(count))})"
+        for rates in (drift, noise)
+    )
+    places = tuple(drift), tuple(noise)
+    return ["", f"flow_places = {places!r}", "", f"def {word}(model):", f"    return {both}"]
+
+
+def _placed(flows: Sequence[Flow], system: System, read: Read) -> Rates | None:
+    """The rates of flows, in their order; None if a flow has none, or two have the same place."""
+    rates = [None if flow.lacking else read(flow, system) for flow in flows]
+    by_place = dict(rate for rate in rates if rate)
+    return by_place if len(by_place) == len(flows) else None
+
+
+def _power_of(flow: Flow, system: System) -> tuple[int, int, Any] | None:
+    """(component, exponent, factor) of a multiple of a power of one component."""
+    used = system.world.used(flow.expression)
+    variable = system.world.variables[used[0]] if len(used) == 1 else None
+    if variable is None or not flow.expression.is_polynomial(variable):
+        return None
+    powers = [(exponent, c) for (exponent,), c in sympy.Poly(flow.expression, variable).terms() if exponent]
+    return (used[0], *powers[0]) if len(powers) == 1 else None
+
+
+def _inertia(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(axis k, I) of y_k^2 / (2 I)."""
+    match _power_of(flow, system):
+        case k, 2, c:
+            return k, 1 / (2 * c)
+    return None
+
+
+def _rate(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(0, a) of a L^2 / 2, (1, c) of c g2."""
+    match _power_of(flow, system):
+        case 0, 2, c:
+            return 0, 2 * c
+        case 2, 1, c:
+            return 1, c
+    return None
+
+
 _HEAD = '''"""A {kind} system, generated by spi from its definition in YAML.
 
 The variables are {variables}; y1, y2, ... below.
@@ -263,7 +361,7 @@ class _Generator:
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided or self.tables(tables, drift, noise)
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
-        body += lines_of_solvable(self.system, Formula(self.names, ()).code)
+        body += solvable_lines(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
         functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         functions += tables.functions()
@@ -275,9 +373,8 @@ class _Generator:
             functions.append(self.coefficients.function())
             parts.append(self.coefficients.head())
         parts += ["\n" + "\n".join(lines) for lines in functions]
-        parts += [
-            "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
-        ]
+        body = ["    " + line if line else "" for line in body]
+        parts.append("\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *body]))
         moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",
@@ -302,7 +399,7 @@ class _Generator:
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
-    def moved(self, flow: Flow) -> tuple[Any, list[Any]]:
+    def moved(self, flow: Flow) -> Moved:
         """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or a reason why not."""
         if flow.lacking:
             return flow.lacking, []
@@ -319,12 +416,12 @@ class _Generator:
             self.motions[key] = f"_motion{len(self.motions) + 1}", moved_by, parts, uses
         return key, self.frozen(part.rate for part in parts)
 
-    def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
+    def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[Moved]) -> list[str]:
         """The methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
         return self.writer.words(heads, _calls(flows, moved)) if flows else ["", heads[0], "    return y"]
 
-    def divided(self, *moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
+    def divided(self, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of long flows; none if one of them cannot be divided."""
         if not (phases := phases_of(self.motions)):
             return []
@@ -333,7 +430,7 @@ class _Generator:
         done = all(words[part] or not calls[part] for part in calls)
         return ["", f"phases = {phases}", *words["drift"], *words["noise"]] if done else []
 
-    def tables(self, tables: Tables, *moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
+    def tables(self, tables: Tables, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of many components, whose flows are loops over tables."""
         if not has_tables(self.world, self.coefficients):
             return []
@@ -372,8 +469,7 @@ class _Generator:
         if self.coefficients:
             lines += ["time: float", f"driving: tuple[{', '.join(['float'] * len(self.coefficients.entries)) or '()'}]"]
         m = len(system.noises)
-        kind = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]"
-        strengths = f"({', '.join(['1.0'] * m)}{',' if m == 1 else ''})"
+        kind, strengths = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]", as_tuple(["1.0"] * m)
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
         lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
         lines += [f"inexact_{part} = {as_tuple(list(map(str, ks)))}" for part, ks in lacking.items() if ks]
@@ -382,10 +478,10 @@ class _Generator:
         lines.append(f"conserved = {len(system.casimirs)}")
         degrees = [str(c.degree) for c in system.casimirs]
         if degrees and "None" not in degrees:
-            lines.append(f"casimir_degrees = ({', '.join(degrees)}{',' * (len(degrees) == 1)})")
+            lines.append(f"casimir_degrees = {as_tuple(degrees)}")
         pairs = itertools.combinations(enumerate(system.noises), 2)
         if commuting := [(k, other) for (k, a), (other, b) in pairs if self.commuting(a, b)]:
-            lines.append(f"commuting_noises = ({', '.join(map(str, commuting))}{',' * (len(commuting) == 1)})")
+            lines.append(f"commuting_noises = {tuple(commuting)}")
         if system.squared_length_first:
             lines.append("squared_length_is_casimir = True")
         if len(self.bracket.logarithmic) == self.bracket.dimension:
@@ -409,12 +505,12 @@ class _Generator:
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
 
 
-def _calls(flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[Call]:
+def _calls(flows: Sequence[Flow], moved: Sequence[Moved]) -> list[Call]:
     """The calls of flows, each by itself."""
     each = enumerate(zip(flows, moved, strict=True))
     return [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
 
 
-def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:
+def _texts(moved: Sequence[Moved]) -> dict[int, str]:
     """{k: reason} of the flows without a motion."""
     return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}

@@ -12,21 +12,18 @@ K^2 = kappa, and exp(b K) = 1 + (cosh(sqrt(kappa) b) - 1) + sinh(sqrt(kappa) b)/
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 
+from .brackets import Matrix, added
 from .splitting import connected
-from .symbolics import Entries
+from .symbolics import echelon, without
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Joint generalised eigenspaces of commuting real matrices.
-#
-# On one of them M_j = chi_j + N_j with numbers chi_j and commuting nilpotent N_j.  Complex ones come in conjugate
-# pairs,
-# of which one is kept.
 # ---------------------------------------------------------------------------------------------------------------------
 
 EIGEN_DIGITS = 120  #: a k-fold eigenvalue that has only one eigenvector is found to 1/k of them
@@ -43,7 +40,7 @@ class Inseparable(ValueError):
 
 
 class Near(NamedTuple):
-    """How a space of two eigenvalues moves about their mean: N_j = factors[j] K, K^2 = square."""
+    """The motion of a space of two eigenvalues about their mean: N_j = factors[j] K, K^2 = square."""
 
     factors: tuple[mpmath.mpf, ...]
     square: mpmath.mpf
@@ -73,7 +70,7 @@ class Space(NamedTuple):
 
         In the others (sum_j a_j N_j)^n is only a sum of roundings, which a large a would make visible.
         """
-        found: list[set[int]] = []
+        by_length: list[set[int]] = []
         products = [(0, {(m, m): mpmath.mpf(1) for m in range(len(self.left))})]
         while True:
             longer = [
@@ -82,9 +79,9 @@ class Space(NamedTuple):
                 for n, shear in enumerate(self.shears[first:], first)
             ]
             products = [(n, product) for n, product in longer if product]
-            if not products or len(found) >= len(self.left):
-                return found
-            found.append({row for _, product in products for row, _ in product})
+            if not products or len(by_length) >= len(self.left):
+                return by_length
+            by_length.append({row for _, product in products for row, _ in product})
 
 
 class Eigen(NamedTuple):
@@ -137,14 +134,14 @@ def _eigenvalues(mixed: Any) -> list[Eigen]:
             clusters.append([value])
         else:
             near.append(value)
-    found = []
+    eigenvalues = []
     for cluster in clusters:
         value = mpmath.fsum(cluster) / len(cluster)
         is_complex = abs(mpmath.im(value)) > CLOSE * size
         if is_complex and mpmath.im(value) < 0:
             continue  # the conjugate is kept
-        found.append(Eigen(value if is_complex else mpmath.re(value), len(cluster), is_complex))
-    return found
+        eigenvalues.append(Eigen(value if is_complex else mpmath.re(value), len(cluster), is_complex))
+    return eigenvalues
 
 
 def _triangular_parts(mixed: Any) -> list[list[int]]:
@@ -188,7 +185,7 @@ def _are_right(spaces: Sequence[Space], most: Any) -> bool:
 
 
 def power_of(mixed: Any, value: Any, multiplicity: int) -> Any:
-    """What makes the generalised eigenspace of a value 0."""
+    """A matrix that is 0 on just the generalised eigenspace of a value."""
     return (mixed - value * mpmath.eye(mixed.rows)) ** multiplicity
 
 
@@ -201,7 +198,7 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(matrices: Sequence[Any], power: Any, multiplicity: int) -> Coordinates:
-    """Those of the space that `power` makes 0."""
+    """Coordinates of the space on which `power` is 0."""
     d = power.rows
     left = _null_rows(power.T, multiplicity)  # rows u with u power = 0
     columns = _null_rows(power, multiplicity)
@@ -221,14 +218,14 @@ def coordinates(matrices: Sequence[Any], power: Any, multiplicity: int) -> Coord
 
 def _space(matrices: Sequence[Any], power: Any, multiplicity: int, is_complex: bool, order: Sequence[int]) -> Space:
     """The generalised eigenspace of the mixture, which is that of all."""
-    found = coordinates(matrices, power, multiplicity)
+    own = coordinates(matrices, power, multiplicity)
     rates, phases, shears = [], [], []
-    for acting in found.acting:
+    for acting in own.acting:
         trace = mpmath.fsum(acting[n, n] for n in range(multiplicity)) / multiplicity
         rates.append(cleaned(mpmath.re(trace)))
         phases.append(cleaned(mpmath.im(trace)))
         shears.append(entries_of(acting - trace * mpmath.eye(multiplicity)))
-    left, right = both_placed(found, is_complex, order)
+    left, right = both_placed(own, is_complex, order)
     return Space(tuple(rates), tuple(phases), left, right, tuple(shears))
 
 
@@ -237,20 +234,21 @@ def entries_of(matrix: Any) -> tuple[tuple[int, int, Any], ...]:
     return tuple((m, n, _cleaned_number(matrix[m, n])) for m, n in places if abs(matrix[m, n]) > TINY)
 
 
-def both_placed(found: Coordinates, is_complex: bool, order: Sequence[int]) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
+def both_placed(own: Coordinates, is_complex: bool, order: Sequence[int]) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
     """The rows of coordinates by component."""
     factor = 2 if is_complex else 1
-    left, right = ([_placed(row, order, c) for row in rows] for rows, c in ((found.left, 1), (found.right, factor)))
+    left, right = ([_placed(row, order, c) for row in rows] for rows, c in ((own.left, 1), (own.right, factor)))
     return tuple(left), tuple(right)
 
 
 def _multiplied(shear: Sequence[tuple[int, int, Any]], product: Mapping[tuple[int, int], Any]) -> dict[Any, Any]:
     """The entries, (row, column) -> number, of the product of two matrices."""
-    entries: dict[tuple[int, int], Any] = {}
-    for row, middle, c in shear:
-        for (m, column), factor in product.items():
-            if m == middle:
-                entries[row, column] = entries.get((row, column), 0) + c * factor
+    entries = added(
+        ((row, column), c * factor)
+        for row, middle, c in shear
+        for (m, column), factor in product.items()
+        if m == middle
+    )
     return {place: value for place, value in entries.items() if abs(value) > TINY}
 
 
@@ -288,33 +286,12 @@ def _null_rows(matrix: Any, count: int) -> list[Row]:
         )
         row = rows.pop(-r)
         row = {c: value / row[-pivot] for c, value in row.items()}
-        rows = [_eliminated(other, -pivot, row) for other in rows]
-        pivots = {p: _eliminated(other, -pivot, row) for p, other in pivots.items()}
+        rows = [without(other, -pivot, row, mpmath.mpf(0)) for other in rows]
+        pivots = {p: without(other, -pivot, row, mpmath.mpf(0)) for p, other in pivots.items()}
         pivots[-pivot] = row
     free = [c for c in range(d) if c not in pivots]
     basis = [{f: mpmath.mpf(1), **{p: -row[f] for p, row in pivots.items() if abs(row.get(f, 0)) > TINY}} for f in free]
-    return _reduced(basis)
-
-
-def _eliminated(row: Row, pivot: int, by: Row) -> Row:
-    factor = row.get(pivot)
-    if not factor:
-        return row
-    return {c: row.get(c, 0) - factor * by.get(c, 0) for c in {*row, *by} - {pivot}}
-
-
-def _reduced(rows: Sequence[Row]) -> list[Row]:
-    """The same span, each row with 1 at its pivot, which is its largest entry (of equal ones the first)."""
-    left, found = list(rows), dict[int, Row]()
-    while left:
-        row = left.pop(0)
-        largest = max(abs(c) for c in row.values())
-        pivot = min(c for c, value in row.items() if abs(value) > largest * (1 - mpmath.mpf(10) ** -9))
-        row = {c: value / row[pivot] for c, value in row.items() if abs(value) > TINY * largest}
-        left = [_eliminated(other, pivot, row) for other in left]
-        found = {p: _eliminated(other, pivot, row) for p, other in found.items()}
-        found[pivot] = row
-    return [found[pivot] for pivot in sorted(found)]
+    return [row for _, row in sorted(echelon(basis, TINY).items())]
 
 
 _BEARABLE, _MOST_LOSS = 30.0, 1e4  # see :func:`loss`: roundings of 1e-16 become so many times larger
@@ -328,15 +305,15 @@ class Block(NamedTuple):
     spaces: tuple[Space, ...]
     #: (M, omega^2) where exp(a M) = 1 + sin(omega a)/omega M + (1 - cos(omega a))/omega^2 M^2, for one matrix with
     #: M^3 = -omega^2 M; negative omega^2 for hyperbolic functions, None where this does not hold
-    turn: tuple[Entries, mpmath.mpf] | None
+    turn: tuple[Matrix, mpmath.mpf] | None
     cancels: bool  #: whether the spaces would lose digits, so that the turn is to be taken
     lost: int  #: digits that are lost nevertheless, where eigenvalues are nearly equal
 
 
-def blocks(matrices: Sequence[Entries]) -> list[Block]:
-    """What moves under commuting matrices, block by block."""
+def blocks(matrices: Sequence[Matrix]) -> list[Block]:
+    """The blocks of components that commuting matrices move together."""
     links = [place for entries in matrices for place in entries]
-    found = []
+    moved_together = []
     with mpmath.workdps(EIGEN_DIGITS):
         for group in connected(links):
             order = sorted(group)
@@ -348,12 +325,12 @@ def blocks(matrices: Sequence[Entries]) -> list[Block]:
             moving = tuple(space for space in spaces if space.moves)
             cancels = lost >= _BEARABLE
             digits = round(math.log10(lost)) if cancels and turn is None else 0
-            found.append(Block(tuple(order), moving, turn, cancels, digits))
-    return found
+            moved_together.append(Block(tuple(order), moving, turn, cancels, digits))
+    return moved_together
 
 
 def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tuple[list[Space], float]:
-    """(spaces, what they lose, see :func:`loss`); Inseparable if that is too much and there is no other way."""
+    """(spaces, their :func:`loss`); Inseparable if that is too much and there is no other way."""
     mixed, values, spaces = separated(matrices, order)
     lost = loss(spaces, matrices, order)
     if lost < _BEARABLE or has_turn:
@@ -367,7 +344,7 @@ def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tu
     return spaces, lost
 
 
-def _dense(entries: Entries, order: Sequence[int]) -> Any:
+def _dense(entries: Matrix, order: Sequence[int]) -> Any:
     place = {component: n for n, component in enumerate(order)}
     matrix = mpmath.zeros(len(order))
     for (row, column), value in entries.items():
@@ -375,7 +352,7 @@ def _dense(entries: Entries, order: Sequence[int]) -> Any:
     return matrix
 
 
-def _turn(entries: Entries, order: Sequence[int]) -> tuple[Entries, mpmath.mpf] | None:
+def _turn(entries: Matrix, order: Sequence[int]) -> tuple[Matrix, mpmath.mpf] | None:
     """See :attr:`Block.turn`."""
     matrix = _dense(entries, order)
     cube = matrix**3
@@ -389,12 +366,12 @@ def _turn(entries: Entries, order: Sequence[int]) -> tuple[Entries, mpmath.mpf] 
 
 
 def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int]) -> float:
-    """By how much the terms that a motion adds up exceed what they add up to, over a time of 1 over the largest rate.
+    """The factor by which the terms that a motion adds up exceed their sum, over a time of 1 over the largest rate.
 
-    What one component adds to another is taken to be 1, or as much as (1 - |M|/m)^-1 has there if that is more: |M| is
-    the sum of the matrices without their signs, m twice its spectral radius.
+    The contribution of one component to another is taken to be 1, or the entry of (1 - |M|/m)^-1 if that is more: |M|
+    is the sum of the matrices without their signs, m twice its spectral radius.
     """
-    size = np.abs(sum(np.array(matrix.tolist(), float) for matrix in map(_without_signs, matrices)))
+    size = np.abs(sum(np.array(matrix.apply(abs).tolist(), float) for matrix in matrices))
     radius = float(max(abs(np.linalg.eigvals(size))))
     fastest = max((_speed(space) for space in spaces), default=0.0)
     if not radius or not fastest:
@@ -402,10 +379,6 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     natural = np.linalg.inv(np.eye(len(order)) - size / (2.0 * radius))
     added = sum(_added(space, 1.0 / fastest, order) for space in spaces)
     return float(np.max(added / np.maximum(natural, 1.0)))
-
-
-def _without_signs(matrix: Any) -> Any:
-    return matrix.apply(abs)
 
 
 def _speed(space: Space) -> float:
@@ -419,7 +392,7 @@ def _added(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
     rate = min(1.0, time * sum(float(abs(x)) for x in space.rates))
     phase = min(1.0, time * sum(float(abs(x)) for x in space.phases))
     (a, b), (c, d) = ((np.abs(x.real), np.abs(x.imag)) for x in (left, right))
-    found = (c @ a + d @ b) * (rate + phase**2) + (c @ b + d @ a) * (phase + rate)
+    moved_by = (c @ a + d @ b) * (rate + phase**2) + (c @ b + d @ a) * (phase + rate)
     inner = np.zeros((len(space.left), len(space.left)))
     for shear in space.shears:
         for m, n, value in shear:
@@ -429,7 +402,7 @@ def _added(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
         inner += min(1.0, moved**2 * float(abs(space.near.square))) * np.eye(len(inner))
         for m, n, value in space.near.entries:
             inner[m, n] += moved * float(abs(value))
-    return found + np.abs(right) @ inner @ np.abs(left)
+    return moved_by + np.abs(right) @ inner @ np.abs(left)
 
 
 def _by_component(rows: Sequence[Row], order: Sequence[int]) -> np.ndarray:
@@ -451,28 +424,28 @@ def together(
 ) -> list[Space]:
     """The spaces, those of eigenvalues that are nearly equal put together two by two, the nearest first."""
     left = dict(enumerate(spaces))
-    found = []
+    joined = []
     for first, second in _pairs(mixed, values):
         if first in left and second in left:
             joint = _joint(matrices, mixed, values[first], values[second], (spaces[first], spaces[second]), order)
             if joint is not None:
                 left.pop(first)
                 left.pop(second, None)
-                found.append(joint)
-    return [*left.values(), *found]
+                joined.append(joint)
+    return [*left.values(), *joined]
 
 
 def _pairs(mixed: Any, values: Sequence[Eigen]) -> list[tuple[int, int]]:
     """Numbers of eigenvalues that are nearly equal; of one twice where it is nearly its own conjugate."""
     size = size_of(mixed, [e.value for e in values])
-    found = []
+    gaps = []
     for n, first in enumerate(values):
         if first.is_complex:
-            found.append((2 * mpmath.im(first.value), n, n))
+            gaps.append((2 * mpmath.im(first.value), n, n))
         for m, second in enumerate(values[n + 1 :], n + 1):
             if first.is_complex == second.is_complex:
-                found.append((abs(first.value - second.value), n, m))
-    return [(n, m) for gap, n, m in sorted(found) if gap < _NEAR * size]
+                gaps.append((abs(first.value - second.value), n, m))
+    return [(n, m) for gap, n, m in sorted(gaps) if gap < _NEAR * size]
 
 
 def _joint(
@@ -491,24 +464,19 @@ def _joint(
     else:
         power = power_of(mixed, first.value, first.multiplicity) * power_of(mixed, second.value, second.multiplicity)
     is_complex = first.is_complex and first is not second
-    found = coordinates(matrices, power, multiplicity)
+    own = coordinates(matrices, power, multiplicity)
     rates = [(a + b) / 2 for a, b in zip(spaces[0].rates, spaces[1].rates, strict=True)]
     phases = [(a + b) / 2 * is_complex for a, b in zip(spaces[0].phases, spaces[1].phases, strict=True)]
-    near = _near(list(_about(found, rates, phases)))
+    means = [mpmath.mpc(rate, phase) if phase else rate for rate, phase in zip(rates, phases, strict=True)]
+    near = _near([acting - mean * mpmath.eye(acting.rows) for acting, mean in zip(own.acting, means, strict=True)])
     if near is None:
         return None
-    left, right = both_placed(found, is_complex, order)
+    left, right = both_placed(own, is_complex, order)
     return Space(tuple(rates), tuple(phases), left, right, tuple(() for _ in matrices), near)
 
 
-def _about(found: Coordinates, rates: Sequence[Any], phases: Sequence[Any]) -> Iterator[Any]:
-    """Each of the matrices about its mean eigenvalue."""
-    for acting, rate, phase in zip(found.acting, rates, phases, strict=True):
-        yield acting - (mpmath.mpc(rate, phase) if phase else rate) * mpmath.eye(acting.rows)
-
-
 def _near(rests: Sequence[Any]) -> Near | None:
-    """K and its multiples, if that is what the matrices are."""
+    """K and its multiples, if the matrices about their mean eigenvalues are such."""
     largest = max(rests, key=lambda rest: mpmath.mnorm(rest, "f"))
     size = mpmath.mnorm(largest, "f")
     if not size:

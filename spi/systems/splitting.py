@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Monomial, precise
+from .brackets import DIGITS, NOTHING, Bracket, Field, Matrix, Monomial, precise, summed
 from .driving import by_factor, split_in_time
 from .symbolics import (
     Functional,
     NoExactFlow,
     NowhereFinite,
     Quadratic,
+    Span,
     Symbolics,
     commuting,
     degree_of,
@@ -39,7 +40,6 @@ from .symbolics import (
 # which are moved before it, as a magnetic field moves momenta by positions, only finitely many terms are not 0.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 #: What a coordinate is moved by: factors by (monomial of the a_a, monomial of the w_i).
 Series = dict[tuple[Monomial, Monomial], mpmath.mpf]
 _MOST_TERMS, _LONGEST = 24, 500  # of a series, and monomials of a term
@@ -59,17 +59,15 @@ def series(fields: Sequence[Field]) -> dict[int, Series]:
         return {row: _summed(motion, rows) for row, motion in rows.items()}
 
 
-def constant_rates(
-    matrices: Sequence[Mapping[tuple[int, int], mpmath.mpf]], unit: int
-) -> tuple[dict[int, Series], list[dict[tuple[int, int], mpmath.mpf]]]:
+def constant_rates(matrices: Sequence[Matrix], unit: int) -> tuple[dict[int, Series], list[Matrix]]:
     """(how coordinates are moved that move at constant rates and move no others, the matrices without them)."""
     others = {n for entries in matrices for row, column in entries if column != unit for n in (row, column)}
-    found: dict[int, Series] = {}
+    rates: dict[int, Series] = {}
     for n, entries in enumerate(matrices):
         for (row, _), c in entries.items():
             if row not in others:
-                found.setdefault(row, {})[(n,), ()] = c
-    return found, [{place: c for place, c in entries.items() if place[0] in others} for entries in matrices]
+                rates.setdefault(row, {})[(n,), ()] = c
+    return rates, [{place: c for place, c in entries.items() if place[0] in others} for entries in matrices]
 
 
 def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> bool:
@@ -84,28 +82,23 @@ def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> b
 
 
 def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
-    total, term = dict(first), first
-    for n in itertools.count(2):
-        term = _along(term, rows)
-        if not term:
-            return {key: c for key, c in total.items() if abs(c) > NOTHING}
+    terms, n, term = [*first.items()], 1, first
+    while term := _along(term, rows):
+        n += 1
         if n > _MOST_TERMS or len(term) > _LONGEST:
             raise EndlessSeries
-        for key, c in term.items():
-            total[key] = total.get(key, mpmath.mpf(0)) + c / math.factorial(n)
-    raise AssertionError
+        terms += [(key, c / math.factorial(n)) for key, c in term.items()]
+    return summed(terms)
 
 
 def _along(function: Series, rows: Mapping[int, Series]) -> Series:
     """X f."""
-    found: Series = {}
-    for (times, monomial), factor in function.items():
-        for place, m in enumerate(monomial):  # the derivative by w_m, power by power
-            rest = monomial[:place] + monomial[place + 1 :]
-            for (more, other), c in rows.get(m, {}).items():
-                key = tuple(sorted(times + more)), tuple(sorted(rest + other))
-                found[key] = found.get(key, mpmath.mpf(0)) + factor * c
-    return {key: c for key, c in found.items() if abs(c) > NOTHING}
+    return summed(
+        ((tuple(sorted(times + more)), tuple(sorted(monomial[:place] + monomial[place + 1 :] + other))), factor * c)
+        for (times, monomial), factor in function.items()
+        for place, m in enumerate(monomial)  # the derivative by w_m, power by power
+        for (more, other), c in rows.get(m, {}).items()
+    )
 
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
@@ -118,7 +111,7 @@ class Term(NamedTuple):
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the kept functions whose values they are
+    values: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the invariant functions whose values they are
     original: Any = None  #: where it has such symbols: the same in the variables alone
     inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: those of these functions that are no Casimir functions
 
@@ -130,7 +123,7 @@ class Term(NamedTuple):
     def slope(self, variable: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
         inner = [sympy.diff(self.expression, s) * sympy.diff(u.form, variable) for s, u in self.inner.items()]
-        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.kept))
+        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.values))
 
 
 class Constants:
@@ -143,9 +136,9 @@ class Constants:
         """A number as a symbol; 0 and 1 as themselves."""
         if abs(value) < NOTHING or abs(value - 1) < NOTHING:
             return sympy.Integer(round(value))
-        found = sympy.Symbol(f"κ{len(self.values) + 1}", real=True)
-        self.values[found] = value
-        return found
+        symbol = sympy.Symbol(f"κ{len(self.values) + 1}", real=True)
+        self.values[symbol] = value
+        return symbol
 
 
 class Flow(NamedTuple):
@@ -166,9 +159,12 @@ class Flow(NamedTuple):
     def varying(self) -> bool:
         return any(term.varying for term in self.terms)
 
-    def reduced(self) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+    def reduced(self) -> Span:
         """All linear functions that the terms depend on, in reduced form, and their pivots."""
         return reduced([f for term in self.terms for f in term.functionals])
+
+
+Otherwise = Callable[[Any], Term | None]  #: another term for an addend without a flow of its own
 
 
 def single(expression: Any, world: Symbolics) -> Term:
@@ -189,15 +185,15 @@ def split(
     addends: Sequence[Any],
     world: Symbolics,
     constants: Constants,
-    otherwise: Callable[[Any], Term | None] = lambda addend: None,
+    otherwise: Otherwise = lambda addend: None,
 ) -> list[Flow]:
     """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which has no exact flow of its own.
+    `otherwise(addend)`: another term for an addend without an exact flow of its own.
     """
     terms: list[Term] = []
     crossing: list[Any] = []
-    lacking: list[tuple[Any, str]] = []  # what has no exact flow, and why
+    lacking: list[tuple[Any, str]] = []  # (addend without an exact flow, reason)
     left = list(addends)
     while left:
         addend = left.pop(0)
@@ -214,7 +210,7 @@ def split(
             terms, crossing = terms + more, crossing + cross
     for factor, products in by_factor(crossing, world.time).items():
         for component in connected(map(world.used, products)):
-            inside = [t for t in terms if not t.kept and _is_square_within(t.expression, component, factor, world)]
+            inside = [t for t in terms if not t.values and _is_square_within(t.expression, component, factor, world)]
             terms = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
             terms += _diagonalised(form, component, factor, world, constants)
@@ -226,7 +222,7 @@ def split(
 
 
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
-    """What stands for the flow of a function that has none in closed form."""
+    """The stand-in for the flow of a function that has none in closed form."""
     expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
@@ -261,7 +257,7 @@ def _is_curved(term: Term, bracket: Bracket) -> bool:
     return any(map(bracket.curved, term.functionals))
 
 
-def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
+def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
     """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
     terms: list[Term] = []
     crossing: list[Any] = []
@@ -281,21 +277,21 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
             terms, crossing = terms + more, crossing + cross
         elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
-        elif (found := otherwise(addend)) is not None:
-            terms.append(found)
+        elif (term := otherwise(addend)) is not None:
+            terms.append(term)
         else:
             raise reason
     return terms, crossing
 
 
-def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
-    """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
+    """The terms of a sum that is written as a product: expanded, or else its parts as they are written."""
     try:
         return _terms(expanded, world, lambda part: None)
     except NoExactFlow as refused:
         reason = refused
-    if (found := otherwise(addend)) is not None:
-        return [found], []
+    if (term := otherwise(addend)) is not None:
+        return [term], []
     if parts := _written_parts(addend, world):
         return _terms(parts, world, otherwise)
     raise reason

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Polynomial
+from .brackets import DIGITS, NOTHING, Bracket, Matrix, Polynomial, added, summed
 from .keys import DefinitionError
 from .text import TAKEN, NumberError, Symbols
 
@@ -84,34 +84,33 @@ class Symbolics(NamedTuple):
         return tried > 0
 
 
+class Function(NamedTuple):
+    """A Casimir function."""
+
+    text: str  #: in the words of the user
+    expression: Any
+    degree: int | None  #: of a homogeneous polynomial
+
+
 def numeric(variables: Sequence[Any], expressions: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    names = {"Heaviside": _step, "DiracDelta": _delta}
-    function: Callable[..., Any] = sympy.lambdify(variables, expressions, [names, "mpmath"])
+    derivatives = {  # of max(x, 0), the second one wherever it exists
+        "Heaviside": lambda x, at_0: at_0 if x == 0 else mpmath.mpf(x > 0),
+        "DiracDelta": lambda x: mpmath.mpf(0),
+    }
+    function: Callable[..., Any] = sympy.lambdify(variables, expressions, [derivatives, "mpmath"])
     return function
-
-
-def _step(x: Any, at_0: Any) -> Any:
-    """The derivative of max(x, 0)."""
-    return at_0 if x == 0 else mpmath.mpf(x > 0)
-
-
-def _delta(x: Any) -> Any:
-    """The second derivative of max(x, 0), wherever it exists."""
-    return mpmath.mpf(0)
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
     """B v by coordinate, and the size of the largest of the terms that are added up there."""
-    moved: dict[int, Any] = {}
-    size = mpmath.mpf(0)
-    for (i, j), entry in bracket.at(point).items():
-        for row, column, sign in ((i, j, 1), (j, i, -1)):
-            if column in gradient:
-                term = sign * entry * gradient[column]
-                moved[row] = moved.get(row, mpmath.mpf(0)) + term
-                size = max(size, abs(term))
-    return moved, size
+    terms = [
+        (row, sign * entry * gradient[column])
+        for (i, j), entry in bracket.at(point).items()
+        for row, column, sign in ((i, j, 1), (j, i, -1))
+        if column in gradient
+    ]
+    return added(terms), max((abs(term) for _, term in terms), default=mpmath.mpf(0))
 
 
 def degree_of(value: Any, world: Symbolics) -> int | None:
@@ -125,9 +124,8 @@ def check_name(name: str, key: str) -> None:
     """DefinitionError if a parameter or a size cannot have this name in formulas."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
     if not is_name or name in TAKEN:
-        raise DefinitionError(
-            "is not a valid name; use letters from a to z and digits, and not the name of a function", key, name
-        )
+        right = "use letters from a to z and digits, and not the name of a function"
+        raise DefinitionError(f"is not a valid name; {right}", key, name)
 
 
 def polynomial(value: Any, formulas: Symbols) -> Polynomial:
@@ -169,15 +167,10 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
                     continue
                 value = factor.base.xreplace(world.parameters).xreplace(constants)
                 if value == 0:
-                    name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
-                    raise DefinitionError(
-                        f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
-                        *(
-                            ["parameters", name]
-                            if any(name == str(symbol) for symbol in world.parameters)
-                            else ["hamiltonian"]
-                        ),
-                    )
+                    name = min(map(str, factor.base.free_symbols), default="")
+                    keys = ("parameters", name) if name in map(str, world.parameters) else ("hamiltonian",)
+                    fault = f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0"
+                    raise DefinitionError(f"{fault}; take another value", *keys)
         if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
             name = world.name(function)
             fault = f"has no finite real value at these parameters: '{shortened(name)}'"
@@ -189,7 +182,7 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
 # ---------------------------------------------------------------------------------------------------------------------
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
-Entries = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number of a matrix; a last column is that of 1
+Span = tuple[tuple[Functional, ...], tuple[int, ...]]  #: linear functions, reduced, and their pivots
 
 
 class NoExactFlow(ValueError):
@@ -200,9 +193,7 @@ class NowhereFinite(NoExactFlow):
     """A term that has no finite value."""
 
 
-def functionals_of(
-    expression: Any, world: Symbolics, fixed: Iterable[Any] = ()
-) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+def functionals_of(expression: Any, world: Symbolics, fixed: Iterable[Any] = ()) -> Span:
     """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
@@ -236,35 +227,40 @@ def functionals_of(
     return (coordinates, used) if len(span) == len(used) else (span, pivots)
 
 
-def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> Span:
     """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
-    left = [dict(row) for row in rows]
-    by_pivot: dict[int, Functional] = {}
-    tiny = mpmath.mpf(10) ** -30
     with mpmath.workdps(DIGITS + 20):
-        while True:
-            left = [row for row in left if any(abs(c) > tiny for c in row.values())]
-            if not left:
-                break
-            row = left.pop(0)
-            largest = max(abs(c) for c in row.values())
-            pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
-            row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
-            row[pivot] = mpmath.mpf(1)
-            left = [_without(other, pivot, row, tiny) for other in left]
-            by_pivot = {p: _without(other, pivot, row, tiny) for p, other in by_pivot.items()}
-            by_pivot[pivot] = row
+        by_pivot = echelon(rows, mpmath.mpf(10) ** -30)
     pivots = tuple(sorted(by_pivot))
     return tuple(by_pivot[pivot] for pivot in pivots), pivots
 
 
-def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
+def echelon(rows: Iterable[Mapping[int, Any]], tiny: mpmath.mpf) -> dict[int, dict[int, Any]]:
+    """The span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
+
+    All other rows have 0 there; entries up to `tiny` are 0.
+    """
+    left = [dict(row) for row in rows]
+    by_pivot: dict[int, dict[int, Any]] = {}
+    while left := [row for row in left if any(abs(c) > tiny for c in row.values())]:
+        row = left.pop(0)
+        largest = max(abs(c) for c in row.values())
+        pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
+        row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
+        row[pivot] = mpmath.mpf(1)
+        left = [without(other, pivot, row, tiny) for other in left]
+        by_pivot = {p: without(other, pivot, row, tiny) for p, other in by_pivot.items()}
+        by_pivot[pivot] = row
+    return by_pivot
+
+
+def without(row: dict[int, Any], pivot: int, by: dict[int, Any], tiny: mpmath.mpf) -> dict[int, Any]:
     """A row minus the multiple of another one that makes its entry at the pivot 0."""
     factor = row.get(pivot)
     if not factor:
-        return dict(row)
-    new = {i: row.get(i, mpmath.mpf(0)) - factor * by.get(i, mpmath.mpf(0)) for i in {*row, *by} - {pivot}}
-    return {i: c for i, c in sorted(new.items()) if abs(c) > tiny}
+        return row
+    new = {i: row.get(i, 0) - factor * by.get(i, 0) for i in sorted({*row, *by} - {pivot})}
+    return {i: c for i, c in new.items() if abs(c) > tiny}
 
 
 def form_text(functional: Functional, names: Sequence[str]) -> str:
@@ -282,20 +278,16 @@ class Quadratic(NamedTuple):
 
     function: Any  #: u in the variables
     form: Any  #: Q(s) in the variables; 0 where there are fields
-    fields: tuple[tuple[int, Entries], ...]  #: of (c, M_c)
-    slopes: Entries  #: grad u = slopes y, needed where there are fields
+    fields: tuple[tuple[int, Matrix], ...]  #: of (c, M_c)
+    slopes: Matrix  #: grad u = slopes y, needed where there are fields
 
 
 def unmoved(functional: Mapping[int, mpmath.mpf], u: Quadratic) -> bool:
     """Whether a linear function commutes with u, by the fields of u."""
-    for _, entries in u.fields:
-        moved: dict[int, Any] = {}
-        for (row, column), value in entries.items():
-            if row in functional:
-                moved[column] = moved.get(column, mpmath.mpf(0)) + functional[row] * value
-        if any(abs(value) > NOTHING for value in moved.values()):
-            return False
-    return True
+    return not any(
+        summed((column, functional[row] * c) for (row, column), c in entries.items() if row in functional)
+        for _, entries in u.fields
+    )
 
 
 def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
@@ -315,8 +307,5 @@ def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
     return True
 
 
-def _times(entries: Entries, y: Sequence[Any]) -> dict[int, Any]:
-    moved: dict[int, Any] = {}
-    for (row, column), value in entries.items():
-        moved[row] = moved.get(row, mpmath.mpf(0)) + value * y[column]
-    return moved
+def _times(entries: Matrix, y: Sequence[Any]) -> dict[int, Any]:
+    return added((row, value * y[column]) for (row, column), value in entries.items())

@@ -152,7 +152,7 @@ def _depth(value: Any) -> int:
 
 
 def addends(text: str, algebra: Symbols) -> list[Any]:
-    """The expressions whose sum a text is, in the order of the text, those of a ``sum(...)`` one after the other."""
+    """The addends of a text, in its order, those of a ``sum(...)`` one after the other."""
     terms = []
     for sign, part in _signed(text):
         start = part.find("(")

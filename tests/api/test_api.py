@@ -61,7 +61,6 @@ def test_an_experiment_by_name_is_what_the_command_line_computes():
     assert found.path.stem == experiment.results_name and found.path.is_file()
     assert same(found, spi.load("rigid_body_strong", **TINY))
     assert same(found, spi.load("rigid_body_strong", **TINY, results="there"))
-    assert messages(spi.load, "rigid_body_strong", out="there") == ["out: is now called results; write results='there'"]
     assert found.attributes["spec_hash"] == expected.attributes["spec_hash"]
     assert found.spec == expected.spec == experiment.text
     assert same(found, expected)
@@ -324,7 +323,7 @@ def test_expectations_are_those_of_the_weak_study():
 def test_standard_errors_are_those_of_the_paths(monkeypatch):
     keys = {key: value for key, value in PATH.items() if key != "step"}
     for most in (1, 16e6):  # bytes of final states at a time
-        monkeypatch.setattr("spi.api.expecting._BATCH_BYTES", most)
+        monkeypatch.setattr("spi.kinds.blocks.BATCH_BYTES", most)
         functions = {"y1": "y1", "infinite at the start": f"1/(y1 - {INITIAL[0]!r})"}
         found = spi.expectations(BODY, "splitting", functions, steps="1/8", samples=2 * LANES + 3, **keys)
         last = spi.trajectory(BODY, "splitting", samples=2 * LANES + 3, **PATH).y[:, -1, 0].values

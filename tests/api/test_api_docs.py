@@ -69,14 +69,6 @@ def stored_texts():
             yield "".join(output.get("text", []))
 
 
-def test_code_that_fails_is_noticed(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("```python\na = 1\n```\n\n```sh\nls\n```\n\n```python\nassert a == 2\n```\n")
-    assert cells(page) == ["a = 1\n", "assert a == 2\n"]
-    with pytest.raises(AssertionError):
-        run(cells(page), "page.md")
-
-
 def test_the_notebook_is_small_has_its_output_and_no_magic():
     data = NOTEBOOK.read_bytes()
     assert len(data) < MOST_BYTES

@@ -109,8 +109,8 @@ def test_orders_and_claims_are_tables(results):
     assert orders.scheme.tolist() == ["euler_maruyama", "splitting"] * 2 and set(orders.order) == {0.5}
     assert (orders.low[0], orders.high[0], orders.expected[0]) == (0.48, 0.52, 0.5)
     found = results.claims
-    assert found.verdict.tolist() == [claims.PASSED, claims.FAILED] and found.value.tolist() == [0.5, 0.5]
-    assert results["three/splitting"].claims.verdict.tolist() == [claims.PASSED]
+    assert found.verdict.tolist() == [claims.CONFIRMED, claims.CONTRADICTED] and found.value.tolist() == [0.5, 0.5]
+    assert results["three/splitting"].claims.verdict.tolist() == [claims.CONFIRMED]
     assert len(results["one"].claims) == 0  # of which nothing is claimed
     weak_orders = spi.Results(weak(weak_group("splitting", "plain"))).orders
     assert weak_orders.estimator.tolist() == ["plain"] * 2 and len(set(weak_orders.function)) == 2
@@ -125,7 +125,7 @@ def test_results_show_themselves(results, stored, tmp_path):
     page = results._repr_html_()
     html.parser.HTMLParser().feed(page)
     assert "Strong &lt;errors&gt;" in page and "<errors>" not in page
-    assert "1 passed, 1 failed" in page and "0.480" in page and "file:" not in page
+    assert "1 confirmed, 1 contradicted" in page and "0.480" in page and "file:" not in page
     storage.write(tmp_path / "s.h5", stored)
     loaded = spi.load(tmp_path / "s.h5")
     assert loaded.path == tmp_path / "s.h5" and "s.h5" in loaded._repr_html_() and "s.h5" in repr(loaded)

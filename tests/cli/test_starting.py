@@ -45,8 +45,6 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
         f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
         "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
     )
-    renamed = refusal("run", "rigid_body_strong", "--part", "3/8")
-    assert renamed == "spi: --part is now called --shard; write --shard 3/8\n"
     path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
     assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
     assert refusal("answer", str(path), "--seed=x").startswith(f"spi: {path.parent}")

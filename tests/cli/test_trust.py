@@ -78,7 +78,7 @@ def test_a_pipe_in_the_place_of_sums_is_passed_by(tmp_path):
     path = runner.sums_path(experiment, tmp_path)
     path.parent.mkdir()
     os.mkfifo(path)
-    os.mkfifo(path.with_name("s-0.npz"))
+    os.mkfifo(path.with_name("s-0.sums"))
     Checkpoint(experiment, path, USUAL, print).resume()
 
 
@@ -129,7 +129,7 @@ def test_a_file_that_is_named_like_one_of_too_many_shards_is_none(tmp_path):
     path = runner.sums_path(experiment, tmp_path)
     path.parent.mkdir()
     for name in ("1-of-99999999999999999999", "0-of-4", "5-of-4", "2-of-4"):
-        path.with_name(f"{path.stem}.shard-{name}.npz").write_bytes(b"")
+        path.with_name(f"{path.stem}.shard-{name}.sums").write_bytes(b"")
     checkpoint = Checkpoint(experiment, path, USUAL, print)
     assert list(checkpoint.shards()) == [Shard(2, 4)]
 
@@ -139,7 +139,7 @@ def test_of_many_missing_shards_a_few_are_named(tmp_path):
     experiment = load("s.yaml", overrides=["samples=1000000000"])
     path = runner.sums_path(experiment, "results")
     path.parent.mkdir(parents=True)
-    path.with_name(f"{path.stem}.shard-1-of-{MOST_SHARDS}.npz").write_bytes(b"")
+    path.with_name(f"{path.stem}.shard-1-of-{MOST_SHARDS}.sums").write_bytes(b"")
     code, _, err = call("merge", "s.yaml", "--samples", "1000000000")
     warning, told = err.splitlines()
     assert code == 3 and "is damaged" in warning and "shard 6 of 10000 is missing" in told

@@ -1,4 +1,4 @@
-"""What is the same in all figures: places and letters of panels, limits, marks, legends, and panels declared."""
+"""All figures alike: places and letters of panels, their limits, marks and legends, and panels declared."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +13,7 @@ from view_helpers import bars_of, edge, legend_texts, line_of, points_of, title
 
 from spi.drawing import layout, page, panels, plots, style
 from spi.kinds.lyapunov.results import Exponents
-from spi.storage.records import Description
+from spi.storage.stored import Description
 
 H = 2.0 ** -np.arange(1, 7)
 LOOK = {"color": "#0072b2", "marker": "o"}

@@ -103,13 +103,6 @@ def test_what_is_no_style(style, width, font, message):
         page.named(style, width, font)
 
 
-def test_curves_that_differ_by_their_colours_only_are_noticed():
-    fig = views.figure(errors(1), style="paper")
-    fig.axes[0].plot(H, H, "o-", color="tab:red", label="one")
-    fig.axes[0].plot(H, 2 * H, "o-", color="tab:purple", label="two")  # as light as the red
-    assert alike_without_colours(fig) == ["'one' and 'two'"]
-
-
 def test_schemes_and_their_variants_need_no_colours():
     markers = [row.look[0] for row in SCHEMES.values()]
     assert len(set(markers)) == len(markers)

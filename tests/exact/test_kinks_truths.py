@@ -23,7 +23,7 @@ def outside(model, initial, texts, truths, accuracy=1e-6):
         one = refiner(model, initial, 1.0, functions_of([text], 3), accuracy)
         assert one.rough.all(), text
         number = sum(cost <= LONGEST for cost in one.costs)
-        values, uncertain = zip(*(one.refine(k) for k in range(number)), strict=True)
+        values, uncertain, _ = zip(*(one.refine(k) for k in range(number)), strict=True)
         each = [refined(values[: k + 1], uncertain[: k + 1], one.rough) for k in range(number)]
         assert number >= 5 and each[-1].bound[0] < 3e-3, (text, each[-1])
         off = [(text, k, abs(r.value[0] - truth), r.bound[0]) for k, r in enumerate(each)]

@@ -1,12 +1,13 @@
-"""Work without paths is told of: from a clock that the test turns, and by all who do such work."""
+"""Reports of work without paths: from a clock that the test turns, and by all who do such work."""
 
 import math
+import time
 
 import numpy as np
 import pytest
 
 from spi.exact import kolmogorov, work
-from spi.exact.work import counted, expected, part, told
+from spi.exact.work import counted, expected, part, reporting_to
 from spi.models import MaxwellBloch, RigidBody
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
@@ -31,7 +32,7 @@ def shares(reports):
 
 def test_reports_come_with_the_clock_and_say_what_is_left(monkeypatch):
     clock, reports = Clock(monkeypatch), []
-    with told(reports.append), work.work("solving", 10.0):
+    with reporting_to(reports.append), work.work("solving", 10.0):
         assert shares(reports) == [0] and math.isnan(reports[0].left)
         clock.count(0.1, work.PAUSE)  # too little to tell a speed
         clock.count(0.9, work.PAUSE / 2)
@@ -43,7 +44,7 @@ def test_reports_come_with_the_clock_and_say_what_is_left(monkeypatch):
 
 def test_a_part_takes_what_was_predicted_and_the_whole_what_it_takes(monkeypatch):
     clock, reports = Clock(monkeypatch), []
-    with told(reports.append), work.work("solving", 10.0):
+    with reporting_to(reports.append), work.work("solving", 10.0):
         with part(4.0):
             clock.count(9.0, 1.0)  # more than was predicted
         with work.work("what is part of it", 1.0):
@@ -60,7 +61,7 @@ def test_a_part_takes_what_was_predicted_and_the_whole_what_it_takes(monkeypatch
 
 def test_what_cannot_be_predicted_has_no_share_and_what_was_done_counts(monkeypatch):
     clock, reports = Clock(monkeypatch), []
-    with told(reports.append):
+    with reporting_to(reports.append):
         with work.work("compiling splitting", 0.0):
             clock.count(0.0, 1.0)
         with work.work("solving", math.inf), part(math.inf):
@@ -76,13 +77,13 @@ def test_what_cannot_be_predicted_has_no_share_and_what_was_done_counts(monkeypa
 
 def test_nobody_is_told_after_the_block_nor_after_an_error():
     reports = []
-    with pytest.raises(KeyboardInterrupt), told(reports.append), work.work("solving", 1.0), part(1.0):
+    with pytest.raises(KeyboardInterrupt), reporting_to(reports.append), work.work("solving", 1.0), part(1.0):
         raise KeyboardInterrupt
     number = len(reports)
     with work.work("solving", 1.0):
         counted(1.0)
     assert len(reports) == number and reports[-1] is None
-    with told(reports.append), work.work("solving", 2.0):
+    with reporting_to(reports.append), work.work("solving", 2.0):
         pass
     assert reports[number].done == 0.0
 
@@ -104,7 +105,7 @@ def scheme_errors(model, initial):
 
 def refinements(model, initial):
     refiner = kolmogorov.refiner(model, initial, 0.5, [smooth], 1e-6)
-    with work.work("solving", sum(refiner.costs[:3])):
+    with work.work("solving", sum(refiner.costs(refiner.effort)[:3])):
         return [refiner.refine(number)[0] for number in range(3)]
 
 
@@ -122,7 +123,7 @@ def means(model, initial):
 def test_solvers_tell_how_far_they_are(monkeypatch, asked, question):
     alone, reports = asked(*question), []
     monkeypatch.setattr(work, "PAUSE", 0.0)
-    with told(reports.append):
+    with reporting_to(reports.append):
         found = asked(*question)
     np.testing.assert_array_equal(found[0], alone[0])  # and telling changes nothing
     done = [one.done for one in reports[:-1]]
@@ -139,8 +140,30 @@ def test_solvers_stop_at_once(monkeypatch, question):
             raise KeyboardInterrupt
 
     monkeypatch.setattr(work, "PAUSE", 0.0)
-    with pytest.raises(KeyboardInterrupt), told(stop):
+    with pytest.raises(KeyboardInterrupt), reporting_to(stop):
         scheme_errors(*question)
+
+
+@pytest.mark.slow
+def test_predicted_seconds_are_those_taken_up_to_the_speed_of_the_machine():
+    """Of refinements with few and many steps, with kinks and without, of one class and of four."""
+    from spi.expressions import functions_of
+
+    asked = [
+        (MaxwellBloch(sigma=(0.7, 0.4)), (1.0, 0.5, -0.3), 3.0, ["y3^2"], 1e-3),
+        (MaxwellBloch(sigma=(0.7, 0.4)), (1.0, 0.5, -0.3), 3.0, ["abs(y3 - 0.3)"], 1e-9),
+        (MaxwellBloch(sigma=(1.0, 0.0)), (1.0, 2.0, 3.0), 1.0, ["y1"], 1e-9),
+        (SPHERE[0], (0.48, 0.6, 0.64), 1.0, ["y2^2"], 1e-6),
+        (SPHERE[0], (0.48, 0.6, 0.64), 3.0, ["abs(y3 - 0.2)", "exp(y1)"], 1e-6),
+    ]
+    ratios = []
+    for model, initial, final_time, texts, accuracy in asked:
+        refiner = kolmogorov.refiner(model, initial, final_time, functions_of(texts, 3), accuracy)
+        *_, effort = refiner.refine(2)
+        began = time.process_time()
+        refiner.refine(3)
+        ratios.append((time.process_time() - began) / refiner.costs(effort)[3])
+    assert max(ratios) / min(ratios) < 3.0, ratios
 
 
 def test_a_large_matrix_is_squared_in_strips(monkeypatch):

@@ -10,7 +10,7 @@ from spi.kinds.plans import Cost, Done, State
 from spi.kinds.weak.results import Unsampled, WeakErrors
 from spi.kinds.weak.study import WeakPlan
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Order, Part
+from spi.storage.records import Order
 
 
 class Guess(NamedTuple):
@@ -22,11 +22,6 @@ class Guess(NamedTuple):
     def plus(self, later: "Guess") -> "Guess":
         """There is only one."""
         raise TypeError("a guess is made at once")
-
-
-def plan(case: Any, part: Part) -> "GuessPlan":
-    """The plan for one scheme of a case."""
-    return GuessPlan(case=case, part=part)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +53,17 @@ class GuessPlan(WeakPlan):
         count = len(self.case.functions)
         error = np.outer(np.ones(count), self.case.per_step * self.h)
         nothing, ones = np.zeros(count), np.ones_like(error)
-        return self.weak_errors(
-            state.seconds,
-            error=error,
-            expectation=error,
-            resolved=ones > 0,
-            orders=(Order(1.0, 1.0, 1.0, error.shape[1]),) * count,
-            unsampled=Unsampled(error_bound=0 * ones, expectation_bound=ones, limit=nothing, limit_bound=nothing + 1),
-            cpu_seconds=0.0,
-        )
+        bounds: Any = {"error_bound": 0 * ones, "expectation_bound": ones}
+        unsampled = Unsampled(**bounds, limit=nothing, limit_bound=nothing + 1)
+        estimated = {
+            "error": error,
+            "expectation": error,
+            "resolved": ones > 0,
+            "orders": (Order(1.0, 1.0, 1.0, error.shape[1]),) * count,
+            "unsampled": unsampled,
+            "cpu_seconds": 0.0,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
+
+
+plan = GuessPlan.of

@@ -17,31 +17,36 @@ TRUTH = 0.5
 class Refiner:
     """Refinement k has the error 0.1 falls^k and takes first growth^k seconds of typical speed."""
 
-    known = None
+    known, effort = None, 1.0
 
-    def __init__(self, first, growth, falls, rough=1.4**-2):
-        self.costs, self.falls, self.rough = [first * growth**k for k in range(9)], falls, np.array([rough])
+    def __init__(self, first, growth, falls, rough=1.4**-2, takes=1.0):
+        self.seconds, self.falls, self.rough = [first * growth**k for k in range(9)], falls, np.array([rough])
+        self.takes = takes
+
+    def costs(self, effort):
+        return [effort * seconds for seconds in self.seconds]
 
     def refine(self, number):
-        return np.array([TRUTH + 0.1 * self.falls**number]), np.zeros(1)
+        return np.array([TRUTH + 0.1 * self.falls**number]), np.zeros(1), self.takes
 
 
 def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
     """(the decisions at the end, all seconds of typical speed), where sampling takes per_sample / accuracy^2."""
-    monkeypatch.setattr(study, "refining_of", lambda p: refiner)
-    case = SimpleNamespace(accuracy=accuracy, seconds=seconds)
-    plan, extra = SimpleNamespace(case=case, solvable=True), Decisions.initial(SETS, 1, False)
+    monkeypatch.setattr(study.AnswerPlan, "refining", refiner)
+    monkeypatch.setattr(study.AnswerPlan, "solvable", True)
+    plan = study.AnswerPlan(case=SimpleNamespace(accuracy=accuracy, seconds=seconds), part=None)
+    extra = Decisions.initial(SETS, 1, False)
     sampling = per_sample / accuracy**2
     aim = accuracy * max(1.0, math.sqrt(sampling / seconds))
 
     def after_pilot(plan, state):
         return state.extra._replace(stage=WHOLE, work=sampling, aim=aim)
 
-    monkeypatch.setattr(study, "_after_pilot", after_pilot)
+    monkeypatch.setattr(study.AnswerPlan, "_after_pilot", after_pilot)
     while extra.stage != DONE and not (extra.solving == study.SAMPLING and extra.stage == WHOLE):
         assert extra.stage == PILOTING
-        extra = study.next_decisions(plan, SimpleNamespace(extra=extra))
-    solved = sum(refiner.costs[: len(extra.refined)])
+        extra = plan.next_allocation(SimpleNamespace(extra=extra))
+    solved = refiner.takes * sum(refiner.seconds[: len(extra.refined)])
     return extra, solved + (sampling if extra.solving == study.SAMPLING else 0.0)
 
 
@@ -67,7 +72,7 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
     refiner = Refiner(first, 3.0, 0.1)
     extra, takes = decided(monkeypatch, refiner, per_sample, accuracy)
     assert (extra.solving == study.SOLVING) == solves
-    needed = sum(refiner.costs[:4])  # of which an error of 1e-3 at a kink can be told
+    needed = sum(refiner.seconds[:4])  # of which an error of 1e-3 at a kink can be told
     sampling = per_sample / accuracy**2
     assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * study.SURE + sampling
     said = study.why(extra, accuracy)
@@ -85,8 +90,21 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
 def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):
     """Refinements end at an error of 0.08, and sampling may take 100 seconds."""
     refiner = Refiner(4.0, 1.2, 0.99)
-    refiner.costs = refiner.costs[:5]
+    refiner.seconds = refiner.seconds[:5]
     for per_sample, way in ((1e-3, study.SAMPLING), (1e4, study.SOLVING)):
         extra, _ = decided(monkeypatch, refiner, per_sample, 1e-3, 100.0)
         assert extra.solving == way
     assert "does not reach it" in study.why(extra, 1e-3)
+
+
+@pytest.mark.parametrize("takes", [0.2, 1.0, 2.0])
+@pytest.mark.parametrize("seconds", [2.0, 20.0, 200.0])
+def test_seconds_hold_for_what_is_solved_and_what_it_leaves_for_samples(monkeypatch, takes, seconds):
+    """Refinements take more or less than usual, which the first one tells."""
+    refiner = Refiner(0.1, 1.7, 0.95, takes=takes)
+    extra, _ = decided(monkeypatch, refiner, 1e6, 1e-9, seconds)
+    solved = takes * sum(refiner.seconds[: len(extra.refined)])
+    assert 0.2 * seconds < solved <= seconds or len(extra.refined) == len(refiner.seconds)
+    plan = study.AnswerPlan(case=SimpleNamespace(seconds=seconds), part=None)
+    assert plan.solved_seconds(extra) == pytest.approx(solved)  # not what is usual
+    assert plan.seconds_left(extra) == pytest.approx(max(seconds - solved, 0.02 * seconds))

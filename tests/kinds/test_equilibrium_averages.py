@@ -14,19 +14,17 @@ from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
-from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.averages import _order
-from spi.kinds.equilibrium.recording import Series
+from spi.kinds.equilibrium.means import Series, _order
 from spi.kinds.equilibrium.references import Known, known_laws
-from spi.kinds.equilibrium.results import Equilibrium
-from spi.kinds.equilibrium.table import step_for
+from spi.kinds.equilibrium.results import Equilibrium, step_for
 from spi.numerics.rng import LANES
 from spi.report import views
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
+from spi.statistics.claims import quantities
 from spi.storage.records import Order, Part, Results
 
 # fixtures
@@ -155,9 +153,9 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
     fig = views.figure(results)
     assert all(r"\overline" in ax.get_ylabel() and "reference" in ax.get_ylabel() for ax in fig.axes[-2:])
-    told = {one.name: one for one in KINDS["equilibrium"].results.quantities([reading])}
+    told = {one.name: one for one in quantities([reading])}
     assert {"average", "tau", "halves", "deviation"} <= set(told) and "heat_capacity" not in told
-    deviations = [one for one in KINDS["equilibrium"].results.quantities([reading]) if one.name == "deviation"]
+    deviations = [one for one in quantities([reading]) if one.name == "deviation"]
     assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
     assert max(one.value for one in deviations if one.function == "height") > 4.5
     every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))
@@ -183,29 +181,6 @@ def test_without_functions_nothing_is_recorded(case_of):
     assert "average" not in group.arrays
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["step_count=640"], "final_time: is given beside step_count; leave out one of them"),
-        (["final_time=1", "spacing=1/4"], "final_time: is 1, fewer than 128 steps of .*; must be at least 2.5"),
-        (["final_time=100.1"], "steps: has .*, of which final_time 100.1 is not a multiple; the nearest multiples"),
-        (["functions={a: y7}"], r"functions.a: is 'y7' .*; must be an expression in y1 .. y3, H or C1"),
-        (["functions={a: {maximum: y1}}"], "functions.a: is a mapping"),
-        (["spacing=0.3"], "spacing: is 0.3, no multiple of .*; give a spacing that is one of every step size"),
-        (["burn_in=90"], "final_time: leaves 8 values with a spacing of .* after burn_in; must leave 64: final_time"),
-        (["reference={b: exact}"], "reference.b: is not the name of a function; known: height, H"),
-        (["reference=three"], "reference: is 'three' .*; must be a formula without variables, exact or finest"),
-        (["reference=finest", "steps=[1/4]"], "reference: is 'finest', and there is one step size"),
-        (["panels=[law]"], "panels: has 'law', which is shown without functions; leave it out, or leave out functions"),
-        (["final_time=96", "bins=2"], "bins: is '2'; must be at least 4"),
-    ],
-)
-def test_each_mistake_gets_one_line(load_text, overrides, message):
-    with pytest.raises(SpecError, match=message) as refused:
-        load_text(LONG, *overrides)
-    assert "\n" not in str(refused.value)
-
-
 def test_of_many_spheres_what_is_not_known_is_left_out_or_refused(tmp_path):
     """The energy of a ring of four spins has mean and variance, but no histogram; a product of three has no mean."""
     path = shipped.folder() / "spin_ring_equilibrium.yaml"
@@ -215,18 +190,6 @@ def test_of_many_spheres_what_is_not_known_is_left_out_or_refused(tmp_path):
     assert -4 < found.value[0] < -2 and found.variance[0] > 0.5
     with pytest.raises(SpecError, match="reference: is 'exact', but means on many spheres are known of polynomials"):
         load(path, "quick", ["functions.across=x(1)*x(2)*x(3)"])
-
-
-def test_keys_of_functions_are_refused_without_a_final_time(load_text):
-    for override, key in (
-        ("functions={a: H}", "functions"),
-        ("burn_in=1", "burn_in"),
-        ("reference=exact", "reference"),
-    ):
-        with pytest.raises(SpecError, match=f"{key}: is for means over time; give final_time in place of step_count"):
-            load_text(RIGID, override)
-    with pytest.raises(SpecError, match="panels: has 'means', which is shown of functions; leave it out, or give"):
-        load_text(RIGID, "panels=[means]")
 
 
 def test_what_is_not_given(load_text):

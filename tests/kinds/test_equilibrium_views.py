@@ -8,10 +8,10 @@ from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
 from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
-from view_helpers import GREEN, SCHEMES, bars_of, edge, heading, inches_of_panels, legend_texts, lines_of, points_of
+from view_helpers import GREEN, SCHEMES, bars_of, edge, heading, legend_texts, lines_of, points_of
 
 from spi.drawing import plots
-from spi.kinds.equilibrium.table import chance
+from spi.kinds.equilibrium.results import chance
 from spi.report import views
 
 
@@ -24,7 +24,6 @@ def test_rows_of_long_times():
     assert (last["n"], last["nonfinite"], last["growth"], last["bias_stderr"]) == (2**26, 0, 0.5, 1e-18)
     assert last["law_distance[H]"] == one.variables["law_distance"][1][0, 3] and last["mean_exact[y1^2]"] == 0.5
     assert "casimir_rms_2" in records[-1] and "mean[y1]" not in records[-1] and "growth_low_1" in records[-1]
-    assert all(type(value) in (str, float, int) for record in records for value in record.values())
 
 
 def test_printed_long_times():
@@ -48,10 +47,8 @@ def test_printed_long_times():
 def test_printed_long_times_of_two_casimirs_and_none():
     text = printed(equilibrium(equilibrium_group("splitting", casimirs=2, law=False)))
     assert text.count("C1") == text.count("C2") == 3 and "stationary law" not in text
-    assert (
-        lines_of(printed(equilibrium(equilibrium_group("splitting", casimirs=0))), "splitting")[0][1:]
-        == ["0"] + ["-"] * 5
-    )
+    none = printed(equilibrium(equilibrium_group("splitting", casimirs=0)))
+    assert lines_of(none, "splitting")[0][1:] == ["0"] and "rms" not in none
 
 
 def test_long_times():
@@ -111,7 +108,7 @@ def test_lost_everywhere():
     for name in ("fraction", "law_distance", "law_distance_stderr"):
         group.variables[name][1][:] = np.nan
     assert len(views.figure(equilibrium(group)).axes) == 2 + 4  # growth and distances
-    assert "nan" in printed(equilibrium(group))
+    assert "not finite" in printed(equilibrium(group))
 
 
 def test_growth_of_cases_side_by_side():
@@ -132,17 +129,3 @@ def test_statistics_of_a_reading():
     assert implicit.law.variables == ("y1", "y2", "y3", "H") and implicit.law.fraction.shape == (3, 4, 20)
     (bare,) = views.readings(equilibrium(equilibrium_group("splitting", law=False)))
     assert bare.law is None and bare.solver is None and bare.about.final_time is None
-
-
-def test_what_is_asked_must_be_known():
-    with pytest.raises(ValueError, match="'regimes' is not a known panel; known panels: growth, law"):
-        views.figure(equilibrium(equilibrium_group("splitting", panels=("regimes",))))
-    with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(equilibrium(equilibrium_group("splitting", panels=("law",), law=False)))
-
-
-def test_drawn_to_the_end():
-    """Layouts raise no warning either; nor do they leave the panels without room."""
-    groups = [equilibrium_group(scheme, panels=("growth", "moments"), last=10) for scheme in SCHEMES]
-    inches = inches_of_panels(views.figure(equilibrium(*groups)))
-    assert all(width > 1.5 and height > 1.3 for width, height in inches)

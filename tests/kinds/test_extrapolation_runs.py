@@ -49,13 +49,13 @@ def test_shares_of_the_levels():
         p = weak.plan(case, Part("splitting_symmetric", "multilevel", extrapolate=levels))
         combine, count = p.combination, len(p.levels) - 1
         shares, differences = combine.shares(), np.random.default_rng(5).standard_normal((2, count, 1))
-        found = combine.errors(differences)
-        np.testing.assert_allclose(found[:, 0], differences[..., 0] @ shares.T, rtol=1e-12)
+        found = combine.errors(differences)  # of the fine step minus the coarse one
+        np.testing.assert_allclose(-found[:, 0], differences[..., 0] @ shares.T, rtol=1e-12)
         h = case.reference_step * 2.0 ** np.arange(len(p.levels))
         values = 5 + 2 * h**2 - h**4 + 0.5 * h**6
         reached = Extrapolation.of(list(h[::-1]), (2, 4, 6)[:levels]).combined(values[::-1])
         expected = reached[: len(shares)] - reached[-1]  # those of the steps of the case, less that of h_ref
-        np.testing.assert_allclose(combine.errors(np.diff(values)[:, None])[0], expected, rtol=1e-9)
+        np.testing.assert_allclose(combine.errors(-np.diff(values)[:, None])[0], expected, rtol=1e-9)
         to_reference, to_steps = combine.shares_above()
         np.testing.assert_allclose(values[-1] - to_reference @ np.diff(values), reached[-1], rtol=1e-12)
         np.testing.assert_allclose(values[-1] - to_steps @ np.diff(values), reached[: len(to_steps)], rtol=1e-12)

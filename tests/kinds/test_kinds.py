@@ -1,132 +1,83 @@
-"""What a kind of experiment consists of, and that a further one is a folder and a line."""
+"""What a kind of experiment consists of, and that a further one is one file of 60 lines and a line in KINDS."""
 
-import inspect
 import io
 import shutil
-from collections.abc import Iterable
 from pathlib import Path
-from types import SimpleNamespace
-from typing import get_args
 
 import numpy as np
 import pytest
+import spread_kind
 
 from spi import storage
-from spi.kinds import KINDS, FigureModule, Kind, ResultsModule, StudyModule, TableModule
-from spi.report import views
+from spi.kinds import KINDS, Kind
+from spi.report import page, sections, views
 from spi.running import run as runs
 from spi.storage.stored import Stored
 
 SPEC = """\
-kind: energy
+title: Spread
+kind: KIND
 model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
 initial: [cos(1.1), 0, sin(1.1)]
 final_time: 1
-steps: [2^-2, 2^-3]
-reference_step: 2^-4
+step: 2^-3
 schemes: [splitting]
 samples: 70
+functions: {a: y1^2, b: y3}
 """
+CLAIMS = "expect: {splitting: {a: {mean: 0.2 +- 0.1, variance: 1e-9}}}\n"
 
 
 @pytest.fixture
-def energy(monkeypatch):
-    """The kind of tests/energy_kind, registered as one of the program's own."""
-    monkeypatch.setitem(KINDS, "energy", Kind("energy_kind"))
+def spread(monkeypatch, tmp_path):
+    """The spec of an experiment of the kind in tests/spread_kind.py, which is registered as one of the program's."""
+    monkeypatch.setitem(KINDS, "spread", Kind("spread_kind"))
     runs.layers.cache_clear()
-    yield
+    spec = tmp_path / "spread.yaml"
+    spec.write_text(SPEC.replace("KIND", "spread") + CLAIMS, encoding="utf-8")
+    yield spec
     runs.layers.cache_clear()
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_every_kind_has_all_of_its_modules(name):
+@pytest.mark.parametrize("name", [*KINDS, "spread"])
+def test_every_kind_has_all_of_its_modules(name, spread):
     kind = KINDS[name]
     assert kind.keys.Case.__doc__
     assert callable(kind.study.parts) and callable(kind.study.plan)
     assert issubclass(kind.results.Record, Stored)
-    assert kind.keys.Case.quantities and callable(kind.results.quantities)
-    assert callable(kind.table.rows) and callable(kind.table.show)
+    assert kind.keys.Case.quantities and kind.results.Record.row_axes
     assert callable(kind.figure.draw)
     with pytest.raises(AttributeError, match="no module 'plots', only keys, study"):
         _ = kind.plots
 
 
-CONTRACT = {"study": StudyModule, "table": TableModule, "figure": FigureModule}
-
-
-CLAIMED = CONTRACT | {"results": ResultsModule}  #: of a kind whose keys name quantities
-
-
-def breaches(kind):
-    """What modules of a kind do not take as the contract says, and those that do not take the kind's readings."""
-    found = []
-    for role, contract in (CLAIMED if kind.keys.Case.quantities else CONTRACT).items():
-        module = getattr(kind, role)
-        for name, promised in vars(contract).items():
-            if inspect.isfunction(promised) and not name.startswith("_"):
-                _, *expected = inspect.signature(promised).parameters
-                if list(inspect.signature(getattr(module, name)).parameters) != expected:
-                    found.append(f"{role}.{name} must take {', '.join(expected)}")
-    record = kind.results.Record
-    taken = {
-        "table.rows": get_args(kind.table.rows.__annotations__.get("readings")),
-        "table.show": get_args(kind.table.show.__annotations__.get("readings")),
-    }
-    if kind.keys.Case.quantities:
-        taken["results.quantities"] = get_args(kind.results.quantities.__annotations__.get("readings"))
-    panels = [panel for each in kind.figure.draw.panels.values() for panel in each if hasattr(panel, "field")]
-    fields = {field.name for field in record.described}
-    found += [f"figure: {panel.field} is no field" for panel in panels if panel.field.split(".")[0] not in fields]
-    return found + [f"{name} does not take the kind's readings" for name, types in taken.items() if types != (record,)]
-
-
-@pytest.mark.parametrize("name", [*KINDS, "energy"])
-def test_every_kind_keeps_the_contract(name, energy):
-    assert breaches(KINDS[name]) == []
-
-
-def test_a_breach_of_the_contract_is_noticed():
-    strong, weak = KINDS["strong"], KINDS["weak"]
-
-    def rows(results: Iterable[int]): ...
-
-    table = SimpleNamespace(rows=rows, show=weak.table.show)
-    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "figure")}
-    other = SimpleNamespace(**modules, table=table)
-    foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
-    assert breaches(other) == ["table.rows must take readings", *foreign]
-
-
-def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
-    spec = tmp_path / "energy.yaml"
-    spec.write_text(SPEC, encoding="utf-8")
-    experiment = runs.load(spec)
-    assert runs.cost(experiment).path_steps == 70 * (4 + 8 + 16)
-    results = storage.read(runs.run(experiment, tmp_path))
+def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
+    """Its numbers are those of ``statistics``; its table, rows, claims, figure and report follow."""
+    assert Path(spread_kind.__file__).read_text(encoding="utf-8").count("\n") <= 60
+    experiment = runs.load(spread)
+    assert runs.cost(experiment).path_steps == 128 * 8
+    file = runs.run(experiment, tmp_path)
+    results = storage.read(file)
     (reading,) = views.readings(results)
-    # H is between the extreme values on the sphere |y| = 1, and differs from path to path
-    assert ((reading.energy > 0.25) & (reading.energy < 0.75)).all() and (reading.energy_stderr > 0).all()
-    np.testing.assert_array_equal(reading.h, [2**-2, 2**-3])
-    assert views.rows(results)[1]["energy"] == reading.energy[1]
+    other = tmp_path / "other.yaml"
+    other.write_text(SPEC.replace("KIND", "statistics") + "statistics: [mean, variance]\n", encoding="utf-8")
+    (known,) = views.readings(storage.read(runs.run(runs.load(other), tmp_path)))
+    np.testing.assert_allclose(reading.mean, known.mean, rtol=1e-12)
+    np.testing.assert_allclose(reading.variance[:, 1:], known.variance[:, 1:], rtol=1e-6)
+    assert [one.verdict for one in views.verdicts(results)][1] == views.rows(results)[0]["claim[variance]"]
+    assert views.rows(results)[1]["mean"] == reading.mean[0, 1]
     views.print_tables(results, text := io.StringIO())
     assert "splitting" in text.getvalue() and "±" in text.getvalue()
-    for file in views.save(views.figure(results), tmp_path, "energy"):
-        assert file.stat().st_size > 1000
-
-
-def test_a_kind_without_quantities_says_so(energy, tmp_path):
-    spec = tmp_path / "energy.yaml"
-    spec.write_text(SPEC + "expect:\n  splitting: {order: 1}\n", encoding="utf-8")
-    with pytest.raises(
-        Exception, match=r"energy.yaml:9: expect: is not possible for this kind of experiment, which has"
-    ):
-        runs.load(spec)
+    for picture in views.save(views.figure(results), tmp_path, "spread"):
+        assert picture.stat().st_size > 1000
+    text = page.page([sections.section(file, results, "a")], [page.picture(results, "a")])
+    assert "Spread" in text and "svg" in text
 
 
 def test_the_further_kind_is_not_known_without_its_line(tmp_path):
-    spec = tmp_path / "energy.yaml"
-    spec.write_text(SPEC, encoding="utf-8")
-    with pytest.raises(Exception, match="is 'energy'; known: strong"):
+    spec = tmp_path / "spread.yaml"
+    spec.write_text(SPEC.replace("KIND", "spread"), encoding="utf-8")
+    with pytest.raises(Exception, match="is 'spread'; known: strong"):
         runs.load(spec)
 
 
@@ -135,5 +86,5 @@ def test_the_example_keeps_the_rules_of_the_floors(tmp_path):
 
     package = tmp_path / "spi"
     shutil.copytree(Path(__file__).parents[2] / "spi", package, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(Path(__file__).parents[1] / "energy_kind", package / "kinds" / "energy")
+    shutil.copy(spread_kind.__file__, package / "kinds" / "spread.py")
     assert violations(package) == []

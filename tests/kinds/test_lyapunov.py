@@ -12,12 +12,13 @@ from scipy import stats
 from states import chunks_of, finished, same_numbers
 
 from spi.ensemble.given import draw_paths
-from spi.kinds.lyapunov import study, table
-from spi.kinds.lyapunov.results import Exponents, kaplan_yorke, quantities
+from spi.kinds.lyapunov import study
+from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
+from spi.printing.tables import printed, show_items
 from spi.running.load import load
-from spi.specs import SpecError
+from spi.statistics.claims import quantities
 from spi.storage.records import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -160,8 +161,8 @@ def test_damped_states_have_euclidean_lengths(case_of):
 
 def test_intervals_are_those_of_student(case_of):
     plan = plan_of(case_of("final_time=1", "step=2^-3"))
-    rows, found = plan.rows(0, 0, 1, 64), results_of(plan.case)
-    values = rows.values[0, -1]
+    rows, found = plan.observe(0, 0, 1, 64), results_of(plan.case)
+    values = rows["values"][0, -1]
     for value, half, paths in (
         (found.exponent[0, -1], found.exponent_half[0, -1], values[0]),
         (found.energy[-1], stats.t.ppf(0.975, 63) * found.energy_stderr[-1], values[3]),
@@ -180,10 +181,10 @@ def test_where_the_energy_drifts_no_stationary_law_is_said_to_be_known(case_of):
     assert np.abs(found.energy - found.t / 2).max() < 4.5 * found.energy_stderr[-1]
     assert abs(found.energy_change - 4) < 4.5 * found.energy_change_stderr and not found.is_stationary
     text = io.StringIO()
-    table.show(Console(file=text, width=300), "A", [found])
+    show_items(Console(file=text, width=300), printed("A", [found]))
     assert "no stationary law was found, so that exponents are no limit: the mean of H goes from" in text.getvalue()
     body = results_of(case_of("final_time=2"))
-    table.show(Console(file=(text := io.StringIO()), width=300), "A", [body])
+    show_items(Console(file=(text := io.StringIO()), width=300), printed("A", [body]))
     assert body.is_stationary and "no stationary law" not in text.getvalue()
 
 
@@ -206,23 +207,6 @@ def test_the_sum_at_a_temperature_is_known(case_of):
     found = results_of(case)
     assert abs(found.total[-1] + 0.9426) < 4.5 * found.total_stderr[-1] < 0.03
     assert abs(found.exponent[0, -1] + 0.1915) < 4.5 * np.hypot(found.exponent_stderr[0, -1], 0.0026)
-
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("warm_up=8", "warm_up: is 2^3; must be less than final_time, which is 2^3"),
-        ("exponents=3", "exponents: is 3; must be at most 2, the Casimir surface's dimension"),
-        ("initial=[0, 0, 0]", "initial: is a point that no flow moves"),
-        ("every=200", "every: "),
-        ("step=3", "step: is 3"),
-        ("noise={kind: ornstein_uhlenbeck, tau: 1}", "noise: is given, but this kind"),
-    ],
-)
-def test_what_is_refused(case_of, override, complaint):
-    with pytest.raises(SpecError) as refused:
-        case_of(override)
-    assert complaint in str(refused.value) and "\n" not in str(refused.value)
 
 
 def turned(y, k, angle):
@@ -261,7 +245,7 @@ LASER = "model={name: maxwell_bloch, sigma: [1, 1]}", "initial=[1, 2, 3]"
 def test_exponents_of_each_path_are_those_of_exact_derivatives(case_of, step, overrides):
     """Derivatives of each step by imaginary increments of 1e-30, which lose no digits: no near path, no projection."""
     plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4", *overrides))
-    found = plan.rows(0, 0, 1, 64).values[0, -1]
+    found = plan.observe(0, 0, 1, 64)["values"][0, -1]
     y = np.repeat(np.array(plan.initial)[:, np.newaxis], 64, axis=1)
     q = np.repeat(plan.basis[:, :, np.newaxis], 64, axis=2)
     grown, noises = np.zeros((2, 64)), len(plan.model.sigma)

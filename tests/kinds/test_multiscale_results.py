@@ -8,7 +8,7 @@ from helpers import COMPILED
 
 from spi import storage
 from spi.running.run import load, run
-from spi.storage.records import Description
+from spi.storage.stored import Description
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 

@@ -13,7 +13,7 @@ from view_helpers import bars_of, edge, heading, legend_texts, line_of, points_o
 from spi.drawing import style
 from spi.report import views
 from spi.schemes import SCHEMES
-from spi.storage.records import Order, Results
+from spi.storage.records import Order
 
 
 def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0, 1.0), h=H):
@@ -48,6 +48,7 @@ def test_files_and_their_bytes(results, tmp_path):
 
 
 def test_strong_panel(results):
+    """Points are those of the record that are resolved, pale ones are not, and what diverged stands at the edge."""
     fig = views.figure(results)
     (ax,) = fig.axes
     assert (ax.get_xscale(), ax.get_yscale(), title(ax)) == ("log", "log", "")
@@ -138,19 +139,6 @@ def test_any_number_of_steps(count):
     fig = rendered(views.figure(strong(group)))
     assert legend_texts(fig)[0] == LABELS["splitting"]  # without an order
     assert 1 <= len(fig.axes[0].get_xticks()) <= 6
-
-
-def test_nothing_finite(tmp_path):
-    group = strong_group("splitting")
-    group.variables["error"] = (("h",), np.full(9, np.inf))
-    save(strong(group, title="A long title " * 12), tmp_path, "none")
-
-
-def test_what_cannot_be_drawn():
-    with pytest.raises(ValueError, match="kind 'new'; known kinds: strong, trajectory, weak"):
-        views.figure(Results({"kind": "new"}, ()))
-    with pytest.raises(ValueError, match="no scheme"):
-        views.figure(strong())
 
 
 def test_a_title_of_a_character_that_nobody_sees_is_drawn(tmp_path):

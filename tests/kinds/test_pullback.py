@@ -12,7 +12,6 @@ from spi.ensemble.random_states import block_states
 from spi.kinds.lyapunov import figure, study
 from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.running.load import load
-from spi.specs import SpecError
 from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, mollweide
 from spi.storage.records import Part
 
@@ -138,26 +137,3 @@ def test_near_bodies_meet_at_the_rate_of_the_largest_exponent(plan_of):
     cold, hot = (np.array(each) for each in slopes.values())
     assert abs(cold.mean() + 0.1915) < 4.5 * cold.std() / math.sqrt(23) < 0.1
     assert hot.mean() > 0.02
-
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("pullback.times=[8]", "pullback.times: entry 1 is 2^3; must not exceed final_time, 2^2"),
-        ("pullback.times=[1, 0.3]", "pullback.times: entry 2 is 0.3, no multiple of the step 2^-3; the nearest are"),
-        ("pullback.times=[-1]", "pullback.times: entry 1 is"),
-        ("pullback.points=3", "pullback.points: is '3'; must be at least 64"),
-        ("pullback.of=[y1]", "pullback.of: has 1 entry; must have two"),
-        ("pullback.of=[y1, q]", "pullback.of: entry 2 is 'q' (unknown"),
-        ("panels=[pulback]", "panels: entry 1 is 'pulback'; did you mean 'pullback'?"),
-    ],
-)
-def test_what_is_refused(plan_of, override, complaint):
-    with pytest.raises(SpecError) as refused:
-        plan_of(override)
-    assert complaint in str(refused.value) and "\n" not in str(refused.value)
-
-
-def test_surfaces_without_a_law_are_refused(plan_of):
-    with pytest.raises(SpecError, match=r"initial: is one state, and its surface is no product of spheres; give a law"):
-        plan_of("model={name: maxwell_bloch, sigma: [1, 1]}", "initial=[1, 2, 3]")

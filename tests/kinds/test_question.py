@@ -22,6 +22,7 @@ SOURCES = [
 ]
 
 
+@pytest.mark.share(4)
 @pytest.mark.parametrize("source", SOURCES)
 def test_the_question_is_about_the_same_system(source):
     made, old = load_answer(source), load(source)

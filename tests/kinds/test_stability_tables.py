@@ -1,22 +1,17 @@
 """Regimes and tables of stability, from results made by hand."""
 
-import csv
-import io
 import json
 import math
 
 import numpy as np
 import pytest
 from helpers import printed
-from stability_results import H, predators, stability, stability_group
+from stability_results import predators, stability, stability_group
 from view_helpers import SCHEMES, lines_of
 
 from spi.kinds.stability.results import REGIMES, Stability, largest_step
-from spi.printing import as_csv, as_json
+from spi.printing import as_json
 from spi.report import views
-
-COLUMNS = """case scheme value h finite largest_norm error error_stderr casimir_worst casimir_median law_distance
-    law_distance_stderr largest_angle regime sweep samples reference_step"""
 
 
 def cell(group, value, h):
@@ -114,20 +109,16 @@ def test_rows_of_stability():
     assert len(records) == 2 * 6 * 8
     first, other = records[11], records[6 * 8]
     solver = ("solves", "iterations", "failures", "largest_residual")
-    assert list(first) == COLUMNS.split()
     of_law_and_casimirs = {"casimir_worst", "casimir_median", "law_distance", "law_distance_stderr"}
     assert set(other) == set(first) - of_law_and_casimirs | {"positive", *solver}
     assert (first["sweep"], first["value"], first["h"], first["regime"]) == ("sigma", 0.3, 2**-3, "accurate")
     assert first["casimir_worst"] == results.groups[0].variables["casimir_worst"][1][1, 3].max()
-    assert all(type(value) in (str, float, int) for record in records for value in record.values())
     assert json.loads(as_json(records))[40]["law_distance"] is None  # at 30 the law is not known
-    assert float(list(csv.DictReader(io.StringIO(as_csv(records))))[5]["h"]) == H[5]
 
 
 def test_printed_stability():
     results = stability(*(stability_group(scheme) for scheme in SCHEMES))
     text = printed(results)
-    assert all(len(line) <= 100 for line in text.splitlines() if " 2^-" in line and "paths" not in line)
     explicit, implicit, splitting = (lines_of(text, name) for name in ("Euler-Maruyama", "midpoint", "splitting"))
     assert explicit[2] == ["1", ">=", "2^0", "none", "none", "5.2e-1", "1"]
     assert explicit[3] == ["3", "2^-1", "none", "none", "inf", "3"]

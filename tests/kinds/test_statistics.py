@@ -14,12 +14,13 @@ import spi
 from spi.exact import kolmogorov
 from spi.expressions import functions_of
 from spi.kinds.statistics.estimates import simultaneous
-from spi.kinds.statistics.results import Statistics, quantities
+from spi.kinds.statistics.results import Statistics
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
+from spi.statistics.claims import quantities
 
 
 @pytest.fixture
@@ -196,29 +197,6 @@ def test_first_passages_of_an_angle(case_of, drift):
     watched = staying(64 * 16, 2**-9, drift)  # at 16 times as many looks
     assert inside[-1] - watched[-1] > 9 * found.mean_stderr[0, -1]
     assert passages.time[0] - watched[:-1].sum() * 2**-9 > 9 * passages.time_stderr[0]
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("times=[0.3]", "no multiple of the step"),
-        ("times=[2]", "must not exceed final_time"),
-        ("quantiles=[1.5]", "quantiles"),
-        ("every=3", "take 1, which divides both"),
-        ("functions={phi: y4}", "functions.phi: is 'y4'"),
-        ("functions={phi: C2}", "known are H, C1"),
-        ("functions={phi: {passage: y1}}", "not a condition such as y1 > 0.5"),
-        ("functions={phi: {passing: y1 > 1}}", "functions"),
-        ("reference={psi: t}", "is not the name of a function"),
-        ("reference={square: y1}", "must be an expression in t"),
-        ("statistics=[median]", "statistics"),
-        ("final_time=1.01", "is not a multiple"),
-    ],
-)
-def test_mistakes_are_one_line(case_of, override, message):
-    with pytest.raises(SpecError) as caught:
-        case_of(override, *["every=1"] * override.startswith("times"))
-    assert len(caught.value.messages) == 1 and message in str(caught.value)
 
 
 @pytest.mark.slow

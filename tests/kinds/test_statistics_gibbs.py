@@ -31,11 +31,11 @@ def test_functions_of_the_energy_and_of_casimir_functions():
     energy, length = (path_function(RIGID_BODY, (), name).values(y) for name in ("H", "C1"))
     found = path_function(RIGID_BODY, (), "y1*(H - 1/2)^2/C1 + C")
     assert np.allclose(found.values(y), y[0] * (energy - 0.5) ** 2 / length + length)
-    assert found.told == "y1*(H - 0.5)^2/C1 + C"
+    assert found.label == "y1*(H - 0.5)^2/C1 + C"
     met = path_function(RIGID_BODY, (), {"passage": "H > y3"})
-    assert np.array_equal(met.values(y) > 0, energy > y[2]) and met.told == "share with H > y3 until t"
+    assert np.array_equal(met.values(y) > 0, energy > y[2]) and met.label == "share with H > y3 until t"
     named = path_function(RIGID_BODY, ("a", "b", "H"), "2*H*y1")
-    assert np.allclose(named.values(y), 2 * y[2] * y[0]) and named.told == "2*H*a"
+    assert np.allclose(named.values(y), 2 * y[2] * y[0]) and named.label == "2*H*a"
     with pytest.raises(NumberError, match="known are H, C1"):
         path_function(RIGID_BODY, (), "H + C2")
     with pytest.raises(NumberError, match="unknown word 'y4'"):
@@ -48,4 +48,4 @@ def test_the_energy_of_a_system_with_a_logarithm():
     y = np.random.default_rng(1).uniform(0.5, 2.0, (2, 3))
     found = path_function(model, ("u", "v"), "H + u^2")
     assert np.allclose(found.values(y), y.sum(axis=0) - 2 * np.log(y[0]) - np.log(y[1]) + y[0] ** 2)
-    assert found.told == "H + u^2"
+    assert found.label == "H + u^2"

@@ -73,46 +73,6 @@ def test_a_finer_run_tells_the_weak_error(case_of):
     assert abs(found.difference[0, -1] - exact.difference[0, -1] * (1 - 2**-4)) < 4 * exact.difference_stderr[0, -1]
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("reference={psi: t}", "is not the name of a function"),
-        ("reference={square: y1}", "must be an expression in t, exact, stationary or {file: known.csv}"),
-        ("reference={out: exact}", "that is known of functions of the state, not of the path"),
-        ("reference={length: exact} & noise={kind: ornstein_uhlenbeck, tau: 1/10}", "where Brownian motion drives"),
-        ("reference={square: [t, exact]}", "is a list; must be an expression in t, exact, stationary or {file: known"),
-        ("reference={square: true}", "is true; must be an expression in t, exact, stationary or {file: known.csv}"),
-        ("reference={square: null}", "is empty; must be an expression in t, exact, stationary or {file: known.csv}"),
-        ("reference={square: {file: bad.csv}}", "bad.csv', with the columns time, value; must have t and value"),
-        ("reference={square: {file: nan.csv}}", "nan.csv', whose line 3 is '0.5, nan'; must have a finite number"),
-        ("reference={square: {file: far.csv}}", "t = 7 to 8, none of the times of the statistics"),
-        ("reference={square: {file: twice.csv}}", "which has a time twice"),
-        ("reference={square: {file: none.csv}}", "there is no file"),
-        ("reference_step=2^-4", "is not 2, 4, 8, ... times; the nearest is"),
-        ("reference_step=0.05", "is not 2, 4, 8, ... times; the nearest is"),
-        ("autocorrelation={psi: 1/2}", "not the name of a function"),
-        ("autocorrelation={square: 1/16}", "none of the times of the statistics; the nearest is"),
-        ("density={of: [square]}", "must be sphere or the names of two functions"),
-        ("density={of: [square, psi]}", "is 'psi', not the name of a function"),
-        ("density={times: [1/16]}", "none of the times of the statistics"),
-        ("density={cells: 1000}", "cells"),
-        ("functions={square: {maxximum: y1}}", "is not a known functional; did you mean 'maximum'?"),
-        ("functions=[y1]", "must be a mapping, as in {phi: y1^2, psi: y2}"),
-    ],
-)
-def test_mistakes_are_one_line(case_of, tmp_path, override, message):
-    for name, text in {
-        "bad": "time,value\n1,2\n",
-        "nan": "t,value\n0,1\n0.5,nan\n",
-        "far": "t,value\n7,1\n8,1\n",
-        "twice": "t,value\n1,1\n1,2\n",
-    }.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(SpecError) as caught:
-        case_of(*override.split(" & "))
-    assert len(caught.value.messages) == 1 and message in str(caught.value)
-
-
 def test_a_map_of_the_sphere_needs_one(case_of):
     laser = "model={name: maxwell_bloch, sigma: [1, 1]}", "functions={y1: y1, y2: y2}"
     with pytest.raises(SpecError, match="the states of maxwell_bloch are on none"):

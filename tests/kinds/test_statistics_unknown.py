@@ -4,13 +4,15 @@ import io
 
 import numpy as np
 import pytest
+from helpers import loop_in_python
 from scipy import stats
 from statistics_cases import results_of, written
 
 import spi
-from spi.kinds.statistics import table
-from spi.kinds.statistics.results import quantities
+from spi.printing.rows import rows_of
+from spi.printing.tables import printed, show_items
 from spi.printing.text import new_console
+from spi.statistics.claims import quantities
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -23,7 +25,7 @@ def case_of(tmp_path):
 def shown(found):
     """The table as text."""
     text = io.StringIO()
-    table.show(new_console(text), "", [found])
+    show_items(new_console(text), printed("", [found]))
     return text.getvalue()
 
 
@@ -46,8 +48,8 @@ def test_rows_that_are_not_finite_stay_and_say_how_many_paths_are(case_of):
     assert np.abs(q.quantile[0, -1] - expected).max() < 0.1
     assert (q.quantile_low[0, -1] <= expected).all() and (expected <= q.quantile_high[0, -1]).all()
     assert np.isnan(q.quantile[2]).all()
-    text, rows = shown(found), list(table.rows([found]))
-    assert f"finite in {100 * share[-1]:.3g} %" in text and "finite in 0 %" in text and "quantiles are those" in text
+    text, rows = shown(found), list(rows_of(found))
+    assert f"{share[-1]:g}" in text and "finite share: of the paths" in text and "quantiles are those" in text
     assert len(rows) == 5 * 9 and rows[8]["finite"] == share[-1] and np.isnan(rows[8]["mean"])
     assert not any(one.function == "l" and one.value == one.value for one in quantities([found]) if one.name == "mean")
 
@@ -86,7 +88,8 @@ def test_what_all_paths_have_alike_has_no_error_of_zero(case_of):
 
 
 def test_without_noise_nothing_is_random(case_of):
-    found = results_of(case_of("model.sigma=[null, null, null]", "functions={y1: y1, out: {passage: y1 > 9}}"))
+    with loop_in_python():
+        found = results_of(case_of("model.sigma=[null, null, null]", "functions={y1: y1, out: {passage: y1 > 9}}"))
     assert not found.mean_stderr.any() and (found.mean_low == found.mean_high).all()
 
 

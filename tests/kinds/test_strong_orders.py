@@ -12,8 +12,8 @@ from strong_cases import case_of, paths_by_hand, study
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study import expected_order
 from spi.numerics.rng import LANES
+from spi.schemes.theory import strong_order
 from spi.storage.records import Part
 
 
@@ -120,7 +120,7 @@ def test_orders_with_three_noises_are_one_half_and_only_the_splitting_keeps_the_
 def test_order_with_one_noise_is_one():
     """Run with strengths 0 rather than None, whose kernel other tests need as well; theory is asked with None."""
     case = case_of("schemes=[splitting]", "model.sigma=[1, 0, 0]", profile="laptop")
-    assert expected_order(case.row("splitting"), case) == 1.0
+    assert strong_order(case.row("splitting"), case.model, case.initial, case.noise) == 1.0
     zeros = case.model_copy(update={"model": case.model._replace(sigma=(1.0, 0.0, 0.0))})
     found, _ = study(zeros, "splitting")
     assert contains(found, 1.0)
@@ -153,7 +153,7 @@ def test_progress_and_cost():
     assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
     steps, seconds, needed = plan.cost()
     per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
-    assert steps == 150 * per_path
+    assert steps == 192 * per_path  # whole blocks
     assert 1e-9 < seconds / steps < 1e-7
     assert needed >= state.total().squares.nbytes
     assert strong.parts(case) == [Part(scheme) for scheme in case.schemes]

@@ -1,17 +1,14 @@
 """Records and printed tables of weak errors."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from helpers import printed
 from weak_results import LIMIT, H, by_differences, weak, weak_group
 
-from spi.printing import as_json
 from spi.report import views
-
-COLUMNS = """case scheme estimator function h error expectation resolved order order_low order_high points_in_fit
-    error_bound expectation_bound limit limit_bound expected_order cpu_seconds"""
 
 
 @pytest.fixture
@@ -37,10 +34,8 @@ def test_rows(results):
     exact = next(record for record in records if record["estimator"] == "kolmogorov" and record["function"] == "square")
     assert exact["error"] == -0.1 / 8 and exact["error_bound"] == 1e-10 and exact["limit"] == LIMIT[1]
     assert exact["expectation_bound"] == 2e-10 and "error_stderr" not in exact and "samples" not in exact
-    assert list(exact) == COLUMNS.split()
     sampled = set(records[0]) - {"nonfinite", "agreement", "error_stderr", "expectation_stderr", "reference", "sd"}
     assert sampled - {"samples", "ns_per_step"} == {key for key in exact if "bound" not in key and key != "limit"}
-    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
 
 
 def test_rows_of_the_first_so_many_paths(results):
@@ -56,33 +51,35 @@ def test_printed_errors(results):
     assert text.count("case main, $5") == 1 and text.count("case other, $5") == 1
     assert "6.26e-2 ± 0.02e-2" in text and "6.250000e-2 ± 1e-10" in text and "-1.250000e-2 ± 1e-10" in text
     poor = [line.rstrip() for line in text.splitlines() if "(0e-4 ± 2e-4)" in line]
-    assert len(poor) == 1 and "2^-6 " in poor[0] and poor[0].endswith("not resolved")
-    assert "weak error (95 % or bound)" in text and "weak error (95 %)" in text
+    assert len(poor) == 1 and "2^-6 " in poor[0] and text.count("( ): not resolved") == 1
     assert "phi = sin(2*pi*y1) + y2" in text and "square = y1^2" in text
 
 
 def test_printed_summary(results):
     text = printed(results)
-    assert "splitting, plain, square: order 1.000 [0.980, 1.020] (expected 1), through 5 of 6 step sizes" in text
-    assert "splitting, weak order 2, multilevel: order 2.000 [1.980, 2.020] (expected 2)" in text
+    assert "1.000 [0.980, 1.020]         1      5   1.610000e-1 ± 1e-10" in text  # an order, through 5 step sizes
+    assert "2.000 [1.980, 2.020]         2" in text
     # 1.5 / 10^4.5 = 4.74e-5, and 4 s (1e-4 / 4.74e-5)^2 = 17.8 s; multilevel is better than that already
-    told = "standard error 1.0e-4 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5"
-    assert f"{told}, which would take about 18 s here\n" in text
-    assert (
-        "standard error 1.0e-5 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5\n" in text
-    )
+    assert text.count("4.7e-5      18 s") == 3 and re.search(r"4.00 s +4.7e-5 +- ", text)
     assert text.count("lacks h_ref/h = 25 % of the finest error (order 1), which is added to all errors") == 1
     assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2), which is added to all errors" in text
-    assert "E square(y(T)) = 1.610000e-1 ± 1e-10 (bound)" in text and "    degree 40\n" in text
+    assert "splitting, kolmogorov: degree 40\n" in text
 
 
 def test_printed_levels(results):
     text = printed(results)
-    assert "splitting, multilevel, phi: levels" in text and "splitting, weak order 2, multilevel: levels" in text
-    assert "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95\n" in text
-    assert text.count("; with antithetic paths") == 1 and "kurtosis 5" not in text and "disagree" not in text
-    rows = [line.split() for line in text.splitlines() if line.startswith("2^-3, 2^-4")]
-    assert rows[0] == ["2^-3,", "2^-4", "3.125e-2", "±", "0.014e-2", "5.00e-3", "5", "0.25", "1.00e6", "0.08"]
+    assert text.count("\nlevels ") == 2 and text.count("1.00 [0.90, 1.10]  2.00 [1.90, 2.10]") == 2
+    assert text.count(" 0.95\n") == 3 and "heavy tails" not in text and "disagree" not in text
+    rows = [line.split() for line in text.splitlines() if "3.125e-2 ± 0.014e-2" in line]
+    assert rows[0] == [
+        "splitting",
+        "phi",
+        "2^-3",
+        "3.125e-2",
+        "±",
+        "0.014e-2",
+        *("5.00e-3", "5", "0.25", "1000000", "0.08"),
+    ]
 
 
 def test_levels_not_to_be_trusted(results):
@@ -91,10 +88,10 @@ def test_levels_not_to_be_trusted(results):
     v["level_kurtosis"][1][0, 0], v["level_consistency"][1][0, 0] = math.nan, math.nan
     v["level_variance_rate_low"][1][0] = math.nan  # the jackknife's, where a level without some paths has no variance
     text = printed(results)
-    assert "variance not resolved" in text and "[nan" not in text
-    assert text.count("heavy tails: kurtosis 346 at 2^-7; few samples carry the variance, so that intervals") == 1
-    assert text.count("consistency 1.30 at 2^-3: the means of neighbouring levels disagree") == 1
-    assert any(line.startswith("2^-6, 2^-7") and line.rstrip().endswith(" 7") for line in text.splitlines())
+    assert "2.000e0 ± ?" in text and "[nan" not in text and " 346 " in text and " 1.30 " in text
+    assert text.count("kurtosis above 100: heavy tails: few samples carry the variance, so that intervals may") == 1
+    assert text.count("consistency above 1: the means of neighbouring levels disagree") == 1
+    assert any("2^-6" in line and line.rstrip().endswith(" 7") for line in text.splitlines())
 
 
 def test_without_what_may_be_missing(results):
@@ -107,8 +104,8 @@ def test_without_what_may_be_missing(results):
     exact.attributes["notes"] = "{"
     multilevel.attributes["level_cost_rate"] = math.nan
     text = printed(weak(plain, multilevel, exact))
-    assert "standard error 1.0e-4 at 2^-3 in 4 s of processor time\n" in text and "expected" not in text
-    assert "levels: " not in text and "errors are not corrected for what it lacks, as theory states no order" in text
+    assert "4.00 s" in text and "10^9" not in text and "expected" not in text
+    assert "levels h^" not in text and "errors are not corrected for what it lacks, as theory states no order" in text
 
 
 def test_one_path_and_levels_that_cost_the_same(results):
@@ -116,22 +113,8 @@ def test_one_path_and_levels_that_cost_the_same(results):
     plain.variables["error_stderr"][1][...], plain.attributes["samples"] = math.nan, 1
     multilevel.attributes["level_cost_rate"] = -0.01
     text = printed(weak(plain, multilevel))
-    assert "    one path has no standard error: not resolved\n" in text and "nan" not in text
-    assert "cost h^0.01\n" in text
-
-
-def test_nothing_finite():
-    groups = [weak_group("splitting", name, prefixes=name == "plain") for name in ("plain", "multilevel", "kolmogorov")]
-    for value in (math.nan, math.inf):
-        for group in groups:
-            for name, (_, values) in group.variables.items():
-                if values.dtype == float:
-                    values[...] = value
-                elif name == "resolved":
-                    values[...] = False
-        text = printed(weak(*groups))
-        assert f"({value})" in text and "order not resolved" in text and "not finite" in text
-        as_json(views.rows(weak(*groups)))
+    assert "splitting, plain: one path has no standard error: not resolved\n" in text and "nan" not in text
+    assert " -0.01\n" in text
 
 
 def test_nonfinite_paths(results):
@@ -142,16 +125,7 @@ def test_nonfinite_paths(results):
 def test_lost_references(results):
     assert "reference paths" not in printed(results)
     results.groups[0].attributes["reference_nonfinite"] = 3
-    assert printed(results).count("    3 reference paths diverged (NaN or infinity)") == 1
-
-
-def test_one_point_per_estimator():
-    group = weak_group("splitting", "multilevel", functions=1)
-    for name, (axes, values) in group.variables.items():
-        if "h" in axes:
-            group.variables[name] = (axes, values.take([0], axes.index("h")))
-    one = group._replace(coordinates={**group.coordinates, "h": H[:1]})
-    assert "multilevel" in printed(weak(one)).split("order")[0]
+    assert printed(results).count("plain: 3 reference paths diverged (NaN or infinity)") == 1
 
 
 def test_agreement(results):
@@ -162,13 +136,9 @@ def test_agreement(results):
     assert len(compared) == 24 and all(record.get("samples", 10**6) == 10**6 for record in compared)
     assert [round(record["agreement"], 4) for record in compared] == [1, -1] * 12
     text = printed(results)
-    told = "sampled minus deterministic, in standard errors: 2^-3: 1.0, 2^-4: -1.0, "
-    assert text.count(told) == 4 and "DISAGREE" not in text
-    line = next(line for line in text.splitlines() if line.startswith(f"splitting, multilevel, phi: {told}"))
-    assert line.endswith(
-        "; standard error / weak error: " + "2^-3: 0.00016, 2^-4: 0.00032, 2^-5: 0.00064, "
-        "2^-6: 0.0013, 2^-7: 0.0026, 2^-8: 0.0051"
-    )
+    assert "sampled errors less those without sampling" in text and "disagree" not in text
+    rows = [line.split()[-2:] for line in text.splitlines() if line.rstrip().endswith((" 0.00016", " 0.0051"))]
+    assert rows == [["1.0", "0.00016"], ["-1.0", "0.0051"]]
 
 
 def test_disagreement(results):
@@ -177,37 +147,22 @@ def test_disagreement(results):
     for group in results.groups[:3]:
         group.variables["error"][1][1, 3] = 0.0
     text = printed(results)
-    (line,) = (line for line in text.splitlines() if "DISAGREE" in line)
-    assert line.startswith("splitting, plain, square: ") and line.endswith("; DISAGREE at 2^-5")
-    assert "splitting, multilevel, phi: sampled" not in text and "2^-6: inf" not in text
+    assert text.count("in std. errors above 4: the estimates disagree") == 1
     assert math.isnan(next(r["agreement"] for r in views.rows(results) if r["estimator"] == "multilevel"))
-
-
-def test_long_labels_with_eps(results):
-    """eps has a line of its own, and its number is not torn from it."""
-    results.groups[0].attributes.update(scheme_label="semi-implicit Euler-Maruyama", eps=0.001)
-    lines = [line.split("  ")[0].rstrip() for line in printed(results).splitlines()]
-    assert lines[lines.index("eps = 0.001") + 1] == "plain"
 
 
 def test_differences():
     group = by_differences()
     text = printed(weak(group))
-    lines = text.splitlines()
-    assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
-    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with antithetic paths"
-    assert text.count(levels) == 2
+    assert text.count("1.00 [0.90, 1.10]  2.00 [1.90, 2.10]  1.00 [0.90, 1.10]") == 2 and text.count("  0.95\n") == 2
     told = "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2), which is added"
     assert told in text
-    for function in ("phi", "square"):
-        name = f"splitting, multilevel, {function}"
-        assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
     group.variables["difference_kurtosis"][1][0, 1:3] = 101.0, 150.0
     group.variables["difference_consistency"][1][1, 0] = 1.5
     group.variables["difference_nonfinite"][1][1] = 7
     text = printed(weak(group))
-    assert text.count("heavy tails: kurtosis 101 at 2^-4 and kurtosis 150 at 2^-5; few samples") == 1
-    assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
+    assert " 101 " in text and " 150 " in text and text.count("kurtosis above 100: heavy tails") == 1
+    assert text.count("consistency above 1: the expectation is not that of its levels") == 1
     assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())
 
 
@@ -235,5 +190,5 @@ def test_an_extrapolated_order_that_is_not_the_one_assumed_is_told(extrapolate, 
     group = weak_group("splitting_order2", "plain", functions=1, extrapolate=extrapolate)
     group.attributes.pop("expected_order")
     group.attributes.update({} if expected is None else {"expected_order": expected})
-    line = "the order found is not the one assumed: extrapolated errors should fall like h^3; the function may have a"
+    line = "the order is not the one assumed: extrapolated errors should fall like h^3; the function may have a"
     assert printed(weak(group)).count(line) == told

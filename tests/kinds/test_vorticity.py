@@ -22,7 +22,6 @@ from spi.models.sine_euler import SineEuler
 from spi.models.zeitlin import Zeitlin, fields
 from spi.models.zeitlin.tables import modes, shell
 from spi.report import views
-from spi.specs import SpecError
 
 SPEC = """\
 kind: trajectory
@@ -143,105 +142,6 @@ def test_states_of_large_lattices(spec, tmp_path):
     group = trajectory_group("splitting", np.arange(2.0), np.stack([y, y]), np.ones((2, 1)), initial=case.initial)
     storage.write(tmp_path / "a.h5", trajectories(group, spec="y" * 10**6))
     assert storage.read(tmp_path / "a.h5").groups[0].attributes["initial"] == case.initial
-
-
-RIGHT = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"
-NUMBER = "must be a number such as 0.2 or 0.1+0.3i"
-
-
-@pytest.mark.parametrize(
-    ("initial", "message"),
-    [
-        ("{}", "initial: has no field; must have one of modes, vorticity, random, file, results"),
-        ("{mode: 1}", "initial.mode: is not a known key; did you mean 'modes'?"),
-        (
-            '{modes: {"1,0": 1}, vorticity: cos(x1)}',
-            "initial: has modes and vorticity; must have one of modes, vorticity, random",
-        ),
-        (
-            '{modes: {"1,0": 1}, subtract_mean: true}',
-            "initial.subtract_mean: stands beside modes; leave it out, it is for vorticity",
-        ),
-        ("{modes: {}}", "initial.modes: is an empty mapping; must have at least 1 item"),
-        ("{modes: {x: 1}}", 'initial.modes.x: is not a mode; must be two whole numbers, as in "2,-1"'),
-        ('{modes: {"1,0": a}}', f"initial.modes.1,0: is 'a' (unknown word 'a'); {NUMBER}"),
-        ('{modes: {"1,0": yes}}', f"initial.modes.1,0: is true; {NUMBER}"),
-        ('{modes: {"0,0": 1}}', "initial.modes.0,0: is the mean, which is 0; leave it out"),
-        (
-            '{modes: {"2,0": 1}}',
-            "initial.modes.2,0: is not a mode of the lattice modulo 3; both numbers must be between -1 and 1",
-        ),
-        (
-            '{modes: {"1,0": 1, "-1,0": 1}}',
-            "initial.modes.-1,0: is given twice, also as '1,0'; remove one, since -m has the complex conjugate of m",
-        ),
-        ("{vorticity: cos(x3)}", f"initial.vorticity: is 'cos(x3)' (unknown word 'x3'); {RIGHT}"),
-        ("{vorticity: cos(y1)}", f"initial.vorticity: is 'cos(y1)' (unknown word 'y1'); {RIGHT}"),
-        (
-            "{vorticity: 1/x1}",
-            "initial.vorticity: is '1/x1', which is not finite at x1 = 0, x2 = 0; must be finite everywhere",
-        ),
-        (
-            "{vorticity: 0.25 + cos(x1)}",
-            "initial.vorticity: has the mean 0.25, which must be 0 on the torus; "
-            "subtract it, or add subtract_mean: true",
-        ),
-        (
-            "{random: {energy: 1}}",
-            "initial.random.spectrum: missing key 'spectrum'; "
-            "add spectrum: energy of shell k up to a factor, an expression in k such as k^4*exp(-k^2/18)",
-        ),
-        (
-            "{random: {spectrum: k - 2}}",
-            "initial.random.spectrum: is 'k - 2', which is negative for k = 1; "
-            "energies must not be negative, nor 0 in all shells",
-        ),
-        (
-            "{random: {spectrum: 0*k}}",
-            "initial.random.spectrum: is '0*k', which is 0 for k = 1 to 1; "
-            "energies must not be negative, nor 0 in all shells",
-        ),
-        ("{random: {spectrum: k, energy: 0}}", "initial.random.energy: is '0'; must be greater than 0"),
-    ],
-)
-def test_bad_states(error, initial, message):
-    old = SPEC.splitlines()[2].removeprefix("initial: ")
-    assert error(SPEC, old, initial) == f"3: {message}"
-
-
-def test_other_models_have_no_fields(spec, error):
-    model = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
-    right = "must be a list, a number per component, or have file or results"
-    what = f"3: initial: is a vorticity, which is for sine_euler and zeitlin; {right}"
-    assert (
-        error(SPEC, "{name: sine_euler}", model, "panels: [vorticity, spectrum, enstrophy]", "panels: [components]")
-        == what
-    )
-    state = SPEC.splitlines()[2].removeprefix("initial: ")
-    with pytest.raises(SpecError) as caught:
-        spec(SPEC, "{name: sine_euler}", model, state, "[1, 0, 0]")
-    assert caught.value.messages == tuple(
-        f"s.yaml:7: panels: entry {n} is '{panel}', which is for sine_euler and zeitlin; leave it out"
-        for n, panel in enumerate(("vorticity", "spectrum", "enstrophy"), 1)
-    )
-
-
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        ("every: 3", "every: is 3, of which the number of steps, 16, is not a multiple; take 1, which divides both"),
-        ("every: 0", "every: is '0'; must be at least 1"),
-        (
-            "every: 4\ntimes: [0, 0.3]",
-            "times: entry 2 is 0.3, no multiple of 2^-2, the time between stored states; the nearest are 2^-2 and 0.5",
-        ),
-        ("times: [2]", "times: entry 1 is 2; must not exceed final_time, which is 1"),
-        ("times: [1, 1]", "times: has '1' twice; remove one"),
-        (f"times: {[i / 16 for i in range(9)]}", "times: has 9 entries; must have at most 8"),
-    ],
-)
-def test_bad_times(error, lines, message):
-    assert error(SPEC + lines + "\n").partition(": ")[2] == message
 
 
 # --- trajectories ----------------------------------------------------------------------------------------------------

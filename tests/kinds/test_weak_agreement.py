@@ -50,9 +50,10 @@ def variance_rates(system, scheme, reversals=None):
     return (*rates, np.polyfit(np.arange(4), logarithms.T, 1)[0])
 
 
-@pytest.mark.share
 @compiled_only
-@pytest.mark.parametrize("system", RATES)
+@pytest.mark.parametrize(
+    "system", [name if name == "rigid_body" else pytest.param(name, marks=pytest.mark.slow) for name in RATES]
+)
 @pytest.mark.parametrize(
     ("scheme", "reversals", "expected"),
     [

@@ -12,7 +12,6 @@ from spi.expressions import functions_of
 from spi.kinds.blocks import values_of_blocks
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
-from spi.specs import SpecError
 from spi.statistics.estimators import group_counts
 
 SCHEME = "splitting_order2"
@@ -104,18 +103,3 @@ def test_more_samples_begin_with_the_same_paths():
     values = [values_of_blocks(p, p.grid, p.stream, 0, 8, 512)[0] for p in (few, more)]
     assert np.array_equal(*values)
     assert few.deciding(0) == more.deciding(0)  # so that sums are gone on with
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["samples=1000"], "samples: is 1000; must be a power of two for the estimator 'quasi', 512 or more"),
-        (["samples=256"], "samples: is 256; must be a power of two for the estimator 'quasi', 512 or more"),
-        (["construction=steps"], "construction: is not a known key"),
-        (["coarse=quasi"], "coarse: is not a known key"),
-        (["reference_step=2^-11"], "would have 8192 dimensions for 'splitting_order2'; use a reference_step"),
-    ],
-)
-def test_mistakes_are_told(overrides, message):
-    with pytest.raises(SpecError, match=message.replace("?", r"\?").replace("^", r"\^")):
-        quasi("schemes=[splitting_order2]", *overrides)

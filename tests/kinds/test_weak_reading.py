@@ -73,7 +73,7 @@ def test_agreement(three):
     np.testing.assert_allclose(found.deviation, [[1, -1, 1, -1, 1, -1]] * 2, rtol=1e-4)
     np.testing.assert_allclose(found.share, 1e-4 / np.abs(exact.error))
     assert agreement(exact, three) is None and agreement(plain, [plain, multilevel]) is None
-    other = replace(exact, about=exact.about._replace(variant="splitting_order2"))
+    other = replace(exact, about=replace(exact.about, variant="splitting_order2"))
     assert agreement(plain, [plain, other]) is None
     one = replace(exact, functions=("square",), error=exact.error[1:], h=exact.h * 2)
     one = replace(one, unsampled=replace(one.unsampled, error_bound=one.unsampled.error_bound[1:]))

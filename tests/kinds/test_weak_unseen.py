@@ -22,12 +22,14 @@ def rule_of_three(samples):
 
 
 @compiled_only
-@pytest.mark.parametrize("estimator", ["plain", "quasi"])
-def test_what_no_path_shows_is_bounded_or_not_known(estimator):
-    found = of(plan_of(case_of(*SHORT, "samples=512"), "splitting", estimator))
+@pytest.mark.parametrize(
+    ("estimator", "scheme", "factor"), [("plain", "splitting", 2), ("quasi", "splitting_order2", 4 / 3)]
+)
+def test_what_no_path_shows_is_bounded_or_not_known(estimator, scheme, factor):
+    """What the reference lacks is added, r/(1 - r) for r = (h_ref/h)^p at the smallest step; kernels of other tests."""
+    found = of(plan_of(case_of(*SHORT, "samples=512"), scheme, estimator))
     assert not found.error[:2].any() and not found.resolved[:2].any()
-    # what the reference lacks is added, h_ref/h of the smallest step over 1 - h_ref/h
-    assert np.allclose(found.half[0], 2 * rule_of_three(512), rtol=1e-9)
+    assert np.allclose(found.half[0], factor * rule_of_three(512), rtol=1e-9)
     assert np.allclose(found.expectation_half[0], rule_of_three(512), rtol=1e-9)
     assert np.isnan(found.half[1]).all() and np.isnan(found.expectation_half[1]).all()
     assert (found.half[2] > 0).all() and found.half[2].max() < 0.5

@@ -14,7 +14,6 @@ from spi import storage
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.running import run as runner
-from spi.specs import SpecError
 
 # fixtures
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
@@ -38,7 +37,7 @@ def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, 
 
     with pytest.raises(runner.Stopped):
         runner.run(one_step, tmp_path, watch=runner.Watch(stop_after_the_first_repeat))
-    monkeypatch.setattr(strong.StrongPlan, "rows", lambda *_: pytest.fail("the errors are known"))
+    monkeypatch.setattr(strong.StrongPlan, "observe", lambda *_: pytest.fail("the errors are known"))
     (found,) = storage.read(runner.run(one_step, tmp_path)).groups
     assert len(clock.calls) == 5
     quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
@@ -50,8 +49,8 @@ def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, 
     Clock(monkeypatch)
     (plan,) = runner.plans(one_step)
     last = finished(plan)
-    storage.write_sums(tmp_path / "sums.npz", {}, {"main/splitting": last.plain()})
-    _, kept = storage.read_sums(tmp_path / "sums.npz")
+    storage.write_sums(tmp_path / "sums.sums", {}, {"main/splitting": last.plain()})
+    _, kept = storage.read_sums(tmp_path / "sums.sums")
     again = taken(plan, kept["main/splitting"])
     assert type(again.extra) is type(last.extra) and type(again.extra.of_errors) is type(last.extra.of_errors)
     assert type(again.total()) is type(last.total())
@@ -101,37 +100,3 @@ def test_defaults(spec):
     assert (case.targets, case.repeats, case.functions, case.estimators) == (None, 15, {}, ())
     case = spec(WEAK.format(estimators="multilevel") + "targets: [1/8]\nrepeats: 3\n").cases[0]
     assert (case.targets, case.repeats, case.estimators) == ((0.125,), 3, ("multilevel",))
-
-
-ESTIMATORS = "add estimators: some of plain, multilevel, quasi, kolmogorov"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (STRONG + "estimators: [plain]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
-        (STRONG + "estimators: [kolmogorov]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
-        (STRONG + "functions: y1\n", f"1: estimators: missing key 'estimators'; {ESTIMATORS}"),
-        (
-            "functions: {a: y1, b: y2}\nestimators: [multilevel]\nseconds: 1\n",
-            "8: functions: has 2 functions; must have one, for one error",
-        ),
-        ("repeats: 5\n", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
-        (STRONG + "repeats: 2\n", "9: repeats: is '2'; must be at least 3"),
-        (STRONG + "repeats: 1001\n", "9: repeats: is '1001'; must be at most 1000"),
-        (STRONG + "targets: [0.1, 0]\n", "9: targets: entry 2 is '0'; must be greater than 0"),
-        (STRONG + "targets: []\n", "9: targets: is an empty list; must have at least 1 item"),
-        (STRONG + "panels: [errors]\n", "9: panels: is not a known key;"),
-        (STRONG + "prefixes: [10]\n", "9: prefixes: is not a known key;"),
-        (
-            "functions: y1\nestimators: [plain]\n",
-            "1: samples: missing key 'samples', needed by the estimator 'plain'; add samples: number of Brownian paths",
-        ),
-    ],
-)
-def test_bad_specs(spec, text, message):
-    with pytest.raises(SpecError) as caught:
-        spec(text)
-    found = str(caught.value)
-    assert found == f"s.yaml:{message}" if not message.endswith(";") else found.startswith(f"s.yaml:{message}")
-    assert len(found.splitlines()) == 1

@@ -310,27 +310,6 @@ def test_growth_is_that_of_each_degree():
     assert growth(RIGID_BODY, np.arange(3.0)) == 1.0
 
 
-@pytest.mark.parametrize(
-    ("text", "overrides", "message"),
-    [
-        (STRONG, ["damping=-1"], "damping: is '-1'; must be at least 0"),
-        (STRONG, ["damping=400"], "damping: is 400, with which .* must be at most 300 for paths until the time 1"),
-        (EQUILIBRIUM, ["step_count=64000000"], "damping: .* must be at most 3.75e-05"),
-        (EQUILIBRIUM, ["panels=[growth, law]"], "panels: has 'law', and no law is known with damping; leave out"),
-        (WEAK, ["estimators=[kolmogorov]"], "estimators: has 'kolmogorov', which follows paths on a Casimir surface"),
-        (
-            STRONG,
-            ["schemes=[euler_maruyama_renormalised]"],
-            "schemes: has 'euler_maruyama_renormalised', which is for .* without damping",
-        ),
-    ],
-)
-def test_what_cannot_be_damped_is_refused_in_one_line(load_text, text, overrides, message):
-    with pytest.raises(SpecError, match=message) as refused:
-        load_text(text, *overrides)
-    assert "\n" not in str(refused.value)
-
-
 def test_models_with_casimirs_of_unknown_degrees_are_refused_by_name(load_text, monkeypatch):
     monkeypatch.setattr(RigidBody, "casimir_degrees", ())
     with pytest.raises(SpecError, match=r"damping: is for models that state .* rigid_body does not; leave it out"):

@@ -49,7 +49,7 @@ from spi.schemes import SCHEMES, of_model, weak_exponents
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import acting_flows, flows, indices_of, is_own_reverse
 from spi.specs import SpecError
-from spi.specs.temperature import has_compact_surfaces
+from spi.specs.cases import has_compact_surfaces
 
 TEMPERATURE = 0.3
 STATE = (0.5, 0.6, -0.4)
@@ -321,30 +321,6 @@ def test_an_infinite_temperature_is_what_is_there_without(load_text):
     case = load_text(STRONG).cases[0]
     assert isinstance(case.model, Thermal) and case.parameters["temperature"] == 0.25
     assert load_text(STRONG).hash != plain.hash
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["temperature=0"], r"temperature: is 0, .* for selective decay at the rate gamma take a small one"),
-        (["temperature=warm"], "temperature: is 'warm' .*; must be a number"),
-        (["damping=0.1"], "temperature: is given beside damping, with which no law is stationary"),
-        (
-            ["noise={kind: fractional, hurst: 0.7}"],
-            "temperature: is given beside noise, and friction belongs to Brownian",
-        ),
-        (["model.sigma=[0, 0, 0]"], "temperature: is given to a model without noise"),
-        (["schemes=[ap_splitting]", "eps=0.1"], "schemes: has 'ap_splitting', whose noise is a fast process"),
-        (
-            ["schemes=[splitting_metropolis]", "temperature=inf"],
-            "schemes: has 'splitting_metropolis', which needs a",
-        ),
-    ],
-)
-def test_what_has_no_temperature_is_refused_in_one_line(load_text, overrides, message):
-    with pytest.raises(SpecError, match=message) as refused:
-        load_text(STRONG, *overrides)
-    assert "\n" not in str(refused.value)
 
 
 def test_negative_temperatures_are_for_compact_surfaces(load_text):

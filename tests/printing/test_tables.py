@@ -25,9 +25,6 @@ from spi.printing.text import (
 from spi.report import views
 from spi.storage.records import Group, Order, Results
 
-COLUMNS = """case scheme h error error_stderr error_time error_final error_final_stderr casimir_drift nonfinite resolved
-    seconds ns_per_step order order_low order_high points_in_fit expected_order samples"""
-
 
 def strong_group(case, scheme, label, order, implicit=False):
     error = 0.3 * H**order
@@ -56,13 +53,11 @@ def test_rows(results):
     records = views.rows(results)
     assert len(records) == 4 * 9
     explicit, implicit = records[1], records[9]
-    assert list(explicit) == COLUMNS.split()
     assert implicit.keys() - explicit.keys() == {"solves", "iterations", "failures", "largest_residual"}
     assert explicit["case"] == "three" and explicit["scheme"] == "euler_maruyama" and explicit["h"] == 2**-6
     assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
     assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
     assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
-    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
 
 
 def test_rows_without_casimirs(results):
@@ -106,9 +101,9 @@ def test_printed_table(results):
     assert "needs about 4000 samples" in text
     assert "solver: 3.2 iterations a step, 0 failures, largest residual 2.2e-16" in text
     last = next(line for line in table_lines if "2^-13" in line)
-    assert "(3e-3 ± 5e-3)" in last and last.rstrip().endswith("not resolved")
+    assert "(0.003 ± 0.005)" in last and "( ): not resolved" in text
     first = next(line for line in text.splitlines() if "2^-5" in line)
-    assert "(inf)" in first and "37" in first and "not finite" in first
+    assert "(inf)" in first and "37" in first
 
 
 def test_what_is_said_of_lost_references_and_large_angles(results):
@@ -134,14 +129,14 @@ def test_colours_on_a_terminal_of_any_width(results, monkeypatch, columns):
     text = Terminal()
     views.print_tables(results, text)
     assert "37\x1b[0m" in text.getvalue() and "\x1b[1;31m" in text.getvalue() and "…" not in text.getvalue()
-    assert "3.75e-2 ± 0.07e-2" in text.getvalue()
+    assert "0.0375 ± 0.0007" in text.getvalue()
 
 
 @pytest.mark.parametrize("terminal", ["dumb", "xterm"])
 def test_no_table_is_cut_on_a_terminal_that_is_narrower(monkeypatch, terminal):
     monkeypatch.setenv("TERM", terminal)
     monkeypatch.setenv("COLUMNS", "80")
-    text, numbers = Terminal(), [f"{n}.2345e-6 ± 0.07e-6" for n in range(8)]
+    text, numbers = Terminal(), [f"({n}.2345 ± 0.07)e-6" for n in range(8)]
     table = new_table("", ["number"] * 8)
     table.add_row(*numbers)
     print_whole(new_console(text), table)
@@ -167,16 +162,19 @@ def test_unknown_kind(results):
 @pytest.mark.parametrize(
     "value, half, text",
     [
-        (3.4217e-3, 0.0712e-3, "3.42e-3 ± 0.07e-3"),
-        (3.4217e-3, 0.0132e-3, "3.422e-3 ± 0.013e-3"),
+        (3.4217e-3, 0.0712e-3, "0.00342 ± 0.00007"),
+        (3.4217e-7, 0.0132e-7, "(3.422 ± 0.013)e-7"),
         (9.996, 0.04, "10.00 ± 0.04"),
-        (0.5, 0.02, "5.0e-1 ± 0.2e-1"),
-        (1e-3, 4e-3, "1e-3 ± 4e-3"),
-        (12.5, 0.5, "1.25e1 ± 0.05e1"),
+        (0.5, 0.02, "0.50 ± 0.02"),
+        (1e-3, 4e-3, "0.001 ± 0.004"),
+        (12.5, 0.5, "12.5 ± 0.5"),
         (0.0, 0.0, "0"),
         (0.0, 5e-324, "0"),
-        (1.0, 1e-310, "1.000e0"),
+        (1.0, 1e-310, "1.000"),
         (2.5e-5, 0.0, "2.500e-5"),
+        (51234.2, 310.0, "51200 ± 300"),
+        (1234567.0, 89.0, "(1.23457 ± 0.00009)e6"),
+        (0.06612345, 2e-13, "0.06612345 ± 2e-13"),
         (math.inf, math.nan, "inf"),
     ],
 )

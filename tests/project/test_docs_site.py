@@ -1,9 +1,12 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
-import io
+import json
 import re
+import runpy
+import shutil
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 from documents import PAGES, ROOT, page_name
@@ -11,9 +14,11 @@ from documents import PAGES, ROOT, page_name
 sys.path.append(str(ROOT / "docs" / "generate"))
 import gallery
 import reference
+import search
 from formulas import FORMULAS
-from matplotlib.figure import Figure
-from PIL import Image
+
+#: The hooks of MkDocs, in a file that has the name of a module of Python.
+with_links = runpy.run_path(str(ROOT / "docs" / "generate" / "site.py"))["with_links"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -72,12 +77,19 @@ def test_a_scheme_without_latex_has_its_formula_as_text():
     assert reference._formula("mine", scheme).startswith("```text\nz = y + h f((y+z)/2) + Σₖ σₖ dWₖ")
 
 
-def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
-    """Its formulas are MathML and its code is in colours, both made while it is built."""
-    done = built(ROOT / "mkdocs.yml", tmp_path)
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder of the site, as MkDocs builds it without a warning."""
+    folder = tmp_path_factory.mktemp("site")
+    done = built(ROOT / "mkdocs.yml", folder)
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
-    pages = [*tmp_path.rglob("*.html")]
+    return folder
+
+
+def test_site_needs_no_network(site):
+    """Its formulas are MathML and its code is in colours, both made while it is built."""
+    pages = [*site.rglob("*.html")]
     assert len(pages) > 20
     for page in pages:
         text = page.read_text(encoding="utf-8")
@@ -85,10 +97,121 @@ def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
         assert not re.findall(r'<link[^>]* href="https?:', text), page
     texts = {page.name: page.read_text(encoding="utf-8") for page in pages}
     assert texts["schemes.html"].count("<math ") >= len(FORMULAS) and texts["weak_errors.html"].count("<math ") >= 2
+    for name in ("answer", "lyapunov", "extrapolation", "own_systems", "fluids", "concepts"):
+        assert texts[f"{name}.html"].count("<math ") >= 2, name
     assert not [name for name, text in texts.items() if re.search(r"```math|\\(?:mathrm|frac|sigma|widehat)", text)]
-    assert '<span class="' in texts["tutorial.html"] and (tmp_path / "code.css").is_file()
-    for style in tmp_path.rglob("*.css"):
+    assert '<span class="' in texts["tutorial.html"] and (site / "code.css").is_file()
+    for style in site.rglob("*.css"):
         assert not re.findall(r"url\(['\"]?https?:", style.read_text(encoding="utf-8")), style
+
+
+def test_pictures_open_in_full_size_and_links_lead_somewhere(site):
+    pages = {page.resolve(): page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
+    pages.pop(site.resolve() / "404.html")  # which a server shows in any folder, so that its links begin at the root
+    for page, text in pages.items():
+        assert unlinked(text.partition('role="main"')[2]) == [], page
+        assert dead_links(page, text, pages) == [], page
+    assert sum(text.count("<img ") for text in pages.values()) > 100
+
+
+def unlinked(html):
+    """The pictures that are no link to their own file."""
+    linked = re.findall(r'<a href="([^"]*)">\s*<img [^>]*src="\1"', html)
+    return [file for file in re.findall(r'<img [^>]*src="([^"]*)"', html) if file not in linked]
+
+
+def dead_links(page, html, pages):
+    """The links from a page of the site to files or places that there are not."""
+    dead = []
+    for link in re.findall(r'(?:href|src)="([^"]*)"', html):
+        path, _, place = link.partition("#")
+        if re.match("[a-z]+:", link) or link in ("", "#"):
+            continue
+        target = (page.parent / path.partition("?")[0]).resolve() if path else page
+        if not target.exists() or (place and f'id="{place}"' not in pages.get(target, "")):
+            dead.append(link)
+    return dead
+
+
+def test_a_picture_without_a_link_and_a_dead_link_are_noticed(tmp_path):
+    page = tmp_path / "a.html"
+    page.write_text("")
+    html = '<h2 id="x"></h2><img alt="" src="a.png"><a href="b.png">\n<img src="b.png"></a>'
+    html += '<a href="#x"> <a href="#y"> <a href="c.html">'
+    assert unlinked(html) == ["a.png"]
+    assert dead_links(page, html, {page: html}) == ["a.png", "b.png", "b.png", "#y", "c.html"]
+    assert with_links('<img src="a.png">') == '<a href="a.png"><img src="a.png"></a>'
+    assert unlinked(with_links(html)) == [] and with_links(with_links(html)) == with_links(html)
+
+
+#: What a newcomer asks: the words to search for, and the page that is the first hit.
+QUESTIONS = {
+    "install": "install",
+    "own system": "own_systems",
+    "simulate one path": "trajectories",
+    "choose a scheme": "choose",
+    "how many samples": "answer",
+    "resume": "long_runs",
+    "Slurm": "long_runs",
+    "figure for a journal": "figures",
+    "CSV": "report",
+    "first passage": "statistics",
+    "what is a Casimir": "concepts",
+    "cite": "cite",
+    **{
+        "GPU": "install",
+        "Ito": "concepts",
+        "own scheme": "own_schemes",
+        "license": "cite",
+        "weak errors": "weak_errors",
+    },
+}
+
+
+def hits(index, query):
+    """The hits of a query, best first, by the rule of search.js."""
+    scores, found = Counter(), Counter()
+    asked = [word for word in search.words(query) if word not in index["ignored"]]
+    for word in asked:
+        terms = [word] if word in index["weights"] else [term for term in index["weights"] if term.startswith(word)]
+        best = {}
+        for i, weight in (pair for term in terms for pair in index["weights"][term]):
+            best[i] = max(weight, best.get(i, 0.0))
+        scores.update(best)
+        found.update(best.keys())
+    ranked = sorted(scores, key=lambda i: -scores[i] * found[i] / len(asked))
+    return [index["entries"][i][0] for i in ranked]
+
+
+def clicks(site, page):
+    """The pages that the text of a page, not its menu, links to."""
+    text = site.joinpath(page).read_text(encoding="utf-8").partition('role="main"')[2]
+    return {link.partition("#")[0] for link in re.findall(r'<a href="([\w/]+\.html[^"]*)"', text)}
+
+
+def test_questions_of_a_newcomer_are_answered(site):
+    """Within two clicks from the home page, and as the first hit of the search."""
+    index = json.loads(site.joinpath("search", "index.js").read_text("utf-8").partition("= ")[2].rstrip(";\n"))
+    first = clicks(site, "index.html")
+    near = first.union(*(clicks(site, page) for page in first if "/" not in page))
+    for query, page in QUESTIONS.items():
+        assert f"{page}.html" in near, page
+        assert hits(index, query)[0].partition("#")[0] == f"{page}.html", (query, hits(index, query)[:3])
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="nothing that runs JavaScript")
+def test_the_page_of_the_search_ranks_alike(site):
+    """And it reads its index as a script, which works from a folder."""
+    files = [site / "search" / name for name in ("main.js", "index.js")]
+    code = "const fs = require('fs');"
+    code += "".join(f"eval.call(null, fs.readFileSync({json.dumps(str(file))}, 'utf8'));" for file in files)
+    code += f"for (const query of {json.dumps([*QUESTIONS])})"
+    code += "  console.log(JSON.stringify(searchHits(search_index, query).map(hit => hit[0])));"
+    done = subprocess.run(["node", "-e", code], capture_output=True, text=True, check=True, timeout=60)
+    index = json.loads(files[1].read_text("utf-8").partition("= ")[2].rstrip(";\n"))
+    for query, line in zip(QUESTIONS, done.stdout.splitlines(), strict=True):
+        assert json.loads(line)[:5] == hits(index, query)[:5]
+    assert sorted(file.name for file in site.joinpath("search").iterdir()) == ["index.js", "main.js"]
 
 
 def test_a_broken_link_is_noticed(tmp_path):
@@ -101,14 +224,6 @@ def test_a_broken_link_is_noticed(tmp_path):
     done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode != 0
     assert "no_such_page.md" in done.stderr
-
-
-@pytest.mark.parametrize(("inches", "pixels"), [((18, 6), (1200, 400)), ((6, 4), (900, 600)), ((8, 24), (1000, 3000))])
-def test_pictures_of_the_gallery_can_be_read(monkeypatch, inches, pixels):
-    """As wide as a page of the site or wider, at up to 150 pixels per inch, unless they are very high."""
-    monkeypatch.setattr(gallery.views, "figure", lambda results: Figure(figsize=inches))
-    with Image.open(io.BytesIO(gallery.picture(None))) as drawn:
-        assert drawn.size == pixels and drawn.mode == "P"
 
 
 def test_the_gallery_takes_what_results_there_are(tmp_path):

@@ -1,9 +1,10 @@
 """What the reference makes of texts and of the JSON Schema."""
 
 import sys
+import unicodedata
 
 import pytest
-from documents import ROOT
+from documents import PAGES, ROOT, avoided, first_example, page_name, sentences
 
 sys.path.append(str(ROOT / "docs" / "generate"))
 import words
@@ -51,3 +52,54 @@ def test_texts_are_what_they_were_in_markdown():
     assert words.plain("write <out>, ``a <b>`` and 2*pi*y1; *not*") == "write &lt;out>, `a <b>` and 2\\*pi\\*y1; *not*"
     assert words.table(("a", "b"), [("x|y", "two\n  lines")]) == "| a | b |\n| --- | --- |\n| x\\|y | two lines |\n"
     assert words.table(("a",), []) == ""
+
+
+def test_the_glossary_is_in_alphabetical_order():
+    lines = ROOT.joinpath("docs", "glossary.md").read_text(encoding="utf-8").splitlines()
+    entries = [line.split(" | ")[0].strip("| ") for line in lines if line.startswith("| ")][1:]
+    assert len(entries) > 40
+    plain = [unicodedata.normalize("NFKD", entry).encode("ascii", "ignore").decode().lower() for entry in entries]
+    assert [entry.replace("-", " ") for entry in plain] == sorted(entry.replace("-", " ") for entry in plain)
+
+
+#: Pages that people write; the gallery and the reference are written by programs.
+WRITTEN = [page for page in PAGES if page.parent != ROOT / "docs" / "reference" and page.stem != "gallery"]
+WRITTEN.remove(ROOT / "CONTRIBUTING.md")  # for those who work on the code, in its words
+#: Pages that are looked up, which need no example.
+LOOKED_UP = {"glossary", "platforms", "public", "security"}
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=page_name)
+def test_the_words_of_a_page(page):
+    """None to avoid, and sentences that are short on average."""
+    text = page.read_text(encoding="utf-8")
+    assert not [*avoided(text)]
+    lengths = [len(sentence.split()) for sentence in sentences(text)]
+    assert sum(lengths) <= 25 * len(lengths)
+
+
+def test_words_to_avoid_are_noticed():
+    text = "It tells so many.\n\n```sh\nspi run told\n```\n\n| beside |\n\n"
+    text += "* `told` is code, [told](told.md) lies\n  beside. Fine it is."
+    assert [line.partition(" (")[0] for line in avoided(text)] == [
+        "'tells'",
+        "'so many'",
+        "'beside'",
+        "'told'",
+        "'lies'",
+    ]
+    assert [*map(len, map(str.split, sentences(text)))] == [4, 6, 3]
+    assert not [*avoided("The rule of Lie and Trotter goes on for 3 steps, so many that it ends.")]
+
+
+@pytest.mark.parametrize("page", [page for page in WRITTEN if page.stem not in LOOKED_UP], ids=page_name)
+def test_a_page_has_an_example_in_its_first_screen(page):
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("# ") and not text.partition("\n\n")[2].startswith(("```", "#", "|", "!"))  # what it is for
+    screen = 2400 if page.stem == "README" else 1200
+    assert first_example(text) is not None and first_example(text) < screen
+
+
+def test_a_page_without_an_example_is_noticed():
+    assert first_example("# A page\n\nWords.\n\n```text\nspi run\n```\n") is None
+    assert first_example("# A page\n\n" + 1200 * "w" + "\n\n```sh\nspi run\n```\n") > 1200

@@ -4,8 +4,6 @@ import ast
 from fnmatch import fnmatch
 from pathlib import Path
 
-import pytest
-
 PACKAGE = Path(__file__).parents[2] / "spi"
 
 #: Floors from the ground up, each with its rooms; a room may also import those rooms of its own floor that stand here.
@@ -121,78 +119,14 @@ def test_there_are_at_most_seven_floors_and_nothing_lies_loose():
     assert all(PACKAGE.joinpath(*room.split("."), "__init__.py").is_file() for rooms in FLOORS for room in rooms)
 
 
-SOUND = {
-    "__init__.py": "import os\n__version__ = '0'\n",
-    "compiler/dispatch.py": "import numba\n",
-    "numerics/rng.py": "from ..compiler import dispatch\nfrom . import elementary\n",
-    "numerics/elementary.py": "from ..compiler.dispatch import device\n",
-    "ensemble/protocol.py": "import numpy\nfrom ..numerics.rng import LANES\n",
-    "models/__init__.py": "from .rigid_body import RigidBody\nfrom ..checks.registration import register_model\n",
-    "models/rigid_body.py": "from ..ensemble.protocol import load\nfrom .. import __version__\n",
-    "checks/registration.py": "",
-    "specs/__init__.py": "def read():\n    import yaml\n    from ..models import RigidBody\n",
-    "storage/results.py": "import h5py\n",
-    "drawing/__init__.py": "from matplotlib import pyplot\n",
-    "kinds/__init__.py": "",
-    "kinds/plans.py": "from spi.ensemble.loop import grid\nfrom .state import State\n",
-    "kinds/state.py": "if TYPE_CHECKING:\n    from .plans import Plan\n",
-    "kinds/strong/keys.py": "import pydantic\nfrom spi.specs import read\n",
-    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom .paths import advance\n",
-    "kinds/strong/study/paths.py": "",
-    "kinds/strong/table.py": "import rich\n",
-    "kinds/strong/figure/__init__.py": "import matplotlib\nfrom spi.drawing import style\n",
-    "kinds/weak/results.py": "",
-    "kinds/work_precision/study.py": "from spi.kinds.strong import study\n",
-    "running/clusters.py": "import dask.config\nfrom distributed import Client\n",
-    "running/workers.py": "from spi.kinds import KINDS\n",
-    "cli/__init__.py": "import typer\nfrom .. import specs\nimport spi.models.rigid_body\n",
-}
-
-
-def write(folder, files):
-    package = folder / "spi"
-    for name, text in files.items():
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_text(text, encoding="utf-8")
-    return package
-
-
-def test_a_sound_package_passes(tmp_path):
-    assert violations(write(tmp_path, SOUND)) == []
-
-
-@pytest.mark.parametrize(
-    ("file", "text", "complaint"),
-    [
-        ("ensemble/protocol.py", "from ..models import RigidBody\n", "ensemble must not import models"),
-        ("ensemble/protocol.py", "def f():\n    from .. import cli\n", "ensemble must not import cli"),
-        ("ensemble/protocol.py", "import spi.cli\n", "ensemble must not import cli"),
-        ("compiler/dispatch.py", "from ..numerics.rng import philox\n", "compiler must not import numerics"),
-        (
-            "models/rigid_body.py",
-            "from ..checks import registration, x\nfrom ..cli import x\n",
-            "models must not import cli",
-        ),
-        ("checks/registration.py", "from ..models import MODELS\n", "checks must not import models"),
-        ("specs/__init__.py", "from ..drawing import draw\n", "specs must not import drawing"),
-        ("specs/__init__.py", "from ..kinds import KINDS\n", "specs must not import kinds"),
-        ("kinds/plans.py", "from .strong.study import x\n", "kinds must not import kinds.strong"),
-        ("kinds/plans.py", "from spi.running.workers import x\n", "kinds must not import running"),
-        ("kinds/strong/table.py", "from spi.kinds.weak.results import x\n", "kinds.strong must not import kinds.weak"),
-        ("kinds/strong/study/paths.py", "from spi.running.workers import x\n", "kinds.strong must not import running"),
-        ("kinds/new/keys.py", "from spi.kinds.strong.table import x\n", "kinds must not import kinds.strong"),
-        ("kinds/strong/study/paths.py", "import distributed\n", "distributed is imported only in running.clusters"),
-        ("kinds/strong/table.py", "from matplotlib import x\n", "matplotlib is imported only in drawing"),
-        ("kinds/weak/results.py", "import rich\n", "rich is imported only in"),
-        ("models/rigid_body.py", "import h5py\n", "h5py is imported only in storage"),
-        ("specs/__init__.py", "import numba\n", "numba is imported only in"),
-        ("__init__.py", "import numba\n", "numba is imported only in"),
-        ("models/rigid_body.py", "from numba.core import cgutils\n", "numba.core is imported only in compiler"),
-        ("__init__.py", "from .cli import main\n", "the root imports none"),
-        ("new.py", "", "new is in no room"),
-        ("new/thing.py", "", "new.thing is in no room"),
-    ],
-)
-def test_a_violation_is_noticed(tmp_path, file, text, complaint):
-    found = violations(write(tmp_path, {**SOUND, file: text}))
-    assert len(found) == 1 and complaint in found[0]
+def test_an_import_from_above_and_one_from_elsewhere_are_noticed(tmp_path):
+    package = tmp_path / "spi"
+    package.joinpath("models").mkdir(parents=True)
+    package.joinpath("cli").mkdir()
+    package.joinpath("__init__.py").touch()
+    package.joinpath("cli", "__init__.py").touch()
+    package.joinpath("models", "__init__.py").write_text("def f():\n    from ..cli import main\n    import h5py\n")
+    assert violations(package) == [
+        "models/__init__.py:2: models must not import cli",
+        "models/__init__.py:3: h5py is imported only in storage.*",
+    ]

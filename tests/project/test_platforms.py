@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 
 import pytest
 from documents import ROOT
@@ -141,12 +141,6 @@ def test_a_pipe_for_which_one_cannot_wait_is_read(monkeypatch):
     orphans._wait_for(reading)
     os.close(reading)
     assert ends == [1]
-
-
-def test_backslashes_of_paths_in_commands_that_are_told():
-    """A path is told with /, which every shell of Windows takes without quotes."""
-    told = [path for path in (ROOT / "spi").rglob("*.py") if "shlex.quote(str(" in path.read_text(encoding="utf-8")]
-    assert told == [] and PureWindowsPath("results\\a.h5").as_posix() == "results/a.h5"
 
 
 def test_line_ends_of_a_checkout_on_windows_change_no_digest(tmp_path, monkeypatch):

@@ -7,18 +7,23 @@ import sys
 import tomllib
 
 import bounds
-import pytest
 import yaml
 from documents import ROOT
 from packaging.specifiers import SpecifierSet
 
 import spi
 from spi.cli import app
+from spi.kinds import KINDS
+from spi.running import shipped
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
 FILES = ("README.md", "CONTRIBUTING.md", "Makefile", "pyproject.toml", "CITATION.cff", "mkdocs.yml", "setup.py")
 FOLDERS = ("spi", "docs", "benchmarks", "experiments", ".ci")
 TEXTS = {".py", ".md", ".yaml", ".html", ".ipynb", ".toml", ".cff", ".yml", ".jinja", ""}
+
+
+def text_of(path):
+    return ROOT.joinpath(path).read_text(encoding="utf-8")
 
 
 def texts():
@@ -37,21 +42,17 @@ def test_nothing_tells_to_install_the_other_program_of_that_name():
     assert [path for path, text in texts() if OF_ANOTHER.search(text)] == []
 
 
-@pytest.mark.parametrize(
-    "wrong", ["pip install spi", "pip install 'spi[dask]'", "pip install -U spi", "pip install spi;"]
-)
-def test_such_advice_would_be_noticed(wrong):
-    assert OF_ANOTHER.search(wrong)
-    for right in (spi.DISTRIBUTION, f"'{spi.DISTRIBUTION}[dask]'", "spi-0.2.0-py3-none-any.whl", "./spi"):
-        assert not OF_ANOTHER.search(f"pip install {right}")
-
-
 def test_name_and_version_are_the_same_everywhere():
     assert PROJECT["project"]["name"] == spi.DISTRIBUTION
-    citation = yaml.safe_load(ROOT.joinpath("CITATION.cff").read_text(encoding="utf-8"))
-    assert citation["version"] == spi.__version__
+    citation = yaml.safe_load(text_of("CITATION.cff"))
+    assert citation["version"] == spi.__version__ and citation["license"] == PROJECT["project"]["license"]
+    assert citation["keywords"] == PROJECT["project"]["keywords"] and citation["date-released"].year >= 2026
+    assert citation["preferred-citation"]["url"] == "https://arxiv.org/abs/2111.07387" and citation["abstract"]
     wheels = {name for _, text in texts() for name in re.findall(r"\w+-[\d.]+-py3-none-any\.whl", text)}
     assert wheels == {f"{spi.DISTRIBUTION.replace('-', '_')}-{spi.__version__}-py3-none-any.whl"}
+    assert re.findall(r"version = \{(.*)\}", ROOT.joinpath("docs", "cite.md").read_text(encoding="utf-8")) == [
+        spi.__version__
+    ]
     changelog = ROOT.joinpath("CHANGELOG.md").read_text(encoding="utf-8")
     assert re.findall(r"^## ([\d.]+)", changelog, re.MULTILINE)[0] == spi.__version__
 
@@ -81,6 +82,21 @@ def test_the_readme_shows_pictures_and_links_elsewhere():
     kept = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", bare)
     assert all(target.startswith(("https://", "#")) and source not in target for _, target in kept)
     assert kept == [link for link in links if not link[1].startswith(source)] and "![" not in bare
+
+
+def test_the_readme_is_short_and_counts_the_experiments():
+    text = text_of("README.md")
+    assert len(text.splitlines()) <= 120
+    assert f"one of {len(shipped.names())} that come with the program" in " ".join(text.split())
+    assert "\nmake demo " in text and "\nmake test " in text
+    kinds = re.findall(r"^\| \[`(\w+)`\]", text, re.MULTILINE)
+    assert sorted(kinds) == sorted(KINDS)
+    spec = re.search(r"```yaml\n(.*?)```", text, re.DOTALL)[1]
+    shown, whole = (
+        yaml.safe_load(spec),
+        yaml.safe_load(shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")),
+    )
+    assert shown == {key: whole[key] for key in shown}
 
 
 # --- what it needs ---------------------------------------------------------------------------------------------------
@@ -134,12 +150,27 @@ def test_the_page_of_stable_names_lists_all_of_them():
     assert names == set(spi.__all__) and listed == commands
 
 
-def test_figures_about_other_programs_are_those_of_the_readme():
-    """Which repeats those of docs/performance.md."""
-    readme, why = (" ".join(ROOT.joinpath(*path).read_text(encoding="utf-8").split()) for path in (["README.md"], WHY))
-    for program, said in re.findall(r"(diffrax|torchsde)(?: takes)? (\d+ to \d+)", why):
-        assert re.search(rf"{program}(?: takes)? {said}", readme)
-    assert len(re.findall(r"\d+ to \d+ times", why)) == 2
+def speeds():
+    """The ratios to other programs, as "4 to 19", from the tables of docs/performance.md."""
+    rows = [line.split(" | ") for line in text_of("docs/performance.md").splitlines() if line.startswith("| ")]
+    ratios = {
+        **{peer: [float(x) for row in rows if row[0].startswith(f"| {peer}") for x in row[1:3]] for peer in PEERS},
+        **{name: [float(row[4]) for row in rows if row[1] == name] for name in ("splitting", "Euler-Maruyama")},
+    }
+    return {name: f"{min(each):.0f} to {max(each):.0f}" for name, each in ratios.items()}
 
 
-WHY = ["docs", "why.md"]
+PEERS = ("diffrax", "torchsde")
+
+
+def test_speeds_are_those_of_the_tables():
+    stated = speeds()
+    assert stated["diffrax"] == "4 to 19"
+    for path in ("README.md", "docs/why.md"):
+        text = " ".join(text_of(path).split())
+        for program in PEERS:
+            assert re.search(rf"{program}(?: takes)? {stated[program]}", text), (path, program)
+        assert set(re.findall(r"(\d+ to \d+) times", text)) <= set(stated.values()), path
+    why, page = (" ".join(text_of(f"docs/{name}.md").split()) for name in ("why", "performance"))
+    assert f"{stated['splitting']} times" in why and f"{stated['Euler-Maruyama']} times for Euler-Maruyama" in why
+    assert f"{stated['splitting']} times" in page and f"{stated['Euler-Maruyama']} times" in page

@@ -155,11 +155,11 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
 
 def test_failed_claims_are_shown(stored, tmp_path, undrawn):
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="passed">1 passed</span>, <span class="bad">1 failed</span>' in text
+    assert '<span class="passed">1 confirmed</span>, <span class="bad">1 contradicted</span>' in text
     assert "three: splitting, noise first (slpI): diverged at least 1; result: 0" in text
     storage.write(stored[0], strong_results(expect=claims.as_text([claim("casimir_drift", 1e-12)])))
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="passed">1 passed</span>.' in text and "failed" not in text.partition("</head>")[2]
+    assert '<span class="passed">1 confirmed</span>.' in text and "contradicted" not in text.partition("</head>")[2]
 
 
 def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):

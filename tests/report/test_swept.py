@@ -39,7 +39,7 @@ def path(tmp_path_factory):
 
 def test_curves_hold_what_single_results_hold(path):
     stored = storage.read(path)
-    (whole,) = views.wholes("strong", views.readings(stored))
+    (whole,) = views.wholes(views.readings(stored))
     curves = {(curve.name, curve.about.scheme): curve for curve in whole.curves}
     assert list(curves) == [(name, scheme) for name in ("order", "error") for scheme in STRONG["schemes"]]
     error = curves["error", "euler_maruyama"]
@@ -55,12 +55,12 @@ def test_tables_rows_and_claims(path):
     stored, printed = storage.read(path), io.StringIO()
     views.print_tables(stored, printed)
     text = printed.getvalue()
-    assert text.count("0.015625") >= 2 and "error at" in text and "h = 2^-6" in text and text.count("passed") == 2
+    assert text.count("0.015625") >= 2 and "error at" in text and "h = 2^-6" in text and text.count("confirmed") == 2
     first, last = views.verdicts(stored)
     assert first.found.at[0] == "sigma" and last.found.at[1] <= 2**-5
     rows = views.rows(stored)
     assert len(rows) == 3 * 2 * 4 and {row["sigma"] for row in rows} == {2**-6, 2**-5, 2**-4}
-    assert all(row["claim[order]"] == "passed" for row in rows if row["scheme"] == "splitting")
+    assert all(row["claim[order]"] == "confirmed" for row in rows if row["scheme"] == "splitting")
     ((_, text),) = section(path, stored, "a").headlines
     assert text.startswith("Order: 1.0") and ". Error at h = 2^-6: " in text
 
@@ -90,7 +90,7 @@ def test_expectations_beside_a_formula(tmp_path):
     keys = STRONG | {"kind": "weak", "model": model, "initial": [0.6, 0.8, 0], "functions": "y2", "expect": {}}
     keys |= {"estimators": ["kolmogorov"], "schemes": ["splitting"], "sweep": {"s": [0.5, 1, 2], "of": "expectation"}}
     keys.pop("samples")
-    (whole,) = views.wholes("weak", views.readings(storage.read(of_keys(keys, tmp_path))))
+    (whole,) = views.wholes(views.readings(storage.read(of_keys(keys, tmp_path))))
     (curve,) = whole.curves
     formula = [0.8 * math.exp(-((s * 0.6) ** 2) / 2) for s in (0.5, 1.0, 2.0)]
     np.testing.assert_allclose(curve.of("expected"), formula, atol=1e-8)
@@ -107,7 +107,7 @@ def test_a_map_over_two_parameters(tmp_path):
     keys.pop("samples")
     path = of_keys(keys, tmp_path)
     stored, printed = storage.read(path), io.StringIO()
-    (whole,) = views.wholes("weak", views.readings(stored))
+    (whole,) = views.wholes(views.readings(stored))
     (curve,) = whole.curves
     grid = curve.grid()
     T, s = np.meshgrid(*grid.axes, indexing="ij")
@@ -117,7 +117,7 @@ def test_a_map_over_two_parameters(tmp_path):
     (value, where, _) = grid.zeros()[2]  # the words of a file are sorted
     assert value == 2.0 and where == pytest.approx(math.sqrt(math.log(4 / 3) / 0.36), abs=0.1)
     views.print_tables(stored, printed)
-    assert "zero at s" in printed.getvalue() and printed.getvalue().count("passed") == 1
+    assert "zero at s" in printed.getvalue() and printed.getvalue().count("confirmed") == 1
     assert {(row["s"], row["T"]) for row in views.rows(stored)} == {
         *zip(s.ravel().tolist(), T.ravel().tolist(), strict=True)
     }
@@ -150,7 +150,7 @@ def test_means_beside_a_formula(tmp_path):
     keys |= {"statistics": ["mean", "variance", "quantiles"], "every": 64, "sweep": {"s": ["1", "2"]}}
     keys |= {"cases": [{"name": "a", "seed": 1}, {"name": "b", "seed": 2}]}
     stored = storage.read(of_keys(keys, tmp_path))
-    wholes = views.wholes("statistics", views.readings(stored))
+    wholes = views.wholes(views.readings(stored))
     assert [whole.name for whole in wholes] == ["a", "b"]
     for whole in wholes:
         curves = {(curve.name, curve.function): curve for curve in whole.curves}

@@ -72,7 +72,7 @@ def test_scheme_by_scheme_and_case_by_case(extended):
     two = STRONG | {"schemes": ["euler_maruyama", "splitting"]}
     assert extended(two, watch=Watch(tell=told.append)) == {("main/euler_maruyama", 0)}
     assert [news for news in told if news.startswith("main/splitting: going on with the sums over paths in out/sums/")]
-    assert len(list(Path("out/sums").glob("*.npz"))) == 1  # those of results that were replaced are gone
+    assert len(list(Path("out/sums").glob("*.sums"))) == 1  # those of results that were replaced are gone
     assert extended(two | {"title": "two", "expect": {"splitting": {"order": 1}}}) == set()
     more = two | {"samples": 300}
     assert extended(more) == {("main/euler_maruyama", 0), ("main/splitting", 0)}

@@ -1,8 +1,9 @@
-"""Runs that are killed at random moments: a small version of ``kills.py``."""
+"""Runs that are killed at random moments."""
 
 import random
 
 import pytest
+from damage import MANY
 from helpers import COMPILED
 from kills import RUNS, experiment, forks, killed, numbers, run, stray
 
@@ -21,6 +22,6 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, ki
     whole, out = tmp_path / "whole", tmp_path / "killed"
     out.mkdir()
     run(kind, whole)
-    assert killed(kind, out, 4, random.Random(kind), forks()) > 0  # 24 in all
+    assert killed(kind, out, 4 * MANY, random.Random(kind), forks()) > 0  # 24 in all
     assert numbers(results_path(experiment(kind), out)) == numbers(results_path(experiment(kind), whole))
     assert stray(kind, out) == []

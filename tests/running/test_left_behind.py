@@ -3,11 +3,12 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import BrokenExecutor, CancelledError, Future
+from concurrent.futures import Future
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -61,7 +62,7 @@ from busy import busy
 
 if __name__ == "__main__":
     with workers.processes(1) as pool:
-        pool.executor.submit(busy, "lock").result()
+        pool.answer(busy, "lock")
 """,
     "compiler": """
 from contextlib import ExitStack
@@ -70,7 +71,7 @@ from spi.running import compiling
 
 if __name__ == "__main__":
     Path("busy_job.py").write_text("import busy; busy.busy('lock')")
-    job = compiling.Job("x", "busy_job", "x", ())
+    job = compiling.Job("x", "busy_job", "x", (), 0.0)
     assert compiling._written(".", [job])
     with compiling._worker(".") as worker:
         worker.wait()
@@ -106,13 +107,13 @@ def test_no_process_outlives_one_that_is_killed(tmp_path, kind):
             pytest.fail("the process lives after 5 seconds")
 
 
-class Losing:
+class Losing(workers.Workers):
     """Workers of which each is lost, but for the first few chunks."""
 
-    lost = (BrokenExecutor,)
     size = 1
 
     def __init__(self, good=0):
+        super().__init__()
         self.good = good
 
     def submit(self, source, number, chunk):
@@ -121,31 +122,50 @@ class Losing:
         if self.good >= 0:
             future.set_result(workers.compute(source, number, chunk, 1))
         else:
-            future.set_exception(BrokenExecutor())
+            future.set_exception(workers.WorkersLost.over_a_chunk(6))
         return future
 
     def machines(self):
         return {"another"}
 
-    def stuck(self):
-        return False
 
-    def renewed(self, waiting):
-        return []
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_a_chunk_that_ends_every_process_is_one_error_and_the_next_is_computed():
+    with workers.processes(1) as pool:
+        for _ in range(2):
+            with pytest.raises(workers.WorkersLost, match="6 workers were lost over the same paths"):
+                pool.answer(die)
+            assert pool.answer(os.getppid) == os.getpid()
+        with pytest.raises(ZeroDivisionError):
+            pool.answer(divmod, 1, 0)
+    assert not any(process.is_alive() for process in pool.processes)
 
 
 @pytest.mark.parametrize("error", [OSError("Timed out"), RuntimeError("Client is closed")])
 def test_a_scheduler_of_dask_that_is_gone_is_one_error(error):
     """Whatever the library raises of which of its calls."""
     client = Mock(status="closed", **{"get_executor.return_value.submit.side_effect": error})
+    pytest.importorskip("distributed")
     client.nthreads.side_effect = client.run.side_effect = error
-    dask = clusters.Dask(client)
-    assert issubclass(CancelledError, dask.lost) and dask.stuck()
-    for ask in (lambda: dask.size, dask.machines, lambda: dask.submit(None, 0, None), lambda: dask.renewed({})):
+    dask, cancelled = clusters.Dask(client), Future()
+    cancelled.cancel()
+    asked = lambda: dask.size, dask.machines, lambda: dask.submit(None, 0, None), dask.check
+    for ask in (*asked, lambda: dask.result(cancelled)):
         with pytest.raises(workers.WorkersLost, match="the scheduler of the Dask cluster does not answer"):
             ask()
     client.status = "connecting"
-    assert not dask.stuck() and dask.renewed({}) == []
+    dask.check()
+
+
+def test_a_chunk_that_ends_every_worker_of_dask_is_one_error():
+    future, scheduler = Future(), pytest.importorskip("distributed.scheduler")
+    future.set_exception(scheduler.KilledWorker("a chunk", None, 3))
+    with pytest.raises(workers.WorkersLost, match="4 workers were lost over the same paths"):
+        clusters.Dask(Mock()).result(future)
 
 
 @pytest.fixture
@@ -186,12 +206,12 @@ def test_a_scheduler_of_dask_that_is_killed(tmp_path, beside):
     beside("-m", "distributed.cli.dask_worker", "--nthreads", "1", *place)
     options = ["--samples", "500000", "--checkpoint", "0.1s", "--dask", address]
     run = beside("-c", "from spi.cli import main; main()", "run", str(EXPERIMENTS / "rigid_body_strong.yaml"), *options)
-    wait_for("results/sums/*.npz", some_chunks)
+    wait_for("results/sums/*.sums", some_chunks)
     scheduler.kill()
     assert run.wait(120) == 1
     err = (tmp_path / "2.err").read_text()
     assert "Traceback" not in err
-    assert re.search(r"\nspi: the scheduler of the Dask cluster .*; progress is saved in results/.*npz\n", err)
+    assert re.search(r"\nspi: the scheduler of the Dask cluster .*; progress is saved in results/.*sums\n", err)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
@@ -199,7 +219,7 @@ def test_what_is_done_is_kept_where_workers_are_lost_again_and_again(tmp_path, m
     def run():
         runner.run(strong(), tmp_path, workers=Losing(4))
 
-    with pytest.raises(workers.WorkersLost, match=r"lost over the same paths; .*; progress is saved in .*npz$"):
+    with pytest.raises(workers.WorkersLost, match=r"lost over the same paths; .*; progress is saved in .*sums$"):
         run()
     about, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
     assert about["machines"] == sorted(["another", storage.machine()])

@@ -23,7 +23,7 @@ from spi import storage
 from spi.kinds import KINDS
 from spi.running import run as runner
 from spi.running import shards
-from spi.running.checkpoint import Checkpoint, Kept, Keys, Limits, Shard, sums_path
+from spi.running.checkpoint import Checkpoint, Keys, Limits, Shard, stored_of, sums_path
 from spi.running.load import plans
 from spi.specs import SpecError
 
@@ -114,10 +114,10 @@ def test_more_samples_go_on_with_sums_of_functions_in_the_same_order_alone(kind)
     for plan in plans(before):
         keys = Keys.of(plan)
         sums = [{"number": number} for number in range(len(keys.path_sets))]
-        stored = Kept({"keys": {"part": keys._asdict()}}, {"part": {"path_sets": sums, "extra": {}}})
-        assert keys.path_sets and stored.of(keys) == {"path_sets": sums, "extra": {}}
-        assert any(stored.of(Keys.of(one)).get("path_sets") == sums for one in plans(same))
-        assert not any(stored.of(Keys.of(one)) for one in plans(other))
+        file = {"keys": {"part": keys._asdict()}}, {"part": {"path_sets": sums, "extra": {}}}
+        assert keys.path_sets and stored_of(*file, keys) == {"path_sets": sums, "extra": {}}
+        assert any(stored_of(*file, Keys.of(one)).get("path_sets") == sums for one in plans(same))
+        assert not any(stored_of(*file, Keys.of(one)) for one in plans(other))
 
 
 @pytest.mark.parametrize("kind", SUMS)

@@ -16,9 +16,9 @@ from spi.kinds.answer import study as answers
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak.estimators.kolmogorov import study
+from spi.running import clusters, workers
 from spi.running import run as runner
-from spi.running.predicting import predictions
-from spi.running.run import Limits, Stopped, Watch
+from spi.running.run import Limits, Stopped, Watch, predictions
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 COMMON = """\
@@ -71,6 +71,47 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
         assert (np.diff([one.done for one in told]) >= 0).all()
 
 
+@pytest.mark.parametrize(
+    "pool",
+    [
+        pytest.param(lambda: workers.processes(1), id="process"),
+        pytest.param(lambda: clusters.connected("local:1"), id="dask", marks=pytest.mark.slow),
+    ],
+)
+def test_workers_tell_how_far_they_solve(spec, tmp_path, pool):
+    experiment, reports = spec("weak"), []
+    with pool() as some:
+        path = runner.run(experiment, tmp_path / "workers", watch=Watch(report=reports.append), workers=some)
+    told = [one.work for one in reports if one.work]
+    assert told and {one.title for one in told} == {"solving"} and all(0 <= one.share < 1 for one in told)
+    assert reports[-1].work is None and reports[-1].done == reports[-1].total
+    assert numbers(path) == numbers(runner.run(experiment, tmp_path / "here"))
+
+
+def test_of_several_workers_the_first_part_is_shown():
+    half, most = (work.Work("solving", done, 1.0, 1.0) for done in (0.5, 0.9))
+    states, shown = [type("State", (), {"work": None})() for _ in range(3)], []
+    news = [(0, half), (2, half), (1, half), (1, most)]  # the first part is over
+    workers._show(news, {1, 2}, states, lambda number: shown.append((number, states[number].work)))
+    assert shown == [(1, most)] and [state.work for state in states] == [None] * 3
+    workers._show([], {1, 2}, states, shown.append)
+    assert len(shown) == 1
+
+
+def test_showing_what_is_unfinished_tells_how_far_it_solves(spec, tmp_path):
+    experiment, reports = spec("statistics"), []
+
+    def stop(progress):
+        if progress.work:
+            raise KeyboardInterrupt
+
+    with loop_in_python(), pytest.raises(Stopped):
+        runner.run(experiment, tmp_path, watch=Watch(report=stop))
+    references._exact.cache_clear()
+    assert runner.so_far(runner.sums_path(experiment, tmp_path), report=reports.append).groups
+    assert len(reports) > 10 and {one.work.title for one in reports} == {"solving"}
+
+
 @pytest.mark.parametrize("kind", SPECS)
 def test_what_is_solved_for_is_in_the_prediction(spec, monkeypatch, kind):
     experiment = spec(kind)
@@ -90,9 +131,9 @@ def test_a_stop_while_it_solves_leaves_nothing_half_written(spec, tmp_path, kind
         if progress.work and progress.work.share > 0.05:
             raise KeyboardInterrupt
 
-    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*npz: run the same command again to resume$"):
+    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*sums: run the same command again to resume$"):
         runner.run(experiment, out, watch=Watch(report=stop))
-    assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".npz"}
+    assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".sums"}
     again, fresh = (runner.run(experiment, folder) for folder in (out, whole))
     assert numbers(again) == numbers(fresh)
 
@@ -111,7 +152,7 @@ def test_a_limit_of_time_ends_what_is_solved_but_not_before_anything_is_known(sp
 
 def test_a_prediction_tells_how_far_its_refinements_are(spec):
     reports = []
-    (found,) = predictions(spec("answer"), Watch(report=reports.append))
+    ((_, found),) = predictions(spec("answer"), Watch(report=reports.append))
     assert found.how.startswith("without sampling") and any(one.work for one in reports)
 
 

@@ -1,13 +1,10 @@
 """Specs of the model `zeitlin`: what is said of bad ones, and a strong study against steps taken by hand."""
 
-import re
-
 import fluids
 import numpy as np
 import pytest
 from helpers import COMPILED, loop_in_python
-from kills import numbers
-from repeats import Interruptions
+from kills import Interruptions, numbers
 from strong_cases import draw
 from zeitlin_cases import take
 
@@ -19,6 +16,7 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import run as runner
 from spi.running import workers
+from spi.running.remarks import reports
 from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
@@ -44,38 +42,6 @@ def model(text):
     return f"{{name: zeitlin, n: 5, noise: {text}}}"
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("{name: zeitlin}", "model.n: missing key 'n'; add n: N, odd"),
-        ("{name: zeitlin, n: 4}", "model.n: is 4; must be odd, such as 5"),
-        ("{name: zeitlin, n: 1}", "model.n: is '1'; must be at least 3"),
-        ("{name: zeitlin, n: 257}", "model.n: is '257'; must be at most 255"),
-        ("{name: zeitlin, n: 5.5}", "model.n: is '5.5' (not whole); must be a whole number"),
-        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is not a known key; known: name, n, noise, normalisation"),
-        ("{name: zeitlin, n: 5, normalisation: other}", "model.normalisation: is 'other'; known: paper, zeitlin"),
-        ("{name: zeitlin, n: 5, casimirs_watched: 0}", "model.casimirs_watched: is '0'; must be at least 1"),
-        (model("3"), "model.noise: is '3'; must be a mapping, lines of key: value"),
-        (model("{shell: 1}"), "model.noise.sigma: missing key 'sigma'; add sigma: strength of the noise"),
-        (model("{shell: 1, sigma: -1}"), "model.noise.sigma: is '-1'; must be at least 0"),
-        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is not a known key; did you mean 'shell'?"),
-        (model("{shell: 1, sigma: 1, hamiltonian: cubic}"), "is 'cubic'; known: quadratic, linear"),
-        (model("{shell: 4, sigma: 1}"), "model.noise: has the shell 4, which has no modes; must be from 1 to 3"),
-        (model("{shell: 0, sigma: 1}"), "model.noise: has the shell 0, which has no modes; must be from 1 to 3"),
-        (model("{modes: [[3, 0]], sigma: 1}"), "has the mode [3, 0]; must have modes from -2 to 2, not [0, 0]"),
-        (model("{modes: [[0, 0]], sigma: 1}"), "has the mode [0, 0]; must have modes from -2 to 2, not [0, 0]"),
-        (model("{modes: [[1, 0, 1]], sigma: 1}"), "model.noise.modes: entry 1 has 3 entries; must have 2"),
-        (model("{sigma: 1}"), "has an entry with both or none of shell and modes; give one of them"),
-        (model("{shell: 1, modes: [[1, 0]], sigma: 1}"), "has an entry with both or none of shell and modes"),
-        (model("{modes: [[1, 0], [-1, 0]], sigma: 1}"), "has the mode [1, 0] twice; add up the squares"),
-        (model("[{modes: [[1, 1]], sigma: 1}, {shell: 1, sigma: 2}]"), "has the mode [1, 1] twice; add up the squares"),
-    ],
-)
-def test_bad_models(spec, text, complaint):
-    with pytest.raises(SpecError, match="^s[.]yaml:2: [^\n]*" + re.escape(complaint)):
-        spec(TEXT, MODEL, text)
-
-
 def test_a_noise_of_strength_0_is_off(spec):
     (case,) = spec(TEXT, MODEL, model("[{shell: 1, sigma: 0}, {modes: [[2, 0]], sigma: 1}]")).cases
     assert [process.mode for process in case.model.processes] == [(2, 0)]
@@ -87,38 +53,6 @@ def test_many_noises(spec):
         spec(TEXT, MODEL, f"{{name: zeitlin, n: 255, noise: {noise}}}")
 
 
-FOR_OTHERS = "which is not for zeitlin; use euler_maruyama or a splitting without joint flows and Lévy areas"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        (f"[{INITIAL}]", "[1, 2, 3]", "3: initial: has 3 entries; must have 24, the dimension of zeitlin"),
-        ("schemes: [splitting]", "schemes: [midpoint]", f"7: schemes: has 'midpoint', {FOR_OTHERS}"),
-        ("schemes: [splitting]", "schemes: [splitting_areas]", f"7: schemes: has 'splitting_areas', {FOR_OTHERS}"),
-        ("schemes: [splitting]", "schemes: [munthe_kaas_euler]", f"7: schemes: has 'munthe_kaas_euler', {FOR_OTHERS}"),
-        (
-            "schemes: [splitting]",
-            "schemes: [mine]\ncompositions: {mine: [noise 1, loops, drift 1]}",
-            f"7: schemes: has 'mine', {FOR_OTHERS}",
-        ),
-        (
-            "samples: 200",
-            "samples: 200\nreference_scheme: midpoint",
-            f"9: reference_scheme: is 'midpoint', {FOR_OTHERS}",
-        ),
-        (
-            "samples: 200",
-            "samples: 200\ndamping: 0.1",
-            "9: damping: is for models of few components, which zeitlin is not; leave it out",
-        ),
-    ],
-)
-def test_bad_specs(spec, old, new, complaint):
-    with pytest.raises(SpecError, match="^s[.]yaml:" + re.escape(complaint)):
-        spec(TEXT, old, new)
-
-
 def test_good_specs(spec):
     """Noises by shell or by mode, and one mode in both forms; of few modes in the terms of the small model."""
     (case,) = spec(TEXT).cases
@@ -127,7 +61,7 @@ def test_good_specs(spec):
     (case,) = spec(TEXT, MODEL, model(both)).cases
     assert [process.form for process in case.model.processes] == ["quadratic", "cosine", "sine"]
     experiment = spec(TEXT, MODEL, "{name: zeitlin, n: 5}", "schemes: [splitting]", "schemes: [splitting_symmetric]")
-    ((cell, kept),) = runner.reports(experiment).values()
+    ((cell, kept),) = reports(experiment).values()
     assert cell.startswith("N = 5 resolves cells of") and kept.startswith("Casimirs at the start")
     assert runner.cost(experiment).seconds < 60
 

@@ -11,9 +11,9 @@ from weak_cases import case_of as weak_case
 
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
-from spi.kinds.strong.study import expected_order
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
+from spi.schemes.theory import strong_order
 
 HALVES = "compositions={halves: [noise 1/2, drift 1, noise 1/2 backwards]}"  # whose kernel other tests need as well
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
@@ -29,7 +29,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     """
     own = [HALVES, "schemes=[halves]", f"model.sigma={list(sigma)}"]
     case = strong_case(*own, "steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=512")
-    assert expected_order(case.row("halves"), case) == order
+    assert strong_order(case.row("halves"), case.model, case.initial, case.noise) == order
     case = case.model_copy(update={"model": case.model._replace(sigma=sigma)})
     found, _ = study(case, "halves")
     low, high = found["order_low"], found["order_high"]

@@ -25,8 +25,8 @@ from spi.ensemble.protocol import (
     strengths,
     structure,
 )
-from spi.kinds.strong.study import expected_order
 from spi.models import MaxwellBloch, SineEuler
+from spi.schemes.theory import strong_order
 
 # fixtures
 generator = scheme_cases.generator
@@ -212,4 +212,4 @@ def test_errors_on_a_path_and_the_limit_of_the_splitting_with_loops():
 def test_expected_orders():
     for model in (RIGID_BODY, MaxwellBloch(), SineEuler()):
         case = SimpleNamespace(model=model, noise=None, initial=np.full(dimension(model), 0.5))
-        assert expected_order(SCHEMES["munthe_kaas_areas"], case) == 1.0
+        assert strong_order(SCHEMES["munthe_kaas_areas"], case.model, case.initial, case.noise) == 1.0

@@ -11,8 +11,8 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study import expected_order
 from spi.schemes import SCHEMES, scheme_entry
+from spi.schemes.theory import strong_order
 from spi.storage.records import Part
 
 
@@ -134,4 +134,4 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
 def testexpected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
     """What results say that theory says; a noise that is off is None, as in specs."""
     case = strong_case(name, tuple(s or None for s in sigma), scheme, final_time)
-    assert expected_order(SCHEMES[scheme], case) == order
+    assert strong_order(SCHEMES[scheme], case.model, case.initial, case.noise) == order

@@ -79,7 +79,7 @@ def test_states_of_results(spec, tmp_path):
 def test_copies_hold_the_arrays(spec, tmp_path):
     np.save(tmp_path / "y.npy", state())
     first = spec(SPEC)
-    copies = starting._copies("s.yaml", tmp_path / "there/t.yaml")
+    copies = starting._copies("s.yaml", None, tmp_path / "there/t.yaml")
     assert copies[tmp_path / "there/y.npy"] == (tmp_path / "y.npy").read_bytes()
     assert identity(first)["model_sources"].count("base64") == 1
 

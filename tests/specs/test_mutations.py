@@ -4,10 +4,11 @@ import random
 
 import mutations
 import pytest
+from damage import MANY
 
 
 @pytest.mark.share(2)
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(20 * MANY))
 def test_a_changed_experiment_is_taken_or_refused_in_plain_lines(tmp_path, seed):
     draw = random.Random(f"mutations {seed}")
     codes = set()

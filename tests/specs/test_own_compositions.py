@@ -8,7 +8,6 @@ import pytest
 from helpers import loop_in_python
 
 from spi import storage
-from spi.kinds.strong.study import expected_order
 from spi.printing import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
@@ -17,6 +16,7 @@ from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER
 from spi.schemes.stages import flows
+from spi.schemes.theory import strong_order
 from spi.specs import SpecError
 
 TEXT = """\
@@ -155,92 +155,6 @@ def test_compositions_in_cases_profiles_and_overrides(spec):
     assert same(experiment.cases[0].reference_record(None).stages, (flows("drift"), flows("noise")))
 
 
-RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
-
-
-@pytest.mark.parametrize(
-    ("stages", "complaint"),
-    [
-        ("[nois 1/2, drift 1]", f"entry 1 is 'nois 1/2'; {RIGHT}"),
-        ("[noise 1, drift]", "entry 2 is 'drift'; must be like .*"),
-        ("[noise 1, ' ']", "entry 2 is ' '; must be like .*"),
-        ("[noise 1, null]", "entry 2 is empty; must be like .*"),
-        ("[noise 1, {drift: 1}]", "entry 2 is a mapping; must be like .*"),
-        ("[noise 1 backward, drift 1]", "entry 1 is '.*' with the word 'backward'; did you mean 'backwards'[?]"),
-        ("[noise 1 coin coin, drift 1]", "entry 1 is 'noise 1 coin coin' with several orders; must be like .*"),
-        ("[noise 1 backwards symmetric, drift 1]", "entry 1 is '.*' with several orders; must be like .*"),
-        ("[noise 1, drift 1 symmetric coin]", "entry 2 is '.*'; .* has no use for a coin"),
-        ("[noise 1, drift one]", r"entry 2 is 'drift one' \(.*\); must be like .*"),
-        ("[noise 1, drift 1+0.5i]", r"entry 2 is 'drift 1\+0.5i' \(not a real number\); must be like .*"),
-        ("[noise 1, drift 1/0]", r"entry 2 is 'drift 1/0' \(.*\); must be like .*"),
-        (
-            "[noise 1/3, drift 1, noise 2/3]",
-            "entry 1 is '.*'; .* is 0.333333 and must be a positive multiple .*\n.* entry 3 is .*",
-        ),
-        (
-            "[noise 3/2, drift 1, noise -1/2]",
-            "entry 1 is '.*'; .* is 1.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
-        ),
-        (
-            "[noise -1/2, drift 1, noise 3/2]",
-            "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
-        ),
-        ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
-        ("[noise 1/3 shared, drift 1, noise 2/3 shared]", "entry 1 is '.*'; .* 1/8, at most 1\n.* entry 3 is .*"),
-        (
-            "[noise 1/2 shared, drift 1, noise 1/2]",
-            "is not a whole step; some of the noise is shared and some is not; .*",
-        ),
-        ("[noise 1, drift 1 shared]", "entry 2 is 'drift 1 shared'; the drift has no increments .*"),
-        ("[joint 1, drift 1]", "is not a whole step; the fractions of the drift add up to 2 and not to 1"),
-        ("[drift 0, drift 1, noise 1]", "entry 1 is 'drift 0', which does nothing; leave it out"),
-        ("[drift 1, noise 1, drift 1 - 1 backwards]", "entry 3 is '.*', which does nothing; leave it out"),
-        ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
-        (
-            "[noise 1, drift 1, drift -1/2]",
-            "is not a whole step; the fractions of the drift add up to 0.5 and not to 1",
-        ),
-        ("[]", "is not a whole step; the fractions of the drift add up to 0 and not to 1"),
-        ("noise 1", r"is 'noise 1'; must be a list of stages, as in \[noise 1/2, drift 1, noise 1/2\]"),
-        (f"[noise 1{', drift 1/16' * 16}]", "has 17 entries; must have at most 16"),
-    ],
-)
-def test_what_is_wrong_with_stages_is_said_in_one_line(spec, stages, complaint):
-    with pytest.raises(SpecError, match=rf"^s.yaml:8: compositions.mine: {complaint}$"):
-        spec(TEXT, MINE, stages)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        ("  mine:", "  splitting:", "8: compositions.splitting: is the name of a scheme; give the composition .*"),
-        ("  mine:", "  ap_splitting_eps_1:", "8: compositions.ap_splitting_eps_1: is the name of a scheme; .*"),
-        ("  mine:", "  my own:", "8: compositions.my own: is not a valid name; must consist of letters, .*"),
-        (f"\n  mine: {MINE}", "", "7: compositions: is empty; must be a mapping, lines of key: value"),
-        (f"\n  mine: {MINE}", " [mine]", "7: compositions: is a list; must be a mapping, lines of key: value"),
-        (SCHEMES_LINE, "schemes: [mien]", "9: schemes: entry 1 is 'mien'; did you mean 'mine'[?]"),
-        (SCHEMES_LINE, "schemes: [splitting]", "8: compositions.mine: is used nowhere; list it under schemes or .*"),
-        (SCHEMES_LINE, f"{SCHEMES_LINE}\nreference_scheme: mien", "10: reference_scheme: is 'mien'; did you mean .*"),
-        (SCHEMES_LINE, "schemes: [mine, mine]", "9: schemes: has 'mine' twice; remove one"),
-        (SCHEMES_LINE, "schemes: [mine]\neps: 0.1", "10: eps: is used by none of the schemes; leave it out or .*"),
-    ],
-)
-def test_what_is_wrong_with_names_is_said_in_one_line(spec, old, new, complaint):
-    with pytest.raises(SpecError, match=f"^s.yaml:{complaint}$"):
-        spec(TEXT, old, new)
-
-
-def test_what_is_wrong_in_layers(spec):
-    with pytest.raises(SpecError, match=r"^s.yaml: --set compositions.x: is used nowhere; "):
-        spec(TEXT, overrides=["compositions.x=[noise 1, drift 1]", "schemes=[splitting]"])
-    with pytest.raises(SpecError, match=r"^s.yaml: --set compositions.mine: entry 1 is 'noise 2'; "):
-        spec(TEXT, overrides=["compositions.mine=[noise 2, drift 1]"])
-    with pytest.raises(SpecError, match=r"^s.yaml:12: profiles.quick.cases.a.compositions.last: is used nowhere; "):
-        spec(LAYERS, "schemes: [last]", "schemes: [splitting]")
-    with pytest.raises(SpecError, match=r"^s.yaml:9: cases.schemes: entry 1 is 'own'; "):
-        spec(LAYERS, "schemes: [other]", "schemes: [own]")  # which only the other case has
-
-
 # --- where they go ---------------------------------------------------------------------------------------------------
 
 
@@ -273,7 +187,8 @@ def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):
     assert re.search(r"^mine: order .*\(measured; theory states none\)", text.getvalue(), re.MULTILINE)
     assert "expected_order" not in results.groups[0].attributes
     (case,) = experiment.cases
-    assert expected_order(case.row("mine"), case) is None and expected_order(case.row("splitting"), case) == 1.0
+    assert strong_order(case.row("mine"), case.model, case.initial) is None
+    assert strong_order(case.row("splitting"), case.model, case.initial) == 1.0
 
 
 def test_other_processes_make_the_same_plans(spec, tmp_path):

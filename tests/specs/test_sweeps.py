@@ -1,14 +1,10 @@
 """A swept parameter: which cases a spec makes of its values, and what is wrong with one."""
 
-import re
-
-import pytest
 from helpers import RIGID_BODY
 
 from spi.compiler.inlining import types_of
 from spi.running.load import plans
 from spi.running.remarks import remarks
-from spi.specs import SpecError
 
 STRONG = """\
 title: A title
@@ -123,56 +119,3 @@ def test_cases_are_swept_each_by_itself(spec):
     assert [case.title for case in found.cases][:3] == ["A, sigma = 0.5", "A, sigma = 2", "b, damping = 0"]
     assert [case.owner for case in found.cases] == ["a", "a", "b", "b"]
     assert remarks(found) == []
-
-
-@pytest.mark.parametrize(
-    ("replaced", "message"),
-    [
-        ([SWEEP, "sweep: {sgima: [1, 2]}"], r"3: sweep: the parameter 'sgima' is not used; did you mean 'sigma'\?"),
-        ([SWEEP, "sweep: {word: [1, 2]}"], r"3: sweep: the parameter 'word' is not used; use it in one of model, .*"),
-        (["name: rigid_body", "name: [rigid_body]"], r"4: model\.name: is a list; .*"),
-        ([SWEEP, "sweep: {sigma: [1]}"], r"3: sweep\.sigma: has one value; give several, or leave out the sweep .*"),
-        ([SWEEP, "sweep: {sigma: [1, -1]}"], r"3: sweep\.sigma: with sigma = -1: model\.sigma: entry 1 is '-1'; .*"),
-        (
-            [SWEEP, "sweep: {sigma: [1, x]}"],
-            r"3: sweep\.sigma: entry 2 is 'x' \(unknown word 'x'\); must be a number .*",
-        ),
-        ([SWEEP, "sweep: {sigma: [1, 2], of: [oder]}"], r"3: sweep\.of: has 'oder'; did you mean 'order'\?"),
-        ([SWEEP, "sweep: {sigma: [1, 2], of: 3}"], r"3: sweep\.of: has '3'; known: order, error, .*"),
-        ([SWEEP, "sweep: {sigma: [1, 2], of: {a: b}}"], r"3: sweep\.of: is no list of quantities; write .*"),
-        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one or two and their values, .*"),
-        (
-            [SWEEP, "sweep: {steps: [2^-3]}"],
-            r"3: sweep: 'steps' cannot be swept; write steps: \[\.\.\.\] without .*",
-        ),
-        ([SIGMA, "sigma: [1, 0, 1]"], r"3: sweep: has 'sigma', whose entries differ; write the parameter in them, .*"),
-        ([SWEEP, "sweep: {final_time: [1, 3/4]}"], r"3: sweep\.final_time: with final_time = 3/4: steps: has 0\.5, .*"),
-        ([SWEEP, "sweep: {sigma: [1, 2], damping: [0]}"], r"3: sweep\.damping: has one value; give several, .*"),
-        (
-            [SWEEP, "sweep: {sigma: [1, -1], damping: [0, 1]}"],
-            r"3: sweep\.sigma: with sigma = -1, damping = 0: model\.sigma: entry 1 is '-1'; .*",
-        ),
-        (
-            [SWEEP, "sweep: {sigma: [1, 2], damping: [0, 1], final_time: [1, 2]}"],
-            r"3: sweep: has 3 parameters; must have one or two and their values, .*",
-        ),
-        ([SWEEP, "sweep: {samples: [1, 2]}"], r"3: sweep: the parameter 'samples' is not used; .*"),
-        (["samples: 70", "smaples: 70"], r"10: smaples: is not a known key; did you mean 'samples'\?"),
-        (["initial: [", "initial: [1, "], r"5: initial: has 4 entries; must have 3, the dimension of rigid_body"),
-        (["kind: strong", "kind: trajectory"], None),
-    ],
-)
-def test_each_mistake_gets_one_line(error, replaced, message):
-    if message is None:
-        path = STRONG.replace("kind: strong", "kind: trajectory\npanels: [casimirs]\nstep: 2^-5")
-        path = re.sub("steps: .*\nreference_step.*\n|samples.*\n", "", path)
-        assert re.fullmatch(r"5: sweep: is for results of many paths .*; write a case for each value, .*", error(path))
-    else:
-        assert re.fullmatch(message, error(STRONG, *replaced))
-
-
-def test_all_cases_are_swept_or_none(error, spec):
-    cases = "cases:\n- {name: a}\n- {name: b, sweep: null}\n"
-    assert error(STRONG + cases).startswith("11: cases: has 'b' without sweep beside others with one; ")
-    with pytest.raises(SpecError, match=r"with sigma = -1: .*\n.*with sigma = -2: "):
-        spec(STRONG, "[0.5, 2]", "[-1, 1, -2]")

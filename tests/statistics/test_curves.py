@@ -1,18 +1,19 @@
 """Curves over a swept parameter: which of many quantities stand for a value."""
 
 import math
+from dataclasses import replace
 
 from strong_results import strong_group
 
 from spi.statistics.claims import Quantity, quantity
 from spi.statistics.curves import curves
-from spi.storage.records import Description, Swept
+from spi.storage.stored import Description, Swept
 
 ABOUT = Description.of(strong_group("splitting"))
 
 
 def at(value, **others):
-    return ABOUT._replace(case=f"s={value}", swept=Swept("s", value, "main", "Title"), **others)
+    return replace(ABOUT, case=f"s={value}", swept=Swept(word="s", value=value, owner="main", title="Title"), **others)
 
 
 def test_the_smallest_step_and_the_largest_casimir_count():

@@ -19,7 +19,7 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.share
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", range(5 * damage.MANY))
 @pytest.mark.parametrize("broken", damage.DAMAGES, ids=lambda broken: broken.__name__)
 def test_a_broken_file_is_refused_in_one_line(whole, tmp_path, broken, number):
     draw = random.Random(f"{broken.__name__} {number}")
@@ -29,7 +29,7 @@ def test_a_broken_file_is_refused_in_one_line(whole, tmp_path, broken, number):
 
 
 @pytest.mark.share
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(8 * damage.MANY))
 @pytest.mark.parametrize("broken", damage.MENDED, ids=lambda broken: broken.__name__)
 def test_a_broken_file_with_a_right_checksum_is_shown_or_refused_in_one_line(whole, tmp_path, broken, number):
     draw = random.Random(f"{broken.__name__} {number}")
@@ -40,7 +40,7 @@ def test_a_broken_file_with_a_right_checksum_is_shown_or_refused_in_one_line(who
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_runs_that_find_edited_sums_come_to_their_end(tmp_path, monkeypatch):
-    assert sums_main(random.Random(1), tmp_path, 10) == 0
+    assert sums_main(random.Random(1), tmp_path, 10 * damage.MANY) == 0
 
 
 @pytest.mark.slow
@@ -48,8 +48,8 @@ def test_runs_that_find_edited_sums_come_to_their_end(tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", SUMS)
 def test_damaged_sums_of_every_kind_change_no_number(tmp_path, kind):
     draw = random.Random(kind)
-    assert sums_main(draw, tmp_path / "edited", 10, kind) == 0
-    assert broken_main(draw, tmp_path / "broken", 10, kind, damage.DAMAGES[:6]) == 0
+    assert sums_main(draw, tmp_path / "edited", 10 * damage.MANY, kind) == 0
+    assert broken_main(draw, tmp_path / "broken", 10 * damage.MANY, kind, damage.DAMAGES[:6]) == 0
 
 
 @pytest.mark.parametrize(
@@ -80,8 +80,8 @@ def test_sums_of_the_right_form_are_taken():
 def test_what_a_file_says_is_larger_than_itself_is_not_read(whole, tmp_path):
     memory = io.BytesIO(whole["strong"])
     with h5py.File(memory, "r+") as file:
-        del file["three/splitting/error"]
-        file["three/splitting"].create_dataset("error", (2**40,), float, chunks=(2**20,))
+        del file["main/splitting/error"]
+        file["main/splitting"].create_dataset("error", (2**40,), float, chunks=(2**20,))
     (tmp_path / "r.h5").write_bytes(damage.with_checksum(memory.getvalue()))
     code, _, err = damage.call("show", tmp_path / "r.h5")
     assert (code, err.count("\n")) == (2, 1) and "damaged" in err
@@ -92,7 +92,7 @@ def test_what_is_kept_as_0_and_1_is_nothing_else(whole, tmp_path, where):
     """A 2 had been taken for true, so that `spi verify` did not notice it."""
     memory = io.BytesIO(whole["strong"])
     with h5py.File(memory, "r+") as file:
-        group = file["three/splitting"]
+        group = file["main/splitting"]
         if where == "attribute":
             group.attrs["truncate_noise"] = np.uint8(2)
         else:
@@ -100,12 +100,6 @@ def test_what_is_kept_as_0_and_1_is_nothing_else(whole, tmp_path, where):
     (tmp_path / "r.h5").write_bytes(damage.with_checksum(memory.getvalue()))
     code, _, err = damage.call("show", tmp_path / "r.h5")
     assert (code, err.count("\n")) == (2, 1) and "damaged" in err
-
-
-def test_a_whole_file_is_not_refused(whole, tmp_path):
-    for data in whole.values():
-        (tmp_path / "r.h5").write_bytes(data)
-        assert damage.call("show", tmp_path / "r.h5")[::2] == (0, "")
 
 
 def test_every_flipped_bit_is_noticed(whole):
@@ -117,15 +111,15 @@ def test_every_flipped_bit_is_noticed(whole):
 
 def test_a_file_of_ours_that_lacks_what_its_kind_needs_is_refused_in_one_line(whole, tmp_path):
     """As of another version: its checksum is right, so it is read."""
-    (tmp_path / "r.h5").write_bytes(damage.with_a_true_checksum_without(whole["strong"], "three/splitting/error_final"))
+    (tmp_path / "r.h5").write_bytes(damage.with_a_true_checksum_without(whole["strong"], "main/splitting/error_final"))
     for arguments in (("show",), ("show", "--format", "csv"), ("plot",)):
         code, out, err = damage.call(arguments[0], tmp_path / "r.h5", *arguments[1:])
         assert (code, out, err.count("\n")) == (2, "", 1)
-        assert err.startswith(f"spi: {tmp_path / 'r.h5'}: the group three/splitting cannot be read")
+        assert err.startswith(f"spi: {tmp_path / 'r.h5'}: the group main/splitting cannot be read")
         assert "'error_final'" in err and "--fresh" in err
 
 
-@pytest.mark.parametrize("place", ["", "three/splitting", "three/splitting/error"])
+@pytest.mark.parametrize("place", ["", "main/splitting", "main/splitting/error"])
 def test_a_text_that_is_no_text_is_refused(whole, tmp_path, place):
     """Of the file, of a group or beside an array; HDF5 has the byte, which Python can neither draw nor print."""
     memory = io.BytesIO(whole["strong"])

@@ -213,7 +213,7 @@ def test_files_that_are_not_ours(tmp_path):
         text: "not a whole HDF5 file",
         half: "not a whole HDF5 file",
         foreign: "not of ours",
-        sums: "not a whole HDF5 file",
+        sums: "an HDF5 file, but not of ours",
         newer: "a later version of spi (layout 99",
         older: "an earlier version of spi (layout 2, this one reads 3); run the experiment again with --fresh",
     }
@@ -308,7 +308,6 @@ PART = {
     "every other": np.arange(7)[::2],
     "empty": np.zeros((0, 3), dtype=np.float32),
     "flags": np.array([True, False]),
-    "names": np.array(["σ", ""]),
     "zero_d": np.array(2.5),
 }
 
@@ -332,27 +331,26 @@ def assert_same_part(value, back):
 
 
 def test_sums_round_trip(tmp_path):
-    path = tmp_path / "new" / "s.npz"
+    path = tmp_path / "new" / "s.sums"
     about = {"paths_hash": "abc", "samples": 70, "finished": False}
     parts = {"main/midpoint": PART, "noise σ=1/splitting": {"n": 1}, "nothing/yet": {}}
     storage.write_sums(path, about, parts)
     told, back = storage.read_sums(path)
     assert_same_part(parts, back)
     assert {**told, **about} == told == storage.about_sums(path)
-    assert [p.name for p in path.parent.iterdir()] == ["s.npz"]
-    with np.load(path, allow_pickle=False) as file:  # anybody can read it
-        assert set(file) == {"about", "digests", *(f"{kind}_{n}" for kind in ("structure", "arrays") for n in range(3))}
-        assert all(values.dtype == np.uint8 for values in file.values())
+    assert [p.name for p in path.parent.iterdir()] == ["s.sums"]
+    with h5py.File(path) as file:  # anybody can read it
+        assert set(file) == {"about", "parts", "arrays"} and len(file["arrays"]) == 9
 
 
 def test_numbers_of_numpy_are_kept_as_numbers(tmp_path):
-    storage.write_sums(tmp_path / "s.npz", {}, {"p": {"count": np.int64(3), "mean": np.float64(1 / 3)}})
-    _, back = storage.read_sums(tmp_path / "s.npz")
+    storage.write_sums(tmp_path / "s.sums", {}, {"p": {"count": np.int64(3), "mean": np.float64(1 / 3)}})
+    _, back = storage.read_sums(tmp_path / "s.sums")
     assert_same_part({"count": 3, "mean": 1 / 3}, back["p"])
 
 
 def test_sums_that_are_no_use(tmp_path, monkeypatch):
-    path = tmp_path / "s.npz"
+    path = tmp_path / "s.sums"
     assert storage.read_sums(path) is None and storage.about_sums(path) is None
     storage.write_sums(path, {"hash": "abc"}, {"p": {"n": np.arange(10000)}})
     assert storage.read_sums(path)[0]["hash"] == "abc"
@@ -375,24 +373,19 @@ def test_sums_that_are_no_use(tmp_path, monkeypatch):
 
 
 def test_any_damaged_byte_of_the_sums_is_noticed(tmp_path):
-    """What is read is what was written, or nothing; damage between the members does not matter."""
-    path, values = tmp_path / "s.npz", np.arange(200) / 3
+    path, values = tmp_path / "s.sums", np.arange(200) / 3
     storage.write_sums(path, {"hash": "abc"}, {"p": {"n": values}})
-    whole, lost = path.read_bytes(), 0
+    whole = path.read_bytes()
     for at in range(0, len(whole), 7):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
-        read = storage.read_sums(path)
-        lost += read is None
-        if read is not None:
-            assert_same_part({"p": {"n": values}}, read[1])
-    assert lost > len(whole) / 7 / 2
+        assert storage.read_sums(path) is None
 
 
 def test_the_previous_sums_are_kept_until_they_are_removed(tmp_path):
-    path = tmp_path / "s.npz"
+    path = tmp_path / "s.sums"
     for n in range(3):
         storage.write_sums(path, {"n": n}, {"p": {"n": np.arange(n + 1000)}})
-    assert {p.name for p in tmp_path.iterdir()} == {"s.npz", storage.previous(path).name}
+    assert {p.name for p in tmp_path.iterdir()} == {"s.sums", storage.previous(path).name}
     assert storage.read_sums(path)[0]["n"] == 2
     path.write_bytes(path.read_bytes()[:3000])
     about, parts = storage.read_sums(path)
@@ -406,7 +399,7 @@ def test_the_previous_sums_are_kept_until_they_are_removed(tmp_path):
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError(28, "No space left on device")])
 def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
-    path = tmp_path / "s.npz"
+    path = tmp_path / "s.sums"
     storage.write_sums(path, {"n": 1}, {})
     before = path.read_bytes()
 
@@ -414,13 +407,13 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
         file.write_bytes(data[:100])
         raise fault
 
-    monkeypatch.setattr(storage.sums, "write_bytes", interrupted)
+    monkeypatch.setattr(storage.files, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
         storage.write_sums(path, {"n": 2}, {})
     if fault is not KeyboardInterrupt:
         assert str(path) in str(caught.value) and "no space" in str(caught.value) and "--out" in str(caught.value)
     assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["s.npz"]
+    assert [p.name for p in tmp_path.iterdir()] == ["s.sums"]
 
 
 def test_provenance_is_flat_and_storable(tmp_path):

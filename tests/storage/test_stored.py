@@ -1,7 +1,5 @@
 """Records of results: what of their fields a file keeps, and that it gives them back."""
 
-from typing import Annotated
-
 import numpy as np
 import pytest
 from made_up import group_of
@@ -15,23 +13,23 @@ from spi.storage.stored import NUMBERED, Array, Described, Stored, array, axis, 
 class Table(Described):
     """What some records have besides."""
 
-    name: Annotated[tuple[str, ...], axis("name", name="name")]
-    mean: Annotated[Array, array("name", "mean", "s")]
-    exact: Annotated[bool, fact("whether it is exact")]
+    name: tuple[str, ...] = axis("name", name="name")
+    mean: Array = array("name", "mean", "s")
+    exact: bool = fact("whether it is exact")
 
 
 class Thing(Stored):
     """All sorts of fields."""
 
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[Array, array("h casimir", "error", formula="E |y|")]
-    good: Annotated[Array, array("h", "whether it is good")]
+    h: Array = axis("step size", "time")
+    error: Array = array("h casimir", "error", formula="E |y|")
+    good: Array = array("h", "whether it is good")
     order: Order
-    rates: Annotated[tuple[Order, ...], array("h", "rate")]
-    table: Annotated[Table | None, nested(prefix="table_")] = None
-    missing: Annotated[Array | None, array("h", "nothing")] = None
-    count: Annotated[int, fact("how many")] = 3
-    text: Annotated[str | None, fact("a text")] = None
+    rates: tuple[Order, ...] = array("h", "rate")
+    table: Table | None = nested(prefix="table_", default=None)
+    missing: Array | None = array("h", "nothing", default=None)
+    count: int = fact("how many", default=3)
+    text: str | None = fact("a text", default=None)
 
 
 def thing(**more):

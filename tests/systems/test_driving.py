@@ -17,7 +17,7 @@ from spi.ensemble.observer import invariants_of
 from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
 from spi.models.damped import damped
 from spi.numerics.rng import LANES
-from spi.systems.definition import DefinitionError, define, make
+from spi.systems.definition import make
 
 INITIAL = (0.5, -0.3, 0.7)
 
@@ -261,27 +261,6 @@ def test_a_system_without_time_is_what_it_was():
         definition("{algebra: so(3), parameters: {t: 2}, hamiltonian: t*y1^2, noises: [cos(y2*t)]}"), "x"
     ).text
     assert "frozen" not in text and "driving" not in text and "model.t_ " in text
-
-
-@pytest.mark.parametrize(
-    ("changes", "keys", "message"),
-    [
-        ({"bracket": "{x y: t*z}", "algebra": None}, ("bracket", "x y"), "t, the time, stands in hamiltonian, pieces,"),
-        ({"casimirs": "[t*x]"}, ("casimirs", 0), "t, the time, stands in hamiltonian, pieces, noises and sigma alone"),
-        ({"parameters": "{a: 2*t}"}, ("parameters", "a"), "t, the time, stands in hamiltonian"),
-        ({"hamiltonian": "x^2", "initial_time": "1"}, ("initial_time",), "is of no use, nothing depends on the time t"),
-        ({"initial_time": "y"}, ("initial_time",), "unknown word 'y'"),
-        ({"initial_time": "[1]"}, ("initial_time",), "must be a number"),
-    ],
-)
-def test_errors(changes, keys, message):
-    good = "{algebra: so(3), variables: [x, y, z], hamiltonian: t*x^2}"
-    define(definition(good))
-    data = {**definition(good), **{key: definition(f"x: {value}")["x"] for key, value in changes.items() if value}}
-    data = {key: value for key, value in data.items() if key not in changes or changes[key]}
-    with pytest.raises(DefinitionError) as error:
-        define(data)
-    assert error.value.keys == keys and message in str(error.value)
 
 
 def test_what_is_said_of_time():

@@ -50,56 +50,6 @@ def test_a_system_that_is_too_large_is_the_only_thing_that_is_told(tmp_path):
     assert len(caught.value.messages) == 1 and "it has more than 64 components" in caught.value.messages[0]
 
 
-@pytest.mark.parametrize(
-    ("place", "old", "new", "message"),
-    [
-        (FILE, "  b: 1", "  b: x", "3: model.system: is 'top.yaml', line 5, parameters.b: is 'x' (unknown word 'x'"),
-        (FILE, "so(3)", "so(99)", "3: model.system: is 'top.yaml', line 2, algebra: is 'so(99)'"),
-        (FILE, "b*y2^2", "c*y2^2", "3: model.system: is 'top.yaml', line 6, hamiltonian: is 'y1^2/a + c*y2^2'"),
-        (FILE, "  - y3", "  - y3*y2", "8: schemes: has 'splitting', made of exact flows, and none is known of 'y2*y3'"),
-        (
-            FILE,
-            "noises:",
-            "noise:",
-            "3: model.system: is 'top.yaml', line 7, noise: is not a known key; did you mean 'noises'",
-        ),
-        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is not a mapping; give it some of algebra"),
-        (FILE, "  a: 2", "  a: 2\n  a: 3", "3: model.system: is 'top.yaml', line 5"),
-        (FILE, "so(3)", "so(3", "3: model.system: is 'top.yaml', line 2, algebra: "),
-        (
-            SPEC,
-            "{a: 3}",
-            "{a: 0}",
-            "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value",
-        ),
-        (SPEC, "{a: 3}", "{a: y}", "4: model.parameters.a: is 'y' (unknown word 'y'"),
-        (
-            SPEC,
-            "{a: 3}",
-            "{aa: 9}",
-            "4: model.parameters.aa: is no parameter of the system, and no formula names it; did you mean 'a'?",
-        ),
-        (SPEC, "{a: 3}", "{a: 3}\n  sizes: {n: 3}", "5: model.sizes.n: is no size of the system"),
-        (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
-        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is not a known key; did you mean 'noises'?"),
-        (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
-        (SPEC, "{a: 3}", "{a: 3}\n  name: lambda", "5: model.name: is 'lambda'; must be a word of letters"),
-        (SPEC, "{a: 3}", "{a: 3}\n  sigma: [1]", "5: model.sigma: has 1 entries; must have 2, one for each noise"),
-        (SPEC, "[1, 0.5, 0.2]", "[1, 0.5]", "5: initial: "),
-    ],
-)
-def test_errors_have_file_and_line_and_nothing_is_written(spec, tmp_path, place, old, new, message):
-    (tmp_path / "top.yaml").write_text(FILE)
-    assert spec(SPEC).cases[0].model.a == 3.0
-    assert place.count(old) == 1
-    (tmp_path / "top.yaml").write_text(FILE.replace(old, new) if place is FILE else FILE)
-    with pytest.raises(SpecError) as error:
-        spec(SPEC.replace(old, new) if place is SPEC else SPEC)
-    assert str(error.value).startswith(f"s.yaml:{message}")
-    assert "; " in str(error.value) and "\n" not in str(error.value)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.yaml", "top.yaml"]
-
-
 def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
     """What the generic checks find is no error of a class that somebody wrote; the text is one that never passed."""
     (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*sqrt(y3) + y1/{time.time_ns()}"))
@@ -181,56 +131,6 @@ def test_the_spec_overrides_the_file(top):
     found = top(overrides=["model.parameters.b=7", "model.noises=[y1]"]).cases[0].model
     assert (found.a, found.b, type(found).noises) == (3.0, 7.0, 1)
     assert top("{a: 3}", "{a: 3}\n  name: spinning").cases[0].model_name == "spinning"
-
-
-MISSPELT = "is no parameter of the system, and no formula names it; did you mean 'weight'?"
-
-
-@pytest.mark.parametrize(
-    ("more", "options", "place"),
-    [
-        ("", {"overrides": ["model.parameters.wieght=9"]}, "s.yaml: --set model.parameters.wieght: "),
-        ("cases: [{name: one, model: {parameters: {wieght: 9}}}]\n", {}, "s.yaml:11: cases.model.parameters.wieght: "),
-        ("profiles: {quick: {model: {parameters: {wieght: 9}}}}\n", {}, "s.yaml:11: profiles.quick.model.parameters"),
-        ("cases: [{name: x, model: {parameters: {wieght: s}}}]\n", {}, "s.yaml:11: cases.model.parameters"),
-    ],
-)
-def test_a_misspelt_parameter_of_a_layer_is_told(spec, more, options, place):
-    """Also where the system stands in the spec itself."""
-    text = """\
-kind: stability
-model: {algebra: so(3), parameters: {weight: 1}, hamiltonian: weight*y3^2, noises: [y1]}
-initial: [1, 0.5, s]
-sweep: {s: [0.1, 0.2]}
-final_time: 1
-steps: [1/4]
-reference_step: 1/8
-samples: 100
-schemes: [splitting]
-panels: [casimir]
-"""
-    with pytest.raises(SpecError) as error:
-        spec(text + more, **options)
-    assert str(error.value).startswith(place) and str(error.value).endswith(MISSPELT)
-    spec(text)
-    spec(text + more.replace("wieght", "weight"), **(options and {"overrides": ["model.parameters.weight=9"]}))
-
-
-def test_a_test_function_is_told_the_names_of_the_system(spec):
-    text = """\
-kind: weak
-model: {algebra: so(3), variables: [a, b, c], hamiltonian: a}
-initial: [1, 0, 0]
-final_time: 1
-steps: [1/2]
-reference_step: 1/4
-schemes: [splitting]
-estimators: [plain]
-samples: 100
-functions: {phi: d}
-"""
-    with pytest.raises(SpecError, match=r"unknown word 'd'.*; must be an expression in a, b, c such as a\^2$"):
-        spec(text)
 
 
 def test_a_layer_may_bring_parameters_for_its_own_formulas(top):

@@ -141,8 +141,9 @@ def seconds_of_equation(model, initial, final_time, functions, **limits):
 def refiner(model, initial, final_time, functions, accuracy):
     """An object that refines E phi(y(T)) of the equation for F functions step by step, on spheres and cylinders.
 
-    It has ``costs``, the seconds of typical speed of each refinement there can be, ``rough`` (F,), which functions
-    have kinks, ``known`` (F,), the expectations where nothing moves, else None, and ``refine(number)``, the values and
-    their uncertainties, of which :func:`.refining.refined` makes an error.
+    It has ``refine(number)``, the values, their uncertainties, of which :func:`.refining.refined` makes an error, and
+    the effort, a number that says how much work it was; ``costs(effort)``, the seconds of typical speed of each
+    refinement there can be; ``effort``, that which is usual; ``rough`` (F,), which functions have kinks; and ``known``
+    (F,), the expectations where nothing moves, else None.
     """
     return _solver(model).Refining(model, initial, final_time, functions, accuracy)

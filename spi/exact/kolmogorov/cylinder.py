@@ -27,6 +27,7 @@ the grid.
 interpolation in h, plus the probability to be killed.
 """
 
+from math import prod
 from time import perf_counter
 from typing import NamedTuple
 
@@ -38,7 +39,6 @@ from ..work import expected
 from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import (
-    KINKS,
     LAYER,
     POINTS,
     REFINEMENT,
@@ -50,6 +50,7 @@ from .grids import (
     first_points,
     resolution,
     safe_half_width,
+    seconds_of_kinks,
 )
 from .ladders import (
     DEPTH,
@@ -64,7 +65,7 @@ from .ladders import (
 )
 
 ACCURACY = 1e-10  #: the goal without a given accuracy
-STEPS = 256  #: that a refinement of the limit has at the finest, usually
+STEPS = 504  #: of all step sizes of a refinement of the limit, usually
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
 
 #: exp(hL_1/2) exp(hL_2) exp(hL_1/2)
@@ -124,10 +125,16 @@ class Refining:
         self.strang = plan(words_of(STRANG, self.problem.active))
         self.half_width, self.killed = domain(self.problem, self.strang, FIRST, accuracy)
         self.rough = self.problem.rough(self.half_width)
-        self.costs = []
-        while np.prod(size := self._grid(len(self.costs))[0]) <= POINTS:
-            steps = 2 * STEPS * len(functions) * len(self.strang[0]) * SECONDS
-            self.costs.append(float(np.prod(size)) * (steps + np.count_nonzero(self.rough) * KINKS))
+        self.effort, self.sizes = STEPS, []
+        while np.prod(size := self._grid(len(self.sizes))[0]) <= POINTS:
+            self.sizes.append(size)
+
+    def costs(self, steps):
+        """The seconds of all refinements, with so many steps."""
+        functions = self.problem.functions
+        kinks = [phi for phi, rough in zip(functions, self.rough, strict=True) if rough]
+        of_point = SECONDS * len(functions) * len(self.strang[0]) * float(steps)
+        return [of_point * prod(size) + sum(seconds_of_kinks(phi, size) for phi in kinks) for size in self.sizes]
 
     def _grid(self, number):
         """(size, half-width) of grid number 0, 1, ...; grids of odd number are wider."""
@@ -136,17 +143,18 @@ class Refining:
         return [even(n * REFINEMENT ** (number - 1)) for n in (points, 96)], self.half_width * wider
 
     def refine(self, number):
-        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
+        """(values (F,), their uncertainties, steps taken) of refinement number 0, 1, ...."""
         size, half_width = self._grid(number)
         grid = Grid(self.problem, *size, half_width)
-        limits, values = [], []
+        limits, values, steps = [], [], 0
         for n in FIRST * 2 ** np.arange(DEPTH + 1):
             values.append(grid.run(self.strang, int(n)))
+            steps += int(n)
             limits.append(richardson(values))
             if len(limits) > 2 and np.all(abs(limits[-1][0] - limits[-2][0]) <= 0.02 * self.accuracy):
                 break
         floor = (2 * self.killed + ROUNDING * np.sqrt(n)) * grid.largest
-        return limits[-1][0], np.maximum(limits[-1][1], abs(limits[-1][0] - limits[-2][0])) + floor
+        return limits[-1][0], np.maximum(limits[-1][1], abs(limits[-1][0] - limits[-2][0])) + floor, steps
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):

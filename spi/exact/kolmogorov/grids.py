@@ -15,7 +15,8 @@ from ...ensemble.loop import thread_count
 from ..work import counted
 from .kinks import FINER, low_pass, roughness, waves
 
-SECONDS, KINKS = 5e-9, 1.6e-6  #: of a point, for each function and group of flows of a step, and to look for kinks
+SECONDS = 6e-9  #: of a point, for each function and group of flows of a step
+KINKS = 2.2e-4, 1e-6  #: to look for kinks, of a line of points for each part that may have them, and of a point
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
 REFINEMENT = 1.4  #: ratio of a grid to the coarser one by which its error is estimated
@@ -83,7 +84,7 @@ class Grid:
         self.start = scipy.fft.rfft(values, axis=2)
         for f in np.flatnonzero(problem.rough(half_width)):
             self.start[f] = self._projected(problem.functions[f], half_width)
-            counted(KINKS * prod(self.shape))
+            counted(seconds_of_kinks(problem.functions[f], self.shape))
 
     def _projected(self, phi, half_width):
         """The transform of a function with kinks, from a finer grid and through a low-pass filter."""
@@ -154,6 +155,11 @@ class Grid:
             real = real - drift * self.killing
         turn = self.problem.rates[k] * (-drift if k == 0 else drift)
         return np.exp(real + 1j * turn * wave) if drift else np.exp(real)
+
+
+def seconds_of_kinks(phi, shape):
+    """The seconds to look for the kinks of a function on a grid, roughly."""
+    return KINKS[0] * len(phi.singular) * sum(shape) + KINKS[1] * prod(shape)
 
 
 def _window(x, half_width):

@@ -222,7 +222,7 @@ def harmonics_up_to(L):
 
 def seconds_to_make(L):
     """The seconds to make all of the :class:`Harmonics` of a degree, roughly, on one core."""
-    return (2e-5 if L <= KEPT else 1e-4) * L**2
+    return 0.018 + (1.3e-5 if L <= KEPT else 7e-5) * L**2
 
 
 def _making(L, degree):

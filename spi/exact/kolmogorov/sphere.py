@@ -33,6 +33,8 @@ RELATIVE = 0.02
 LONGEST, LONGEST_LIMIT = 100.0, 5.0
 #: The most seconds of the first three degrees, which are always tried, for a problem to be solved at all.
 LONGEST_FIRST = 600.0
+#: In how many of the classes a function has a part, usually.
+USED = 3
 #: Rounding errors in units of the largest |phi|.
 ROUNDING = 2e-14
 
@@ -109,7 +111,7 @@ def _settled_weak_errors(problem, rounding, accuracy):
             break
         expected(problem.seconds(max(level, number), number))
         with part(problem.cost(L) + problem.making(L)):
-            limits[L], values = problem.solve(L)
+            limits[L], values, _ = problem.solve(L)
         weak[L] = values - limits[L][:, None]
         weak_error, weak_error_bound = _settled(weak, rounding[:, None], problem.rough[:, None])
         goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
@@ -158,11 +160,17 @@ class Refining:
         self.known = _at_rest(self.problem, initial).limit if np.count_nonzero(initial) <= 1 else None
         self.rough = self.problem.rough
         self.rounding = ROUNDING * self.problem.size()[0]
-        self.costs = [self.problem.cost_of_limit(L, rough=True) + self.problem.making(L) for L in LEVELS]
+        self.effort = USED * len(functions)
+
+    def costs(self, columns):
+        """The seconds of all refinements, with so many columns of coefficients in all classes."""
+        p = self.problem
+        return [p.cost_of_limit(L, rough=True, columns=columns) + p.making(L) for L in LEVELS]
 
     def refine(self, number):
-        """(values (F,), their uncertainties) of refinement number 0, 1, ...."""
-        return self.problem.solve(LEVELS[number], schemes=False)[0], self.rounding
+        """(values (F,), their uncertainties, columns that are not 0) of refinement number 0, 1, ...."""
+        limit, _, columns = self.problem.solve(LEVELS[number], schemes=False)
+        return limit, self.rounding, columns
 
 
 def _cost_of_first_limits(problem):
@@ -262,14 +270,14 @@ class _Problem(NamedTuple):
         return [(p, factors(self.turn, self.spread, word, h)) for p, word in self.compositions]
 
     def solve(self, L, schemes=True):
-        """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
+        """(limit (F,), values of the scheme (F, S), columns of coefficients) at degree L; NaN where that is too low."""
         limit, harmonics, classes = self._classes(L)
         values = limit[:, None] + np.zeros(len(self.steps))
         for c, on, e, V in classes:
             limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
             for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
                 values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
-        return limit, values
+        return limit, values, sum(V.shape[1] for *_, V in classes)
 
     def limits(self, L, times):
         """(F, times) the limit at increasing times, computed as in :meth:`solve`."""
@@ -303,22 +311,24 @@ class _Problem(NamedTuple):
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
         return 3 * steps + self.cost_of_limit(L, rough)
 
-    def cost_of_limit(self, L, rough=False, times=None):
+    def cost_of_limit(self, L, rough=False, times=None, columns=None):
         """The seconds of the limit alone, at one time or at several that increase."""
         beta, rho = bounds(L, self.turn, self.spread)
         if rough:
             each = np.array([self.time]) if times is None else np.diff(times, prepend=0.0)
             with np.errstate(all="ignore"):
                 pieces = np.maximum(1.0, each * beta / 2)
-                terms = np.sum(pieces * (20 + 9.6 * np.sqrt(np.maximum(rho * each / pieces / 2, 1.0))))
+                terms = np.sum(pieces * (8 + 9.6 * np.sqrt(np.maximum(rho * each / pieces / 2, 1.0))))
         else:
             pieces, _, coefficients = chebyshev(beta, rho, self.time)
             terms = pieces * len(coefficients)
-        return 3 * float(terms) * term(L) * len(self.functions)
+        columns = USED * len(self.functions) if columns is None else int(columns)
+        return float(terms) * term(L, min(columns, len(CLASSES)), columns)
 
     def making(self, L):
         """The seconds of the harmonics and the coefficients of the functions, roughly."""
-        return seconds_to_make(L) + 4e-3 * L * np.count_nonzero(self.rough)
+        kinks = sum(len(phi.singular) for phi, rough in zip(self.functions, self.rough, strict=True) if rough)
+        return seconds_to_make(L) + 6e-6 * L**2 + 3.5e-3 * L * kinks
 
     def waves(self):
         """(the share of phi beyond the highest degree, its waves), the largest over all phi on three great circles.

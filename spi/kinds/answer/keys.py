@@ -14,18 +14,20 @@ from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
 
-#: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
+from .results import Answer
+
+#: The default schemes, the first tuple that a model can have: exact flows, or schemes without any.
 CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoint",), ("euler_maruyama",))
 
 #: The finest step is final_time / 2^FINEST.
 FINEST = 16
 
-#: The pilot has so many samples of each of the levels 1 to PILOT_LEVELS.
+#: The samples of each level of the pilot, and its levels 1 to PILOT_LEVELS.
 PILOT_SAMPLES, PILOT_LEVELS = 1024, 7
 
-#: No sum of float64 is known to better than this, relative to the largest values that it has.
+#: The accuracy of sums of float64, relative to their largest terms.
 ROUNDING = 1e-13
 
 
@@ -52,12 +54,13 @@ class Case(FunctionKeys, BaseCase):
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
-    quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
+    unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
+    quantities: ClassVar = claimable(Answer)
     scoping: ClassVar = ("functions",)
 
     @property
     def step_levels(self) -> tuple[int, ...]:
-        """The levels l of the steps T / 2^l to choose from; one more is kept for the check."""
+        """The levels l of the steps T / 2^l to choose from; one more is for the check."""
         if self.steps is None:
             return tuple(range(FINEST))
         return tuple(sorted({round(math.log2(self.final_time / h)) for h in self.steps}))
@@ -67,52 +70,48 @@ class Case(FunctionKeys, BaseCase):
         """T."""
         return self.final_time
 
-    @condition("schemes", "model", "compositions")  # in the place of that of all cases, before claims name schemes
+    @condition  # in the place of that of all cases, before claims name schemes
     def _check_names(self) -> Self:
         """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
         if self.schemes:
             return super()._check_names()
-        found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
-        return BaseCase._check_names(self.model_copy(update={"schemes": found}))
+        schemes = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
+        return BaseCase._check_names(self.model_copy(update={"schemes": schemes}))
 
-    @condition("extrapolate")
+    @condition
     def _check_extrapolate(self) -> Self:
         check_distinct(self.extrapolate, "extrapolate")
         return self
 
-    @condition("steps", "final_time", "extrapolate")
+    @condition
     def _check_steps(self) -> Self:
         end, levels = self.final_time, self.step_levels
         for h in self.steps or ():
             level = min(max(round(math.log2(end / h)), 0), FINEST - 1)
             if abs(end / 2.0**level - h) > RATIO * h:
-                what = f"has {quantity(h)}, which is not final_time / 1, 2, 4, ..., {2 ** (FINEST - 1)}"
-                raise wrong(what, f"the nearest is {quantity(end / 2.0**level)}", "steps")
+                mistake = f"has {quantity(h)}, which is not final_time / 1, 2, 4, ..., {2 ** (FINEST - 1)}"
+                raise wrong(mistake, f"the nearest is {quantity(end / 2.0**level)}", "steps")
         least = min(self.extrapolate) + 2
         if levels[0] >= PILOT_LEVELS:
-            what = f"has at most {quantity(max(self.steps or ()))}"
-            raise wrong(what, f"the largest must be at least {quantity(end / 2 ** (PILOT_LEVELS - 1))}", "steps")
+            mistake = f"has at most {quantity(max(self.steps or ()))}"
+            raise wrong(mistake, f"the largest must be at least {quantity(end / 2 ** (PILOT_LEVELS - 1))}", "steps")
         if levels[-1] - levels[0] + 1 < least:
-            what = f"has {entries_in(len(levels))}, too few to tell the bias from"
-            raise wrong(
-                what,
-                f"must have {least} or more, as in [{quantity(end / 8)}, {quantity(end / 2 ** (least + 2))}]",
-                "steps",
-            )
+            right = f"must have {least} or more, as in [{quantity(end / 8)}, {quantity(end / 2 ** (least + 2))}]"
+            raise wrong(f"has {entries_in(len(levels))}, too few to tell the bias from", right, "steps")
         return self
 
-    @condition("accuracy", "functions", "initial", "model")
+    @condition
     def _check_accuracy(self) -> Self:
         y = np.reshape(np.asarray(self.initial, float), (-1, 1))
         with np.errstate(all="ignore"):
             values = np.abs([np.broadcast_to(as_numpy(tree)(y), 1)[0] for tree in self.expressions])
         least = ROUNDING * float(values.max(initial=0.0, where=np.isfinite(values)))
         if self.accuracy < least:
-            what = f"is {self.accuracy:g}, below what float64 knows of such values"
-            raise wrong(what, f"must be at least {1.5 * least:.1g}", "accuracy")
+            mistake = f"is {self.accuracy:g}, below what float64 knows of such values"
+            raise wrong(mistake, f"must be at least {1.5 * least:.1g}", "accuracy")
         return self
 
-    @condition("final_time", "schemes", "reference_scheme", "model")
+    @condition
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_distinct(self.schemes, "schemes")

@@ -1,4 +1,4 @@
-"""The question about the system of an experiment of another kind, which ``spi answer`` asks."""
+"""The answer spec that ``spi answer`` makes of an experiment of another kind."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -12,10 +12,10 @@ from spi.specs.files import Files
 from spi.specs.naming import as_yaml
 from spi.specs.sweep import versions
 
-#: The keys that say what is integrated.
+#: The keys about the system and its noise.
 _SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise")
 
-#: What is asked of an experiment without test functions, and how well unless the person says so.
+#: The functions for an experiment without test functions, and the default accuracy.
 _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3
 
 
@@ -29,15 +29,15 @@ def question(experiment: Experiment) -> str:
     own = {case["name"]: case for case in document.data.get("cases") or ()}
     above = {key: value for key, value in document.data.items() if key not in ONLY_IN_FILES}
     files = Files(experiment.path, experiment.files)
-    asked = []
+    answers = []
     for name, cases in groupby(experiment.cases, lambda case: case.owner):
         raw, case, title = _middle(laid_over(above, own.get(name, {})), [*cases], files)
         if case.eps is not None:
             right = "answers are about the equation; use schemes without eps"
             raise SpecError(f"{experiment.called}: has a multiscale scheme; {right}")
-        asked.append({"name": name, "title": title, **_asked(raw, case)} if own else _asked(raw, case))
+        answers.append({"name": name, "title": title, **_asked(raw, case)} if own else _asked(raw, case))
     heading = {"title": f"{experiment.title} ({ANSWER})", "kind": ANSWER}
-    return as_yaml(_with_numbers(heading | ({"cases": asked} if own else asked[0])))
+    return as_yaml(_with_numbers(heading | ({"cases": answers} if own else answers[0])))
 
 
 def _middle(raw: dict[str, Any], cases: Sequence[BaseCase], files: Files) -> tuple[dict[str, Any], BaseCase, str]:

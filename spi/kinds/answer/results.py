@@ -1,102 +1,139 @@
-"""What is stored of an answer."""
+"""The record of an answer."""
 
-from collections.abc import Iterator, Sequence
-from typing import Annotated
+import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, quantity
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.printing.text import human_time, power_of_two, readable, short, with_interval
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 
 class Levels(Described):
     """The differences between neighbouring steps that were sampled, from large to small steps."""
 
-    h: Annotated[Array, axis("smaller step size of the level", "time", name="level")]
-    share: Annotated[Array, array("level", "how much of the difference is in the answer")]
-    mean: Annotated[Array, array("function level", "mean of the difference", "value", "E phi(y_h(T)) - E phi(y_2h(T))")]
-    stderr: Annotated[Array, array("function level", "standard error of the mean", "value")]
-    variance: Annotated[Array, array("function level", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
-    samples: Annotated[Array, array("level", "samples of the difference")]
+    h: Array = axis("smaller step size of the level", "time", name="level")
+    share: Array = array("level", "how much of the difference is in the answer")
+    mean: Array = array("function level", "mean of the difference", "value", "E phi(y_h(T)) - E phi(y_2h(T))")
+    stderr: Array = array("function level", "standard error of the mean", "value")
+    variance: Array = array("function level", "variance of the difference")
+    kurtosis: Array = array("function level", "kurtosis of the difference")
+    samples: Array = array("level", "samples of the difference")
 
 
 class Chosen(Described):
-    """What was chosen for sampling, and how the check came out."""
+    """The scheme and steps chosen for sampling, and the outcome of the check."""
 
-    scheme: Annotated[str, fact("scheme that was chosen", name="chosen_scheme", column=True)]
-    extrapolated: Annotated[int, fact("levels of extrapolation", name="extrapolated", column=True)]
-    largest_step: Annotated[float, fact("step of the level that is sampled alone", "time", column=True)]
-    smallest_step: Annotated[float, fact("smallest step", "time", column=True)]
-    order: Annotated[float, fact("order of the bias that was assumed")]
-    samples: Annotated[int, fact("samples of the largest step", column=True)]
-    points: Annotated[bool, fact("whether the largest step follows quasi-random points")] = False
-    check: Annotated[Array, array("function", "by how much one step finer differs", "value")]
-    check_stderr: Annotated[Array, array("function", "standard error of that difference", "value")]
-    passed: Annotated[bool, fact("whether one step finer differs by no more than the bias that is stated")]
-    consistency: Annotated[float, fact("largest of the levels' checks, above 1 with probability 0.3 % each")]
-    levels: Annotated[Levels, nested(prefix="level_")]
+    scheme: str = fact("scheme that was chosen", name="chosen_scheme", column=True)
+    extrapolated: int = fact("levels of extrapolation", name="extrapolated", column=True)
+    largest_step: float = fact("step of the level that is sampled alone", "time", column=True)
+    smallest_step: float = fact("smallest step", "time", column=True)
+    order: float = fact("order of the bias that was assumed")
+    samples: int = fact("samples of the largest step", column=True)
+    points: bool = fact("whether the largest step follows quasi-random points", default=False)
+    check: Array = array("function", "by how much one step finer differs", "value")
+    check_stderr: Array = array("function", "standard error of that difference", "value")
+    passed: bool = fact("whether one step finer differs by no more than the bias that is stated")
+    consistency: float = fact("largest of the levels' checks, above 1 with probability 0.3 % each")
+    levels: Levels = nested(prefix="level_")
 
 
 class Compared(Described):
     """The check of the bias by another scheme, on the same noise."""
 
-    reference: Annotated[str, fact("scheme that checks the bias", name="reference_scheme")]
-    step: Annotated[float, fact("step of that check", "time", name="compared_step")]
-    difference: Annotated[Array, array("function", "mean difference from the scheme that checks", "value")]
-    left: Annotated[Array, array("function", "what is left of it as the step tends to 0", "value")]
-    stderr: Annotated[Array, array("function", "standard error of what is left", "value", name="left_stderr")]
-    agrees: Annotated[bool, fact("whether nothing is left but for errors")]
+    reference: str = fact("scheme that checks the bias", name="reference_scheme")
+    step: float = fact("step of that check", "time", name="compared_step")
+    difference: Array = array("function", "mean difference from the scheme that checks", "value")
+    left: Array = array("function", "what is left of it as the step tends to 0", "value")
+    stderr: Array = array("function", "standard error of what is left", "value", name="left_stderr")
+    agrees: bool = fact("whether nothing is left but for errors")
 
 
 class Answer(Stored):
     """Expectations E phi(y(T)) with what is left of errors, and how they were found."""
 
     headline = ("value",)
+    row_axes = ("function",)
 
-    functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    value: Annotated[Array, array("function", "expectation", "value", "E phi(y(T))")]
-    half: Annotated[Array, array("function", "half the width of the 95 % interval, the bias included", "value")]
-    bias: Annotated[Array, array("function", "of it the bias at most, or the numerical error", "value")]
-    stderr: Annotated[Array, array("function", "standard error of sampling", "value")]
-    accuracy: Annotated[float, fact("half the width that was asked for", "value", column=True)]
-    aim: Annotated[float, fact("half the width that was aimed at, larger where time does not allow more", "value")]
-    reached: Annotated[
-        bool, fact("whether the interval is as narrow as was aimed at, and the check passed", column=True)
-    ]
-    why: Annotated[str, fact("what else might have been chosen, and what it would have taken")]
-    warnings: Annotated[tuple[str, ...], fact("what a person should know")] = ()
-    formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
-    cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
-    pilot_seconds: Annotated[float, fact("of it for the pilot", "s")] = 0.0
-    predicted_seconds: Annotated[float, fact("processor time that was predicted", "s", column=True)]
-    next_digit_seconds: Annotated[float, fact("processor time of an answer to a tenth of the accuracy", "s")]
+    functions: tuple[str, ...] = axis("test function", name="function")
+    value: Array = array("function", "expectation", "value", "E phi(y(T))", claim="equal")
+    half: Array = array(
+        "function",
+        "half the width of the 95 % interval, the bias included",
+        "value",
+        claim=Claimed("at most", "interval", lost="lost"),
+    )
+    bias: Array = array("function", "of it the bias at most, or the numerical error", "value")
+    stderr: Array = array("function", "standard error of sampling", "value")
+    accuracy: float = fact("half the width that was asked for", "value", column=True)
+    aim: float = fact("half the width that was aimed at, larger where time does not allow more", "value")
+    reached: bool = fact("whether the interval is as narrow as was aimed at, and the check passed", column=True)
+    why: str = fact("what else might have been chosen, and what it would have taken")
+    warnings: tuple[str, ...] = fact("what a person should know", default=())
+    formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
+    cpu_seconds: float = fact("processor time", "s", column=True)
+    pilot_seconds: float = fact("of it for the pilot", "s", default=0.0)
+    predicted_seconds: float = fact("processor time that was predicted", "s", column=True)
+    next_digit_seconds: float = fact("processor time of an answer to a tenth of the accuracy", "s")
     chosen: Chosen | None = None
     compared: Compared | None = None
 
     def __str__(self) -> str:
-        from .table import lines  # which imports this module
+        return "\n".join(self.remarks())
 
-        return "\n".join(lines(self))
+    def remarks(self) -> Iterator[str]:
+        """Values with intervals, how they were found, what that took, and what a person should know."""
+        for f, name in enumerate(self.functions):
+            formula = readable(self.formulas[f], self.about.variables)
+            parts = f"of it bias at most {short(self.bias[f])}, sampling {short(self.sampling[f])}"
+            trust = parts if self.chosen else "numerical error, nothing is sampled"
+            expectation = f"E {name} = E {formula}" if formula != name else f"E {name}"
+            answer = f"{with_interval(self.value[f], self.half[f])} (95 %; {trust})"
+            if not np.isfinite(self.half[f]):
+                answer = f"{short(self.value[f])}, not resolved" if np.isfinite(self.value[f]) else "not finite"
+            yield f"{expectation} at t = {self.about.final_time:g}: {answer}"
+        yield f"  {self._method()}"
+        yield f"  {self._cost()}"
+        if self.why:
+            yield f"  {self.why}"
+        for warning in self.warnings:
+            yield f"  warning: {warning}"
+
+    def _method(self) -> str:
+        """The scheme, steps and paths, and the check."""
+        if not (chosen := self.chosen):
+            return "without sampling, by the backward operator"
+        times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
+        steps = f"steps {power_of_two(chosen.largest_step)} to {power_of_two(chosen.smallest_step)}"
+        paths = "quasi-random points" if chosen.points else "paths"
+        by = f" and by {self.compared.reference}" if self.compared and self.compared.agrees else ""
+        check = f"checked at {power_of_two(chosen.smallest_step / 2)}{by}" if chosen.passed else "the check failed"
+        return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} {paths} of the largest; {check}"
+
+    def _cost(self) -> str:
+        """The time that it took, and that the next digit would."""
+        took = f"processor time {human_time(self.cpu_seconds)}"
+        if self.chosen or math.isfinite(self.predicted_seconds):
+            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" * bool(self.chosen)
+            took += f" (predicted {human_time(self.predicted_seconds)}{pilot})"
+        if np.isfinite(self.half).all() and np.isfinite(self.next_digit_seconds):
+            took += f"; the next digit would take about {human_time(self.next_digit_seconds)}"
+        return took
+
+    @derived("function", "half the interval of the value")
+    def value_half(self) -> Array:
+        """(F,) of the field `half`."""
+        return self.half
+
+    @derived("function", "why no claim about the interval passes")
+    def lost(self) -> Array:
+        """(F,) of a value that is not finite that this is so; else empty."""
+        return np.where(np.isfinite(self.value), "", "of a value that is not finite")
 
     @property
-    def sampling(self) -> np.ndarray:
+    def sampling(self) -> Array:
         """(F,) of the half width what sampling has."""
         return self.half - self.bias
 
 
 Record = Answer
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of answers.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Sequence[Answer]) -> Iterator[Quantity]:
-    """The value of each function with its interval, and half the width of that."""
-    for one in readings:
-        for name, value, half in zip(one.functions, one.value, one.half, strict=True):
-            yield quantity("value", one.about, value, half, name)
-            lost = "" if np.isfinite(value) else "of a value that is not finite"
-            yield quantity("interval", one.about, half, 0.0, name, lost=lost)

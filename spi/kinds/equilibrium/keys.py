@@ -14,12 +14,11 @@ from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
-from spi.specs.document import every
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.statistics.claims import claimable
 
 from .references import EXACT, FINEST, check
-from .results import BATCHES, OF_FUNCTIONS, PANELS
+from .results import BATCHES, OF_FUNCTIONS, PANELS, Equilibrium
 
 Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
@@ -67,24 +66,19 @@ class Case(BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("growth", "bias"), Sort(EQUAL, per_step=True)),
-        **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
-        **dict.fromkeys(("average", "tau", "heat_capacity", "susceptibility"), Sort(EQUAL, per_step=True)),
-        **dict.fromkeys(("deviation", "halves"), Sort(AT_MOST, per_step=True)),
-        "order": Sort(EQUAL),
-    }
+    quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions",)
+    at_once: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
     @property
     def last_time(self) -> float:
-        """Of the largest step size."""
+        """The final time of the largest step size."""
         return self.final_time or max(self.steps) * (self.step_count or 0)
 
     @property
     def counts(self) -> list[int]:
-        """How many steps there are of each step size."""
+        """The number of steps of each step size."""
         return [self.step_count or round((self.final_time or 0) / h) for h in self.steps]
 
     @property
@@ -105,7 +99,7 @@ class Case(BaseCase):
         """The time that does not count."""
         return _BURNT * self.last_time if self.burn_in is None else self.burn_in
 
-    @condition("steps", "step_count", "final_time", "schemes")
+    @condition
     def _check_steps(self) -> Self:
         if (self.step_count is None) == (self.final_time is None):
             if self.step_count is not None:
@@ -120,14 +114,14 @@ class Case(BaseCase):
             check_multiple(self.final_time, h, "steps", "has")
             check_count(self.final_time, h, "steps")
             if self.final_time / h < STEPS_PER_TOSS:
-                what = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
-                raise wrong(what, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
+                mistake = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
+                raise wrong(mistake, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
         check_schemes(self, self.schemes, self.steps, "steps")
         if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
 
-    @condition("functions", "final_time", "model")
+    @condition
     def _check_functions(self) -> Self:
         """The case with functions, unless no final time is given."""
         if not self.final_time:
@@ -139,46 +133,49 @@ class Case(BaseCase):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
         functions = self.functions or {"H": "H"}
-        every(check_function, ((self, name, text) for name, text in functions.items()))
+        for name, text in functions.items():
+            check_function(self, name, text)
         return self.model_copy(update={"functions": functions})
 
-    @condition("functions", "burn_in", "spacing", "steps", "final_time", "model")
+    @condition
     def _check_kept(self) -> Self:
         if not self.functions:
             return self
         key = "spacing" if self.spacing else "steps"
         for h in self.steps:
             if abs(round(self.between / h) * h - self.between) > ROUNDING * self.between:
-                what = f"{'is' if self.spacing else 'give the spacing'} {quantity(self.between)}, no multiple of"
-                raise wrong(f"{what} {quantity(h)}", "give a spacing that is one of every step size", key)
+                mistake = f"{'is' if self.spacing else 'give the spacing'} {quantity(self.between)}, no multiple of"
+                raise wrong(f"{mistake} {quantity(h)}", "give a spacing that is one of every step size", key)
         left = int((self.last_time - self.burnt) / self.between * (1 + ROUNDING))
         if left < _LEAST_KEPT:
-            what = f"leaves {max(left, 0)} values with a spacing of {quantity(self.between)} after burn_in"
+            mistake = f"leaves {max(left, 0)} values with a spacing of {quantity(self.between)} after burn_in"
             right = f"must leave {_LEAST_KEPT}: final_time {quantity(self.burnt + _LEAST_KEPT * self.between)} or more"
-            raise wrong(what, right, "final_time")
+            raise wrong(mistake, right, "final_time")
         states = 1 + STEPS_PER_TOSS * max(self.steps) / self.between
         if 8 * LANES * BATCHES * dimension(self.model) * states > _MOST_BYTES:
             right = f"must be larger, such as {quantity(STEPS_PER_TOSS * max(self.steps))}"
             raise wrong("records more states at a time than fit", right, "spacing")
         return self
 
-    @condition("reference", "functions", "steps", "initial", "model", "temperature")
+    @condition
     def _check_reference(self) -> Self:
-        """The case with what is known of each function by its name."""
+        """The case with the reference of each function by its name."""
         if self.reference and not self.functions:
             raise wrong("is for means over time", "give final_time in place of step_count", "reference")
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
-        every(check, ((self, name, known) for name, known in reference.items()))
+        for name, text in reference.items():
+            check(self, name, text)
         return self.model_copy(update={"reference": reference})
 
-    @condition("panels", "functions")
+    @condition
     def _check_panels(self) -> Self:
-        """The case with what its figure shows."""
+        """The case with the panels of its figure."""
         if not self.panels:
             return self.model_copy(update={"panels": OF_FUNCTIONS[:3] if self.functions else PANELS[:1]})
         for name in set(self.panels) - {"growth", "acceptance"}:
             if (name in OF_FUNCTIONS) != bool(self.functions):
-                what = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
-                raise wrong(what, f"leave it out, or {'leave out' if self.functions else 'give'} functions", "panels")
+                right = f"leave it out, or {'leave out' if self.functions else 'give'} functions"
+                mistake = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
+                raise wrong(mistake, right, "panels")
         return self

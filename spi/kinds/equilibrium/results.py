@@ -1,14 +1,16 @@
 """The records of long times."""
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from statistics import NormalDist
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
-from spi.statistics.claims import WIDEST, Quantity, at_steps, each_step, lost_is_infinite, order
-from spi.storage.records import INTERVAL, Description, Order, in_standard_errors
-from spi.storage.stored import Array, Described, Stored, array, axis, fact
+from spi.printing.tables import Column, Table
+from spi.printing.text import decimal, power_of_two, short
+from spi.storage.records import INTERVAL, Order, in_standard_errors
+from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact
 
 #: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
 OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
@@ -22,6 +24,8 @@ LEAST_PATHS = 8
 LONG_ENOUGH = 50
 #: Two standard errors may differ by this factor, beyond their own uncertainty.
 APART = 1.5
+#: The probability by chance of the difference between both halves of the time from which on there is a warning.
+_SELDOM = 0.01
 
 
 class Law(Described):
@@ -30,83 +34,149 @@ class Law(Described):
     Means of moments such as y_1^2, and distributions of variables such as y_1 in bins of equal probability.
     """
 
-    variables: Annotated[tuple[str, ...], axis("variable", name="variable")]
-    moments: Annotated[tuple[str, ...], axis("moment", name="moment")]
-    mean: Annotated[Array, array("h moment", "mean of the moment")]
-    mean_stderr: Annotated[Array, array("h moment", "standard error of the mean of the moment")]
-    mean_exact: Annotated[Array, array("moment", "exact mean of the moment")]
-    fraction: Annotated[Array, array("h variable bin", "fraction of the snapshots in the bin; exact: 1 / bins")]
-    fraction_stderr: Annotated[Array, array("h variable bin", "standard error of the fraction")]
-    distance: Annotated[
-        Array, array("h variable", "largest difference from the exact distribution function", name="law_distance")
-    ]
-    distance_stderr: Annotated[
-        Array, array("h variable", "standard error of the difference", name="law_distance_stderr")
-    ]
+    variables: tuple[str, ...] = axis("variable", name="variable")
+    moments: tuple[str, ...] = axis("moment", name="moment")
+    mean: Array = array("h moment", "mean of the moment")
+    mean_stderr: Array = array("h moment", "standard error of the mean of the moment")
+    mean_exact: Array = array("moment", "exact mean of the moment")
+    fraction: Array = array("h variable bin", "fraction of the snapshots in the bin; exact: 1 / bins")
+    fraction_stderr: Array = array("h variable bin", "standard error of the fraction")
+    distance: Array = array(
+        "h variable",
+        "largest difference from the exact distribution function",
+        name="law_distance",
+        claim="at most",
+    )
+    distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
 
     @property
-    def z(self) -> np.ndarray:
+    def z(self) -> Array:
         """(S, M) means less their exact values, in standard errors."""
         return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
+
+    @property
+    def farthest(self) -> Array:
+        """(S,) the moments whose means are farthest from the exact ones; empty where these are not finite."""
+        farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
+        return np.where(np.isfinite(self.mean_z), farthest, "")
+
+    @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
+    def mean_z(self) -> Array:
+        """(S,) of all moments."""
+        return np.abs(self.z).max(axis=1)
 
 
 class Averages(Described):
     """Means of functions over the later part of the time and over all paths, and quantities by which to judge them."""
 
-    functions: Annotated[tuple[str, ...], axis("function", name="function")]
-    texts: Annotated[tuple[str, ...], fact("what the functions are")]
-    temperature: Annotated[float, fact("temperature of the case, inf without one", "energy", name="held_at")]
-    spacing: Annotated[float, fact("time between two values along a path", "time")]
-    kept: Annotated[int, fact("values of each path and function that count")]
-    average: Annotated[Array, array("h function", "mean over time and paths")]
-    average_half: Annotated[Array, array("h function", "half of the 95 % interval of the mean")]
-    stderr_paths: Annotated[Array, array("h function", "standard error of the mean, from independent paths")]
-    stderr_tau: Annotated[Array, array("h function", "standard error of the mean, from autocorrelations")]
-    stderr_batches: Annotated[Array, array("h function", "standard error of the mean, from means over batches of time")]
-    tau: Annotated[
-        Array, array("h function", "integrated autocorrelation time", "time", "1/2 spacing + sum of rho(s) spacing")
-    ]
-    tau_stderr: Annotated[Array, array("h function", "standard error of this time", "time")]
-    window: Annotated[Array, array("h function", "lag at which that sum ends, 5 tau; NaN where none is known", "time")]
-    halves: Annotated[
-        Array,
-        array("h function", "mean of the second half of the time less that of the first, in standard errors"),
-    ]
-    variance: Annotated[Array, array("h function", "variance over time and paths")]
-    variance_stderr: Annotated[Array, array("h function", "standard error of the variance")]
-    reference: Annotated[Array, array("function", "known mean, or mean at the smallest step size; NaN without one")]
-    reference_stderr: Annotated[Array, array("function", "standard or numerical error of the reference")]
-    reference_variance: Annotated[Array, array("function", "exact variance; NaN where not known")]
-    order: Annotated[tuple[Order, ...], array("function", "order in the step size of the bias of the mean")]
-    constant: Annotated[Array, array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")]
-    lag: Annotated[Array, axis("time between two values", "time")]
-    correlation: Annotated[Array, array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")]
-    correlation_stderr: Annotated[Array, array("h function lag", "standard error of the autocorrelation")]
-    cell_low: Annotated[Array, array("h function", "lower end of the first cell of the histogram")]
-    cell_width: Annotated[Array, array("h function", "width of a cell")]
-    density: Annotated[Array, array("h function cell", "share of the values in the cell, by its width")]
-    density_stderr: Annotated[Array, array("h function cell", "standard error of the density")]
-    density_exact: Annotated[Array, array("h function cell", "the same of the exact law; NaN where not known")]
+    functions: tuple[str, ...] = axis("function", name="function")
+    texts: tuple[str, ...] = fact("what the functions are")
+    temperature: float = fact("temperature of the case, inf without one", "energy", name="held_at")
+    spacing: float = fact("time between two values along a path", "time")
+    kept: int = fact("values of each path and function that count")
+    average: Array = array("h function", "mean over time and paths", claim=Claimed("equal", expected="reference"))
+    average_half: Array = array("h function", "half of the 95 % interval of the mean")
+    stderr_paths: Array = array("h function", "standard error of the mean, from independent paths")
+    stderr_tau: Array = array("h function", "standard error of the mean, from autocorrelations")
+    stderr_batches: Array = array("h function", "standard error of the mean, from means over batches of time")
+    tau: Array = array(
+        "h function",
+        "integrated autocorrelation time",
+        "time",
+        "1/2 spacing + sum of rho(s) spacing",
+        claim="equal",
+    )
+    tau_stderr: Array = array("h function", "standard error of this time", "time")
+    window: Array = array("h function", "lag at which that sum ends, 5 tau; NaN where none is known", "time")
+    halves: Array = array(
+        "h function",
+        "mean of the second half of the time less that of the first, in standard errors",
+        claim=Claimed("at most", absolute=True),
+    )
+    variance: Array = array("h function", "variance over time and paths")
+    variance_stderr: Array = array("h function", "standard error of the variance")
+    reference: Array = array("function", "known mean, or mean at the smallest step size; NaN without one")
+    reference_stderr: Array = array("function", "standard or numerical error of the reference")
+    reference_variance: Array = array("function", "exact variance; NaN where not known")
+    order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean")
+    constant: Array = array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")
+    lag: Array = axis("time between two values", "time")
+    correlation: Array = array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")
+    correlation_stderr: Array = array("h function lag", "standard error of the autocorrelation")
+    cell_low: Array = array("h function", "lower end of the first cell of the histogram")
+    cell_width: Array = array("h function", "width of a cell")
+    density: Array = array("h function cell", "share of the values in the cell, by its width")
+    density_stderr: Array = array("h function cell", "standard error of the density")
+    density_exact: Array = array("h function cell", "the same of the exact law; NaN where not known")
 
     @property
-    def stderr(self) -> np.ndarray:
+    def stderr(self) -> Array:
         """(S, F) the standard error from which intervals are computed."""
         return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
 
-    @property
-    def bias(self) -> np.ndarray:
+    @derived("h function", "mean less the reference", name="average_bias")
+    def bias(self) -> Array:
         """(S, F) means less the reference."""
         return self.average - self.reference
 
     @property
-    def bias_stderr(self) -> np.ndarray:
+    def bias_stderr(self) -> Array:
         """(S, F) its standard error, with that of the reference; 0 at the step size that is the reference itself."""
         return np.where(self.bias == 0, 0.0, np.hypot(self.stderr, self.reference_stderr))
 
-    @property
-    def deviation(self) -> np.ndarray:
+    @derived("h function", "bias in standard errors", claim=Claimed("at most", absolute=True, where="has_reference"))
+    def deviation(self) -> Array:
         """(S, F) the bias in standard errors."""
         return in_standard_errors(self.bias, self.bias_stderr)
+
+    @derived("h function", "whether there is a reference, which is not the mean itself")
+    def has_reference(self) -> Array:
+        """(S, F) bool."""
+        return np.isfinite(self.reference) & (self.bias != 0)
+
+    @property
+    def factors(self) -> Array:
+        """(F,) by which the variance is the response; NaN without a temperature."""
+        return np.array([self.response(f)[1] for f in range(len(self.functions))], float)
+
+    @derived("h function", "half the interval of the bias of the mean", name="average_bias_half")
+    def bias_half(self) -> Array:
+        """(S, F) by the factor of the interval of the mean."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = np.where(self.stderr == 0, INTERVAL, self.average_half / self.stderr)
+            return np.where(self.bias_stderr == 0, 0.0, factor * self.bias_stderr)
+
+    @derived(
+        "h function",
+        "heat capacity Var H / T^2, or susceptibility Var f / T",
+        claim=(
+            Claimed("equal", "heat_capacity", expected="response_exact", where="of_energy"),
+            Claimed("equal", "susceptibility", expected="response_exact", where="of_others"),
+        ),
+    )
+    def responses(self) -> Array:
+        """(S, F) NaN without a temperature."""
+        return self.factors * self.variance
+
+    @derived("h function", "half the interval of the response")
+    def responses_half(self) -> Array:
+        """(S, F)."""
+        return INTERVAL * np.abs(self.factors) * self.variance_stderr
+
+    @derived("function", "exact response")
+    def response_exact(self) -> Array:
+        """(F,) NaN where it is not known."""
+        return self.factors * self.reference_variance
+
+    @derived("function", "whether the response is a heat capacity")
+    def of_energy(self) -> Array:
+        """(F,) of the Hamiltonian, at a temperature."""
+        return np.isfinite(self.factors) & [text == "H" for text in self.texts]
+
+    @derived("function", "whether the response is a susceptibility")
+    def of_others(self) -> Array:
+        """(F,) of other functions, at a temperature."""
+        return np.isfinite(self.factors) & ~self.of_energy
 
     def response(self, f: int) -> tuple[str, float]:
         """The response proportional to the variance, by name, and the factor; NaN without a temperature.
@@ -117,7 +187,7 @@ class Averages(Described):
         power = 2 if self.texts[f] == "H" else 1
         return name, 1 / self.temperature**power if np.isfinite(self.temperature) else np.nan
 
-    def disagreement(self, samples: int) -> np.ndarray:
+    def disagreement(self, samples: int) -> Array:
         """(S, F) the largest quotient of two of the standard errors, beyond twice its own uncertainty."""
         count = samples * self.kept
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -130,6 +200,9 @@ class Averages(Described):
             return np.exp(np.fmax.reduce(excess))
 
 
+_WORST = Claimed("at most", infinite=True)
+
+
 class Equilibrium(Stored):
     """Paths of one scheme over very many steps at several step sizes, from large to small.
 
@@ -137,33 +210,73 @@ class Equilibrium(Stored):
     """
 
     headline = ("casimir_worst", "growth", "law_distance", "average")
-
-    h: Annotated[Array, axis("step size", "time")]
-    n: Annotated[Array, axis("number of steps")]
-    casimir_mean: Annotated[Array, array("h n casimir", "mean error of the Casimir over the paths")]
-    casimir_rms: Annotated[Array, array("h n casimir", "root mean square error of the Casimir")]
-    casimir_worst: Annotated[Array, array("h n casimir", "largest modulus of the error of the Casimir")]
-    casimir_one: Annotated[Array, array("h n casimir", "error of the Casimir on path 0")]
-    nonfinite: Annotated[Array, array("h", "diverged paths (NaN or infinity)")]
-    growth: Annotated[
-        Array, array("h casimir", "growth of the error; NaN where not fitted", formula="p in rms = C n^p")
-    ]
-    growth_low: Annotated[Array, array("h casimir", "lower end of the 95 % interval of the growth")]
-    growth_high: Annotated[Array, array("h casimir", "upper end of the 95 % interval of the growth")]
-    bias: Annotated[Array, array("h casimir", "mean error of the Casimir at the end, per step")]
-    bias_stderr: Annotated[Array, array("h casimir", "standard error of the bias")]
-    solver: Annotated[Solver | None, array("h", "what an implicit scheme reports")] = None
-    acceptance: Annotated[Acceptance | None, array("h", "how often flows were accepted")] = None
-    largest_angle: Annotated[Array | None, array("h", "largest angle of a rotation, where any exceeds pi/4", "rad")] = (
-        None
+    tables = (
+        Table(
+            "h casimir",
+            [
+                Column("nonfinite", "di-\nverged", red=0),
+                Column("casimir_rms", "rms error\nat the end"),
+                Column("casimir_worst", "worst"),
+                Column("growth", "growth of rms,\nexponent (95 %)", form=".2f", interval="[]", missing="not fitted"),
+                Column("bias", "bias/step", interval=""),
+                Column("bias_deviation", "in std.\nerrors", form=decimal),
+            ],
+        ),
+        Table(
+            "h",
+            [
+                Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
+                Column("mean_z", "largest |z|\nof the means", form=".1f", missing="not finite"),
+                Column(lambda one, _: one.law and one.law.farthest, "of"),
+            ],
+            title="stationary law",
+        ),
+        Table(
+            "function h",
+            [
+                Column("average", "mean (95 %)"),
+                Column("average_bias", "bias (95 %)"),
+                Column("deviation", "in std.\nerrors", form=decimal),
+                Column("tau", "autocor-\nrelation time"),
+                Column("responses", "heat capacity or\nsusceptibility (95 %)"),
+            ],
+            title="means over time",
+        ),
     )
+    row_axes, row_columns, row_last = ("h", "n"), ("casimir", "moment", "variable", "function"), ("n",)
+
+    h: Array = axis("step size", "time")
+    n: Array = axis("number of steps")
+    casimir_mean: Array = array("h n casimir", "mean error of the Casimir over the paths")
+    casimir_rms: Array = array("h n casimir", "root mean square error of the Casimir")
+    casimir_worst: Array = array("h n casimir", "largest modulus of the error of the Casimir", claim=_WORST)
+    casimir_one: Array = array("h n casimir", "error of the Casimir on path 0")
+    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim="at most")
+    growth: Array = array(
+        "h casimir",
+        "growth of the error; NaN where not fitted",
+        formula="p in rms = C n^p",
+        claim=Claimed("equal", widest=WIDEST),
+    )
+    growth_low: Array = array("h casimir", "lower end of the 95 % interval of the growth")
+    growth_high: Array = array("h casimir", "upper end of the 95 % interval of the growth")
+    bias: Array = array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")
+    bias_stderr: Array = array("h casimir", "standard error of the bias")
+    solver: Solver | None = array("h", "what an implicit scheme reports", default=None)
+    acceptance: Acceptance | None = array("h", "how often flows were accepted", default=None)
+    largest_angle: Array | None = array("h", "largest angle of a rotation, where any exceeds pi/4", "rad", default=None)
     law: Law | None = None  # where the stationary law is known
     averages: Averages | None = None  # where functions are given
-    samples: Annotated[int, fact("number of paths", column=True)]
-    steps_each: Annotated[int, fact("number of steps of each path, of functions at the largest step size")]
-    snapshots: Annotated[int, fact("snapshots of each path that count for the law")]
-    accuracy: Annotated[float | None, fact("bias and standard error that are wanted")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
+    samples: int = fact("number of paths", column=True)
+    steps_each: int = fact("number of steps of each path, of functions at the largest step size")
+    snapshots: int = fact("snapshots of each path that count for the law")
+    accuracy: float | None = fact("bias and standard error that are wanted", default=None)
+    panels: tuple[str, ...] = fact("what the figure of the case shows")
+
+    @derived("h casimir", "mean error of the Casimir in standard errors")
+    def bias_deviation(self) -> Array:
+        """(S, C) the bias by its standard error; NaN where that is 0."""
+        return in_standard_errors(self.bias, np.where(self.bias_stderr > 0, self.bias_stderr, np.nan))
 
     @property
     def casimir_count(self) -> int:
@@ -175,6 +288,35 @@ class Equilibrium(Stored):
         """The number of the largest step size at which all paths are finite; None if there is none."""
         finite = np.flatnonzero(self.nonfinite == 0)
         return int(finite[np.argmax(self.h[finite])]) if len(finite) else None
+
+    def remarks(self) -> Iterator[str]:
+        """Reasons to doubt the errors of the means, orders of their biases, and what to run for a wanted accuracy."""
+        if (averages := self.averages) is None:
+            return
+        yield from (f"{self.about.label}, {line}" for line in _warnings(self, averages))
+        for f, name in enumerate(averages.functions):
+            if math.isfinite((order := averages.order[f]).order):
+                law = f"{averages.constant[f]:.2g} h^{order.order:.2f}"
+                yield f"{self.about.label}: bias of {name} {law}, order in [{order.low:.2f}, {order.high:.2f}]"
+        yield from planned(self, averages)
+
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["Equilibrium"]) -> Iterator[str]:
+        """Paths, times, the time of averaging, and how large |z| is by chance."""
+        first, averages = readings[0], readings[0].averages
+        snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
+        largest = f" at h = {first.h[0]:g}" if averages else ""
+        yield f"{first.samples} paths of {_count(first.steps_each)} steps each{largest}{snapshots}"
+        yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
+        if first.law:
+            count = len(first.law.moments)
+            bound = f"is below {chance(count):.1f} in 95 % of cases"
+            yield f"by chance the largest |z| of {count} independent means {bound}"
+        if averages:
+            values = f"{averages.kept} values of each path {averages.spacing:g} apart"
+            yield f"means over the last {averages.kept * averages.spacing:.6g} of the time, {values}"
+            named = zip(averages.functions, averages.texts, strict=True)
+            yield from (f"{name}: {text}" for name, text in named if name != text)
 
 
 def with_laws(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Law]]:
@@ -191,70 +333,78 @@ Record = Equilibrium
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Quantities of long times that a spec may expect.
+# Lines under the tables: paths, warnings about means, orders of their biases, what to run for a wanted accuracy.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def quantities(readings: Iterable[Equilibrium]) -> Iterator[Quantity]:
-    """At each step size the growth of errors of the Casimirs, their bias per step, the worst, and diverged paths.
+def chance(count: int) -> float:
+    """The bound of the largest |z| of `count` independent standard normals in 95 % of cases."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
 
-    Where the stationary law is known, the distance from it in each variable and the largest |z| of the means as well;
-    of functions their means, and the distances of these from their references.
+
+def _count(steps: int) -> str:
+    """A number of steps, powers of two also as such."""
+    return f"{power_of_two(steps)} = {steps:.2g}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"
+
+
+def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
+    """A line for each reason to doubt the errors of the means, about the worst step size and function."""
+    from scipy.special import stdtrit  # not needed to start the program
+
+    count, paths = averages.average.size, reading.samples
+    lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
+    likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
+    burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
+    longer = np.isfinite(averages.tau) & ~np.isfinite(averages.window) & (lengths >= LONG_ENOUGH)
+    for values, bad, doubt in (
+        (np.abs(averages.halves), likely, f"burn-in: {burnt_in}; give a longer burn_in and final_time"),
+        (-lengths, -LONG_ENOUGH, f"a path has {{}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer"),
+        (longer * averages.tau, 0.0, "correlations last longer than they are recorded; take a larger spacing"),
+        (
+            averages.disagreement(paths),
+            APART,
+            "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more than "
+            "by chance; run longer",
+        ),
+    ):
+        worst = np.where(values > bad, values, -np.inf)
+        if (values > bad).any():
+            i, f = np.unravel_index(worst.argmax(), worst.shape)
+            yield f"{averages.functions[f]}, h = {reading.h[i]:g}: {doubt.format(decimal(abs(values[i, f])))}"
+
+
+def planned(reading: Equilibrium, averages: Averages) -> Iterator[str]:
+    """For each function the time that a standard error s takes, or the step size and time for a wanted accuracy.
+
+    A mean over the time t of all paths has the variance 2 tau Var / t; the bias is C h^p, where that was fitted.
     """
-    for reading in readings:
-        for c in range(reading.casimir_count):
-            yield from _growth(reading, c)
-            yield from each_step("bias", reading.about, reading.h, reading.bias[:, c], reading.bias_stderr[:, c])
-            worst = lost_is_infinite(reading.casimir_worst[:, :, c].max(axis=1))
-            yield from each_step("casimir_worst", reading.about, reading.h, worst)
-        if reading.law:
-            yield from _law(reading, reading.law)
-        if reading.averages:
-            yield from _averages(reading, reading.averages)
-        yield from each_step("nonfinite", reading.about, reading.h, reading.nonfinite)
-
-
-def _growth(reading: Equilibrium, c: int) -> Iterator[Quantity]:
-    ends = (values[:, c].tolist() for values in (reading.growth, reading.growth_low, reading.growth_high))
-    for h, value, low, high in zip(reading.h.tolist(), *ends, strict=True):
-        yield Quantity("growth", reading.about, value, low, high, h=h, widest=WIDEST)
-
-
-def _law(reading: Equilibrium, law: Law) -> Iterator[Quantity]:
-    for distance, stderr in zip(law.distance.T, law.distance_stderr.T, strict=True):
-        yield from each_step("law_distance", reading.about, reading.h, distance, stderr)
-    yield from each_step("mean_z", reading.about, reading.h, np.abs(law.z).max(axis=1))
-
-
-def _averages(reading: Equilibrium, averages: Averages) -> Iterator[Quantity]:
     for f, name in enumerate(averages.functions):
-        at, (response, factor) = (reading.about, reading.h, name), averages.response(f)
-        yield from of_function(
-            "average", *at, averages.average[:, f], averages.average_half[:, f], averages.reference[f]
-        )
-        yield from of_function("tau", *at, averages.tau[:, f], INTERVAL * averages.tau_stderr[:, f])
-        yield from of_function("halves", *at, np.abs(averages.halves[:, f]))
-        if np.isfinite(averages.reference[f]):
-            own = averages.bias[:, f] == 0  # where the reference is the mean itself, which is no deviation
-            steps, values = reading.h[~own], np.abs(averages.deviation[~own, f])
-            yield from of_function("deviation", reading.about, steps, name, values)
-        if np.isfinite(factor):
-            values, half = factor * averages.variance[:, f], INTERVAL * abs(factor) * averages.variance_stderr[:, f]
-            yield from of_function(
-                response.replace(" ", "_"), *at, values, half, factor * averages.reference_variance[f]
-            )
-        yield order(reading.about, averages.order[f], function=name)
+        i = len(reading.h) - 1
+        rate = 2 * averages.tau[i, f] * averages.variance[i, f]
+        if not math.isfinite(rate) or rate <= 0:
+            continue
+        wanted = reading.accuracy
+        if wanted is None:
+            needed = f"{short(float(rate))}/s^2 of time in all paths"
+            yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
+            continue
+        step, why = step_for(reading, averages, f, wanted)
+        time = rate / wanted**2
+        each = max(time / reading.samples, LONG_ENOUGH * averages.tau[i, f])
+        length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
+        which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
+        yield f"{which} and {length}, for an accuracy of {short(wanted)}"
 
 
-def of_function(
-    name: str,
-    about: Description,
-    h: np.ndarray,
-    function: str,
-    values: np.ndarray,
-    halves: np.ndarray | float = 0.0,
-    expected: float = np.nan,
-) -> Iterator[Quantity]:
-    """A quantity of a function at each step size in `h` (S,), with half the widths of intervals."""
-    for quantity in at_steps(name, about, h, values, np.broadcast_to(halves, len(h)), function):
-        yield quantity._replace(expected=float(expected))
+def step_for(reading: Equilibrium, averages: Averages, f: int, wanted: float) -> tuple[float, str]:
+    """A step size at which the bias of a function is at most `wanted`, and the reason.
+
+    It follows from the fitted bias, or is the largest one at which mean and reference are that close, or the smallest.
+    """
+    constant, order = averages.constant[f], averages.order[f].order
+    if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
+        return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
+    near = np.abs(averages.bias[:, f]) + INTERVAL * averages.bias_stderr[:, f] <= wanted  # false for NaN
+    if near.any():
+        return float(reading.h[near].max()), "no bias is seen there"
+    return float(reading.h[-1]), "the smallest here, its bias is not known"

@@ -6,7 +6,7 @@ uniform on [-|y_0|, |y_0|], and means, and fractions of the snapshots in bins of
 their exact values.  Standard errors come from the paths, which are independent of one another.
 
 Where functions are given, all step sizes run until the same time, and means over that time, autocorrelations and
-histograms are estimated, see ``recording`` and ``averages``.
+histograms are estimated, see ``means``.
 """
 
 import functools
@@ -30,18 +30,18 @@ from spi.ensemble.loop import (
 )
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs
-from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.blocks import reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
+from spi.statistics.estimators import GROUPS
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
-from .averages import averages
-from .recording import NOTHING, OF_PATHS, Paths, Recorder, bins_around, casimir_errors, law_of_states
-from .results import Equilibrium
+from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
+from .means import COLUMNS, Recorder, averages, bins_around
+from .results import BATCHES, Equilibrium
 
 #: About the number of snapshots of each path.
 SNAPSHOTS = 8192
@@ -51,9 +51,7 @@ _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
 
 
-def parts(case: Any) -> list[Part]:
-    """The parts of a case, one for each scheme, which are run one after the other."""
-    return [Part(scheme) for scheme in case.schemes]
+parts = each_scheme
 
 
 def plan(case: Any, part: Part) -> "EquilibriumPlan":
@@ -66,6 +64,8 @@ def plan(case: Any, part: Part) -> "EquilibriumPlan":
 @dataclass(frozen=True, kw_only=True)
 class EquilibriumPlan(Plan):
     """Very many steps of one scheme, with one step size after the other."""
+
+    record = Equilibrium
 
     law: SphereLaw | None  #: the limit of the law of the states, None where that is not known
 
@@ -106,7 +106,7 @@ class EquilibriumPlan(Plan):
         idle = thread_count() / min(thread_count(), blocks)  # a block cannot be shared by threads
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         bare = replace(self, case=self.case.model_copy(update={"functions": {}}))
-        of_a_block = sum(np.asarray(v).nbytes for v in bare.empty(0, 1))
+        of_a_block = sum(np.asarray(values).nbytes for values in bare.empty(0, 1))
         recorded = len(self.case.functions) * 2**21 * min(blocks, _CHUNK_BLOCKS)
         return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps) + recorded)
 
@@ -123,21 +123,18 @@ class EquilibriumPlan(Plan):
 
     def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
         """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
-        paths, conserved = blocks * LANES, len(casimirs(self.model, self.initial))
-        moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
-        return Paths(
-            paths=0,
-            seconds=0.0,
-            n=0,
-            y=self._begun(number, blocks, first),
-            casimir=np.full((len(self.records), conserved, paths), np.nan),
-            report=np.zeros(len(REPORT)),
-            nonfinite=0,
-            snapshots=0,
-            moments=np.zeros((moments, paths)),
-            counts=np.zeros((variables, BINS, paths)),
-            **(self.recorders[number].empty(blocks) if self.recorders else NOTHING),
+        law, y = self.law, self._begun(number, blocks, first)
+        lags = {"function": 0, "lag": 0, "cell": 0} | (self.recorders[number].lengths if self.recorders else {})
+        sums = Paths.empty(
+            lags
+            | {"block": blocks, "lane": LANES, "state": y.shape[1], "level": 1, "record": len(self.records)}
+            | {"casimir": len(casimirs(self.model, self.initial)), "column": COLUMNS, "group": GROUPS}
+            | {"moment": len(law.moments) if law else 0, "variable": len(law.variables) if law else 0, "bin": BINS}
+            | {"stretch": 2 * lags["lag"], "batch": BATCHES if self.recorders else 0}
         )
+        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in OF_PATHS}
+        begun["casimir"][:] = np.nan
+        return sums._replace(y=y, **begun)
 
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
         """The states of `blocks` blocks before their first step."""
@@ -192,15 +189,16 @@ class EquilibriumPlan(Plan):
     def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
         """The paths of a chunk at the next snapshot."""
         number, count = chunk.path_set, self.case.counts[chunk.path_set]
-        began, before, stop = time.perf_counter(), paths.n, self.next_stop(paths.n, number)
+        began, before = time.perf_counter(), int(paths.n)
+        stop = self.next_stop(before, number)
         recorder = self.recorders[number] if self.recorders else None
-        looked = recorder is not None and stop > recorder.series.first * recorder.series.stride
-        every = recorder.series.stride if recorder and looked else 0
+        recording = recorder is not None and stop > recorder.series.first * recorder.series.stride
+        every = recorder.series.stride if recorder and recording else 0
         stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
         y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
-        paths = paths._replace(n=stop, y=y, report=add_reports(paths.report[np.newaxis], report)[0])
+        paths = paths._replace(n=stop, y=y, report=add_reports(paths.report, report))
         with np.errstate(all="ignore"):
-            if recorder and looked:
+            if recorder and recording:
                 paths = recorder.recorded(paths, recorder.values(stored, before), before, chunk.first, chunk.end)
             if stop in self.records:
                 errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
@@ -217,6 +215,8 @@ class EquilibriumPlan(Plan):
         return paths._replace(
             paths=chunk.paths,
             y=paths.y[:0],
+            stretch=paths.stretch[:, :0],
+            batches=paths.batches[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
             **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
             **summed,
@@ -244,26 +244,21 @@ class EquilibriumPlan(Plan):
 
     def so_far(self, state: State) -> State | None:
         """The state of the first step sizes, as many as are complete."""
-        complete = [state.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(state.path_sets)]
-        steps = self.case.steps[: [*complete, False].index(False)]
+        steps = self.case.steps[: state.complete()]
         return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
 
     def results(self, state: State) -> Equilibrium:
         """The results of one scheme of a case, from its final state."""
         case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]
-        casimir = np.array([paths.casimir for paths in totals])
-        return Equilibrium(
-            **self.whole(state),
-            h=np.array(case.steps),
-            n=self.records,
-            **casimir_errors(self.records, casimir),
-            nonfinite=np.array([paths.nonfinite for paths in totals]),
-            **reported(np.array([paths.report for paths in totals])),
-            law=law_of_states(self.law, totals) if self.law else None,
-            averages=averages(self.recorders, case, totals) if self.recorders else None,
-            samples=case.samples,
-            steps_each=int(self.records[-1]),
-            snapshots=totals[0].snapshots,
-            accuracy=case.accuracy,
-            panels=case.panels,
-        )
+        estimated = {
+            "h": np.array(case.steps),
+            "n": self.records,
+            **casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
+            "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
+            **reported(np.array([paths.report[0] for paths in totals])),
+            "law": law_of_states(self.law, totals) if self.law else None,
+            "averages": averages(self.recorders, case, totals) if self.recorders else None,
+            "steps_each": int(self.records[-1]),
+            "snapshots": int(totals[0].snapshots),
+        }
+        return Equilibrium(**(self.whole(state) | estimated))

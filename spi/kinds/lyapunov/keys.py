@@ -2,7 +2,6 @@
 
 from typing import Annotated, ClassVar, Literal, Self
 
-import pydantic
 from annotated_types import Ge, Le
 
 from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, large
@@ -13,13 +12,12 @@ from spi.expressions import parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.models.delegation import undamped
 from spi.numerics.rng import STEPS_PER_TOSS
-from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_step
-from spi.specs.document import every
-from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.specs.cases import StepCase
+from spi.specs.checks import ROUNDING
+from spi.specs.keys import Keys, Samples, condition, entries_in, key_of, quantity, shown, wrong
+from spi.statistics.claims import claimable
 
-from .results import PANELS
+from .results import PANELS, Exponents
 from .study import leaf_dimension
 
 _MOST_TIMES = 8
@@ -37,12 +35,9 @@ class Pullback(Keys):
     of: key_of(tuple[str, ...], _FORMULAS) = ()
 
 
-class Case(BaseCase):
+class Case(StepCase):
     """Lyapunov exponents of the flow on the Casimir surface, along many paths."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
     warm_up: key_of(NonNegative, "time after which exponents are averaged", "time") = 0.0
     exponents: key_of(
@@ -55,19 +50,11 @@ class Case(BaseCase):
     panels: key_of(
         tuple[Literal[PANELS], ...], f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
     ) = ()
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("largest_exponent", "exponent_sum", "dimension"), Sort(EQUAL)),
-        "nonfinite": Sort(AT_MOST),
-    }
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
+    quantities: ClassVar = claimable(Exponents)
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"pullback"}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "pullback": None, "panels": ()}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
 
     @property
     def count(self) -> int:
@@ -82,23 +69,22 @@ class Case(BaseCase):
         surface = spheres(undamped(self.model), self.initial)
         return surface and RandomState(surface.typical, Uniform(surface), {"law": "uniform_on_surface"})
 
-    @condition("step", "schemes", "model")
-    def _check_step(self) -> Self:
+    @condition
+    def _check_model(self) -> Self:
         if large(self.model):
             raise wrong("has states that are arrays", "take a model with components, such as sine_euler", "model")
-        check_step(self)
         if any(self.row(name).multiscale or memory_size(self.row(name).record, self.model) for name in self.schemes):
             raise wrong("has a scheme that keeps more than the state", "use one such as splitting_symmetric", "schemes")
         return self
 
-    @condition("warm_up", "final_time")
+    @condition
     def _check_warm_up(self) -> Self:
         if self.warm_up >= self.final_time:
             right = f"must be less than final_time, which is {quantity(self.final_time)}"
             raise wrong(f"is {quantity(self.warm_up)}", right, "warm_up")
         return self
 
-    @condition("exponents", "model", "initial")
+    @condition
     def _check_exponents(self) -> Self:
         most, known = leaf_dimension(self.model, self.initial), conserved(self.model)
         if most == 0:
@@ -110,7 +96,7 @@ class Case(BaseCase):
             raise wrong(f"is {self.exponents}", f"must be at most {most}, the Casimir surface's dimension", "exponents")
         return self
 
-    @condition("pullback", "panels", "step", "final_time", "model", "initial")
+    @condition
     def _check_pullback(self) -> Self:
         """The case with the times of its pictures in their order."""
         if self.pullback is None and "pullback" not in self.panels:
@@ -121,11 +107,13 @@ class Case(BaseCase):
             raise wrong("is one state, and its surface is no product of spheres", right, "initial")
         if len(given.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(given.times))}", f"must have at most {_MOST_TIMES}", "pullback", "times")
-        every(self._check_time, enumerate(given.times))
+        for i, t in enumerate(given.times):
+            self._check_time(i, t)
         counts = [round(t / self.step) for t in given.times]
         if len(given.of) not in (0, 2):
             raise wrong(f"has {entries_in(len(given.of))}", "must have two, as in of: [y1, y2]", "pullback", "of")
-        every(self._check_formula, enumerate(given.of))
+        for i, text in enumerate(given.of):
+            self._check_formula(i, text)
         steps = round(self.final_time / self.step)
         times = tuple(n * self.step for n in sorted(set(counts or [max(1, steps >> k) for k in (6, 4, 2, 0)])))
         return self.model_copy(update={"pullback": given.model_copy(update={"times": times})})

@@ -6,9 +6,10 @@ to the random attractor of this path of noise (H. Crauel, F. Flandoli, Probabili
 the numbering is that of coupling from the past, J. G. Propp, D. B. Wilson, Random Structures and Algorithms 9, 1996).
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +25,10 @@ from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
+from spi.statistics.accumulators import Array, Sums, added, moments
 from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cells_around, count_places, mollweide, places_in_cells
-from spi.statistics.estimators import GROUPS, add_values, group_counts, jackknife_stderr, mean_over_paths
-from spi.statistics.tallies import PathSet, sum_of_fields
+from spi.statistics.estimators import group_counts, jackknife_stderr, mean_over_paths
+from spi.statistics.tallies import PathSet
 
 from .results import SPHERE_SIDES, Pictures
 
@@ -36,25 +38,11 @@ _MARGIN = 0.125  # of their range on each side
 _LEAST = 1e-16  # distance, relative to |y|, that counts as this one
 
 
-class Counts(NamedTuple):
+class Counts(Sums):
     """Sums over the states of the pictures at T times."""
 
-    paths: int
-    seconds: float
-    cpu_seconds: float
-    cells: np.ndarray  #: (T, 1, 2 + cells) int64: outside, in each cell, lost
-    distances: np.ndarray  #: (2, T, 2, GROUPS) sums of distances of two states and their logarithms, and of the squares
-
-    def plus(self, later: "Counts") -> "Counts":
-        """The sums over these states and some later ones."""
-        return sum_of_fields(self, later)
-
-
-class Seen(NamedTuple):
-    """The contributions of some blocks."""
-
-    places: np.ndarray  #: (blocks, T, 1, LANES) the number of the cell and a half, -1 outside, NaN if lost
-    distances: np.ndarray  #: (blocks, T, 2, LANES) distance of each to its partner, and the logarithm
+    cells: Array = added("time one count", int)  #: outside, in each cell, lost
+    distances: Array = moments("time distance")  #: of two states, and the logarithm of that
 
 
 @dataclass(frozen=True)
@@ -144,28 +132,29 @@ class Pulled:
         values = self.sides(self.states(0, _PILOT, _PILOT * LANES)).transpose(2, 0, 1, 3).reshape(*shape, -1)
         return cells_around(values, self._number, _MARGIN)
 
-    def empty(self) -> Counts:
-        """The sums over no states."""
-        times, (rows, columns) = len(self.steps), self._number
-        cells = np.zeros((times, 1, 2 + rows * columns), np.int64)
-        return Counts(0, 0.0, 0.0, cells, np.zeros((2, times, 2, GROUPS)))
+    @property
+    def lengths(self) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"time": len(self.steps), "one": 1, "count": 2 + math.prod(self._number), "distance": 2}
 
-    def rows(self, first: int, count: int, end: int) -> Seen:
-        """The contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group."""
+    def observe(self, first: int, count: int, end: int) -> dict[str, Array]:
+        """The contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group.
+
+        `cells` are (blocks, T, 1, LANES) the number of the cell and a half, -1 outside, NaN if lost.
+        """
         y = self.states(first, count, end)
         with np.errstate(all="ignore"):
             apart = y - np.roll(y, LANES // 2, axis=-1)
             distance = np.sqrt((apart * apart).sum(axis=2))
             size = np.sqrt((y * y).sum(axis=2))
         places = places_in_cells(self.sides(y), *self.ends, self._number, closed=self._sphere is not None)
-        return Seen(places, np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2))
+        return {"cells": places, "distances": np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2)}
 
-    def added(self, sums: Counts, rows: Seen, at: slice, first: int, end: int) -> Counts:
-        """The sums with the rows `at`, of which the first is that of block `first`."""
-        cells, distances = sums.cells.copy(), sums.distances.copy()
-        count_places(rows.places[at], first, end, cells)
-        add_values(rows.distances[at], first, end, distances)
-        return sums._replace(cells=cells, distances=distances)
+    def added(self, sums: Counts, contributions: dict[str, Array], at: slice, first: int, end: int) -> Counts:
+        """The sums with the contributions `at`, of which the first is that of block `first`."""
+        cells = sums.cells.copy()
+        count_places(contributions["cells"][at], first, end, cells)
+        return sums.with_blocks({"distances": contributions["distances"]}, at, first, end)._replace(cells=cells)
 
     def results(self, sums: Counts) -> Pictures:
         """The pictures, from the sums over all states."""

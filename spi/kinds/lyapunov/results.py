@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, lost_among, quantity
+from spi.printing.tables import Column, Table
+from spi.printing.text import short, with_interval
+from spi.statistics.claims import lost_among
 from spi.statistics.estimators import RESOLVED, group_counts, student
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The panels of a figure.
 PANELS = ("lyapunov", "pullback")
@@ -29,16 +30,16 @@ class Pictures(Described):
     Its cells have equal areas; on a sphere they are those of Mollweide's projection, whose area is 4 pi.
     """
 
-    t: Annotated[Array, axis("how long the noise has acted", "time", name="pullback_t")]
-    sides: Annotated[tuple[str, ...], axis("what the cells divide: their rows and their columns", name="side")]
-    low: Annotated[Array, array("pullback_t side", "lower end of the first cell")]
-    width: Annotated[Array, array("pullback_t side", "width of a cell")]
-    count: Annotated[Array, array("pullback_t row column", "number of states in the cell")]
-    outside: Annotated[Array, array("pullback_t", "share of the states outside of all cells")]
-    distance: Annotated[Array, array("pullback_t", "mean distance of two states", formula="E |y - z|")]
-    distance_stderr: Annotated[Array, array("pullback_t", "standard error of that, for this path of noise")]
-    typical: Annotated[Array, array("pullback_t", "typical distance of two states", formula="exp E log |y - z|")]
-    points: Annotated[int, fact("number of states")]
+    t: Array = axis("how long the noise has acted", "time", name="pullback_t")
+    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
+    low: Array = array("pullback_t side", "lower end of the first cell")
+    width: Array = array("pullback_t side", "width of a cell")
+    count: Array = array("pullback_t row column", "number of states in the cell")
+    outside: Array = array("pullback_t", "share of the states outside of all cells")
+    distance: Array = array("pullback_t", "mean distance of two states", formula="E |y - z|")
+    distance_stderr: Array = array("pullback_t", "standard error of that, for this path of noise")
+    typical: Array = array("pullback_t", "typical distance of two states", formula="exp E log |y - z|")
+    points: int = fact("number of states")
 
     @property
     def is_sphere(self) -> bool:
@@ -46,72 +47,117 @@ class Pictures(Described):
         return self.sides == SPHERE_SIDES
 
     @property
-    def occupied(self) -> np.ndarray:
+    def occupied(self) -> Array:
         """(times,) the share of the cells in which there are states, on a sphere of those that touch it."""
         number: int = self.count[0].size
-        share: np.ndarray = (self.count > 0).sum(axis=(1, 2)) / (number * (np.pi / 4 if self.is_sphere else 1.0))
+        share: Array = (self.count > 0).sum(axis=(1, 2)) / (number * (np.pi / 4 if self.is_sphere else 1.0))
         return share
 
     @property
-    def distance_half(self) -> np.ndarray:
+    def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
         return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
 
     @property
-    def density(self) -> np.ndarray:
+    def density(self) -> Array:
         """(times, rows, columns) share of the states in the cell by its area: on a sphere per steradian."""
-        density: np.ndarray = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
+        density: Array = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
         return density
+
+
+def _dimension(reading: "Exponents", readings: Sequence["Exponents"]) -> str:
+    """The dimension as text, a lower bound where exponents do not suffice for it."""
+    half = reading.dimension_half
+    if half is None and math.isfinite(reading.dimension):
+        return f"{reading.dimension:g} or more"
+    return with_interval(reading.dimension, half) if half else f"{reading.dimension:g}"
+
+
+_LARGE = 1e3  # factors of vectors between two stops from which on differences lose too many digits
+_SUM = Claimed("equal", "exponent_sum", expected="total_known")
 
 
 class Exponents(Stored):
     """Lyapunov exponents on the Casimir surface, averaged from the warm-up to several times and over the paths."""
 
     headline = ("largest_exponent", "exponent_sum")
+    row_axes = ("number", "t")
+    tables = (
+        Table(
+            "",
+            [
+                Column("exponent", "exponent {} (95 %)", over="number"),
+                Column("total", "sum (95 %)"),
+                Column(_dimension, "dimension (95 %)"),
+            ],
+        ),
+    )
 
-    number: Annotated[Array, axis("number of the exponent, the largest first")]
-    t: Annotated[Array, axis("time until which is averaged", "time")]
-    exponent: Annotated[Array, array("number t", "Lyapunov exponent", "1/time", formula="E log R_kk / (t - warm_up)")]
-    exponent_stderr: Annotated[Array, array("number t", "standard error of the exponent", "1/time")]
-    total: Annotated[Array, array("t", "sum of the exponents: mean divergence of the flow", "1/time")]
-    total_stderr: Annotated[Array, array("t", "standard error of the sum", "1/time")]
-    total_known: Annotated[
-        float | None,
-        fact("what the sum is of the equation", "1/time"),
-    ] = None
-    dimension_stderr: Annotated[
-        float | None, fact("standard error of the Lyapunov dimension, where exponents suffice for it")
-    ] = None
-    energy: Annotated[Array | None, array("t", "mean of H", "energy", formula="E H(y(t))")] = None
-    energy_stderr: Annotated[Array | None, array("t", "standard error of the mean of H", "energy")] = None
-    energy_change: Annotated[
-        float | None, fact("mean of H at the later half of these times, less that at the earlier half", "energy")
-    ] = None
-    energy_change_stderr: Annotated[float | None, fact("standard error of this change", "energy")] = None
-    change: Annotated[float, fact("largest factor, or its inverse, by which a vector changed before it was scaled")]
-    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
-    step: Annotated[float, fact("step size", "time")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("time of a step and path, that of its near paths included", "ns")]
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
-    pictures: Annotated[Pictures | None, nested(prefix="pullback_")] = None
+    number: Array = axis("number of the exponent, the largest first")
+    t: Array = axis("time until which is averaged", "time")
+    exponent: Array = array("number t", "Lyapunov exponent", "1/time", formula="E log R_kk / (t - warm_up)")
+    exponent_stderr: Array = array("number t", "standard error of the exponent", "1/time")
+    total: Array = array("t", "sum of the exponents: mean divergence of the flow", "1/time", claim=_SUM)
+    total_stderr: Array = array("t", "standard error of the sum", "1/time")
+    total_known: float | None = fact("what the sum is of the equation", "1/time", default=None)
+    dimension_stderr: float | None = fact(
+        "standard error of the Lyapunov dimension, where exponents suffice for it", default=None
+    )
+    energy: Array | None = array("t", "mean of H", "energy", formula="E H(y(t))", default=None)
+    energy_stderr: Array | None = array("t", "standard error of the mean of H", "energy", default=None)
+    energy_change: float | None = fact(
+        "mean of H at the later half of these times, less that at the earlier half", "energy", default=None
+    )
+    energy_change_stderr: float | None = fact("standard error of this change", "energy", default=None)
+    change: float = fact("largest factor, or its inverse, by which a vector changed before it was scaled")
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    step: float = fact("step size", "time")
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("time of a step and path, that of its near paths included", "ns")
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
+    pictures: Pictures | None = nested(prefix="pullback_", default=None)
 
-    @property
+    @derived("t", "largest Lyapunov exponent", claim="equal")
+    def largest_exponent(self) -> Array:
+        """(times,) the first exponent."""
+        return self.exponent[0]
+
+    @derived("t", "half its interval")
+    def largest_exponent_half(self) -> Array:
+        """(times,) half its 95 % intervals."""
+        return self.exponent_half[0]
+
+    @derived("", "Lyapunov dimension", claim=Claimed("equal", where="is_dimension_known", lost="dimension_lost"))
     def dimension(self) -> float:
         """The Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
         return float(kaplan_yorke(self.exponent[:, -1]))
 
-    @property
-    def exponent_half(self) -> np.ndarray:
-        """(m, times) half the 95 % intervals of the exponents, Student's over the paths."""
-        return student(self.samples - 1) * self.exponent_stderr
+    @derived("", "whether the exponents suffice for the dimension")
+    def is_dimension_known(self) -> bool:
+        """Whether the exponents suffice for the dimension."""
+        return self.dimension_stderr is not None
+
+    @derived("", "why no claim about the dimension passes")
+    def dimension_lost(self) -> str:
+        """The exponents that the dimension lacks."""
+        return lost_among(self.exponent[:, -1], "exponents")
 
     @property
-    def total_half(self) -> np.ndarray:
+    def interval(self) -> float:
+        """Half the width of a 95 % interval in standard errors, Student's over the paths."""
+        return float(student(self.samples - 1))
+
+    @property
+    def exponent_half(self) -> Array:
+        """(m, times) half the 95 % intervals of the exponents."""
+        return self.interval * self.exponent_stderr
+
+    @property
+    def total_half(self) -> Array:
         """(times,) half the 95 % interval of the sum."""
-        return student(self.samples - 1) * self.total_stderr
+        return self.interval * self.total_stderr
 
-    @property
+    @derived("", "half the interval of the Lyapunov dimension")
     def dimension_half(self) -> float | None:
         """Half the 95 % interval of the dimension, Student's over the jackknife groups."""
         if self.dimension_stderr is None:
@@ -132,8 +178,31 @@ class Exponents(Stored):
         stderr = self.energy_change_stderr or 0.0
         return not abs(self.energy_change) > max(RESOLVED * stderr, _SMALL * spread)
 
+    def remarks(self) -> Iterator[str]:
+        """Large changes of vectors, energies that still change, and distances in pictures."""
+        if self.change > _LARGE:
+            yield f"    vectors changed by factors of {self.change:.0e} between two stops: take a smaller `every`"
+        if not self.is_stationary and self.energy is not None and self.energy_stderr is not None:
+            halves = self.interval * self.energy_stderr
+            began, ended = (
+                f"{with_interval(float(self.energy[i]), float(halves[i]))} at t = {self.t[i]:g}" for i in (0, -1)
+            )
+            why = "no stationary law was found, so that exponents are no limit"
+            yield f"    {why}: the mean of H goes from {began} to {ended}"
+        if (pictures := self.pictures) is not None:
+            yield f"    {pictures.points} states on one path of noise, which began a time t ago:"
+            for i, t in enumerate(pictures.t):
+                mean = with_interval(float(pictures.distance[i]), float(pictures.distance_half[i]))
+                distances = f"mean distance {mean}, typical one {short(float(pictures.typical[i]))}"
+                yield f"    t = {t:g}: {distances}, in {pictures.occupied[i]:.1%} of the cells"
 
-def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["Exponents"]) -> Iterator[str]:
+        """The unit of exponents."""
+        yield "exponents are per unit of time; the dimension is that of Kaplan and Yorke"
+
+
+def kaplan_yorke(exponents: Array) -> Array:
     """j + (lambda_1 + ... + lambda_j) / |lambda_(j+1)| of exponents (m, ...), j the last with a sum of at least 0.
 
     NaN if an exponent is not finite.
@@ -146,27 +215,10 @@ def kaplan_yorke(exponents: np.ndarray) -> np.ndarray:
     reached = np.take_along_axis(np.concatenate((zero, sums)), j, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = reached / np.abs(np.take_along_axis(np.concatenate((exponents, zero + np.inf)), j, axis=0))
-    dimension: np.ndarray = np.where(
+    dimension: Array = np.where(
         np.isfinite(exponents).all(axis=0), (j + np.where(j == len(exponents), 0, share))[0], np.nan
     )
     return dimension
 
 
 Record = Exponents
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Quantities of Lyapunov exponents that a spec may expect: the largest, their sum and the dimension.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Sequence[Exponents]) -> Iterator[Quantity]:
-    """The quantities at the last time, and the number of paths that diverged."""
-    for reading in readings:
-        yield quantity("nonfinite", reading.about, reading.nonfinite)
-        yield quantity("largest_exponent", reading.about, reading.exponent[0, -1], reading.exponent_half[0, -1])
-        exact = math.nan if reading.total_known is None else reading.total_known
-        yield quantity("exponent_sum", reading.about, reading.total[-1], reading.total_half[-1], expected=exact)
-        if reading.dimension_half is not None:
-            lost = lost_among(reading.exponent[:, -1], "exponents")
-            yield quantity("dimension", reading.about, reading.dimension, reading.dimension_half, lost=lost)

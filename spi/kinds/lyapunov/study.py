@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,25 +25,24 @@ from spi.ensemble.protocol import casimirs, conserved, structure
 from spi.exact.gibbs import mean_divergence
 from spi.exact.surfaces import at_states, structure_matrix
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.blocks import MeansPlan, lost_among
+from spi.kinds.blocks import BATCH_BYTES, BlocksPlan, stderr_of_means
 from spi.kinds.functions import path_function
-from spi.kinds.plans import Cost, KernelCall, State, path_grid
+from spi.kinds.plans import Cost, KernelCall, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
+from spi.statistics.accumulators import Array, Sums, counted, largest, moments
 from spi.statistics.estimators import (
-    GROUPS,
-    add_values,
     group_counts,
     jackknife_stderr,
     mean_over_paths,
     standard_deviation,
 )
-from spi.statistics.tallies import PathSet, sum_of_fields
+from spi.statistics.tallies import PathSet
 from spi.storage.records import Part
 
-from .pullback import Pulled, Seen
+from .pullback import Counts, Pulled
 from .results import EQUAL, PANELS, Exponents, kaplan_yorke
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -138,32 +137,16 @@ def orthonormalise(vectors: np.ndarray) -> np.ndarray:
 
 
 _TIMES = 16  # at which results are stored
-_BATCH_BYTES = 64e6
 _LEAST_NS = 1e5  # of work of a thread in a call
 _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
-class Sums(NamedTuple):
+class LyapunovSums(Sums):
     """Sums over some paths of the exponents, their sum, H, and the change of H at T times."""
 
-    paths: int
-    seconds: float
-    cpu_seconds: float
-    values: np.ndarray  #: (2, T, m + 3, GROUPS) sums of values and of their squares
-    change: float  #: largest |log| of a factor by which a vector changed before it was scaled
-    nonfinite: int
-
-    def plus(self, later: "Sums") -> "Sums":
-        """The sums over these paths and some later ones."""
-        return sum_of_fields(self, later)._replace(change=max(self.change, later.change))
-
-
-class Rows(NamedTuple):
-    """The contributions of some blocks."""
-
-    values: np.ndarray  #: (blocks, T, m + 3, LANES)
-    change: np.ndarray  #: (blocks,)
-    lost: np.ndarray  #: (blocks, LANES) whether a path diverged
+    values: Array = moments("time column")
+    change: Array = largest()  #: |log| of a factor by which a vector changed before it was scaled
+    nonfinite: Array = counted()
 
 
 def parts(case: Any) -> list[Part]:
@@ -171,14 +154,12 @@ def parts(case: Any) -> list[Part]:
     return [Part(scheme) for scheme in case.schemes]
 
 
-def plan(case: Any, part: Part) -> "LyapunovPlan":
-    """The plan for one scheme of a case."""
-    return LyapunovPlan(case=case, part=part, grid=path_grid(case, part, case.step), samples=case.samples)
-
-
 @dataclass(frozen=True, kw_only=True)
-class LyapunovPlan(MeansPlan):
+class LyapunovPlan(BlocksPlan):
     """Lyapunov exponents of one scheme."""
+
+    record = Exponents
+    sums = LyapunovSums
 
     @cached_property
     def pulled(self) -> Pulled | None:
@@ -230,24 +211,31 @@ class LyapunovPlan(MeansPlan):
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
         if self.pulled:
             steps += sum(self.pulled.steps) * self.case.pullback.points
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES))
 
-    def empty(self, number: int) -> Any:
-        """The sums over no paths, or no states of pictures."""
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums over paths, or over states of pictures."""
         if number and self.pulled:
-            return self.pulled.empty()
-        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.stored), self.case.count + _FURTHER, GROUPS)), 0.0, 0)
+            return self.pulled.lengths
+        return {"time": len(self.stored), "column": self.case.count + _FURTHER}
+
+    def empty(self, number: int) -> Sums:
+        """The sums over no paths, or no states of pictures."""
+        return (Counts if number else self.sums).empty(self.lengths(number))
 
     def most_blocks(self, number: int) -> int:
         """The largest number of blocks in a batch, because of memory."""
-        times, copies = len(self.pulled.steps if number and self.pulled else self.stored), 4 * (1 + self.case.count)
-        floats = copies * (len(self.initial) + times)
-        return max(1, int(_BATCH_BYTES / (8 * LANES * floats)))
+        copies = 4 * (1 + self.case.count) * (len(self.initial) + self.lengths(number)["time"])
+        return max(1, int(BATCH_BYTES / (8 * LANES * copies)))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
+    def stderr(self, sums: Sums) -> float:
+        """The standard error of the largest exponent."""
+        return stderr_of_means(sums)
+
+    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
         """The exponents of some blocks of paths, or the pictures of some blocks of states."""
         if number and self.pulled:
-            return self.pulled.rows(first, blocks, end)
+            return self.pulled.observe(first, blocks, end)
         m, d = self.basis.shape
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
@@ -286,7 +274,11 @@ class LyapunovPlan(MeansPlan):
             if half:
                 energies = values[:, :, m + 1]
                 values[:, -1, m + 2] = energies[:, half:].mean(axis=1) - energies[:, :half].mean(axis=1)
-        return Rows(values, change, np.logical_not(np.isfinite(values[:, -1, : m + 1]).all(axis=1)))
+        return {
+            "values": values,
+            "change": change,
+            "nonfinite": np.logical_not(np.isfinite(values[:, -1, : m + 1]).all(axis=1)),
+        }
 
     def _threads(self, blocks: int) -> int:
         """The number of threads that are worth waiting for in each of many short calls."""
@@ -330,14 +322,11 @@ class LyapunovPlan(MeansPlan):
         moved, _ = integrated(*self._kernel_records, states, times, self.stream, first, len(y), end)
         return moved.reshape(y.shape)
 
-    def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the rows `at`, of which the first is that of block `first`."""
-        if self.pulled and isinstance(rows, Seen):
-            return self.pulled.added(sums, rows, at, first, end)
-        added = sums._replace(values=sums.values.copy())
-        add_values(rows.values[at], first, end, added.values)
-        change = max(sums.change, float(rows.change[at].max(initial=0.0)))
-        return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
+    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
+        """The sums with the contributions `at`, see :class:`Blockwise`."""
+        if self.pulled and isinstance(sums, Counts):
+            return self.pulled.added(sums, contributions, at, first, end)
+        return super().added(sums, contributions, at, first, end)
 
     def so_far(self, state: State) -> State | None:
         """The state of the first paths, with those states of the pictures that are computed without a gap."""
@@ -358,9 +347,14 @@ class LyapunovPlan(MeansPlan):
             return 0.0
         return mean_divergence(undamped(case.model), case.temperature, self.initial)
 
-    def results(self, state: State) -> Exponents:
-        """The results of one scheme of a case, from its final state."""
-        sums, groups, m = state.total(), group_counts(self.samples), self.case.count
+    def whole(self, state: State) -> dict[str, Any]:
+        """Also the pictures."""
+        pictures = self.pulled.results(state.total(1)) if self.pulled else None
+        return super().whole(state) | {"pictures": pictures}
+
+    def estimates(self, sums: LyapunovSums) -> dict[str, Any]:
+        """The exponents and what follows from them."""
+        groups, m = group_counts(self.samples), self.case.count
         mean, without = mean_over_paths(sums.values[0], groups)
         with np.errstate(all="ignore"):
             spread = standard_deviation(mean, mean_over_paths(sums.values[1], groups)[0])
@@ -373,22 +367,21 @@ class LyapunovPlan(MeansPlan):
         if self._energy is not None:
             of_energy = {"energy": mean[:, m + 1], "energy_stderr": stderr[:, m + 1]}
             of_energy |= {"energy_change": float(mean[-1, m + 2]), "energy_change_stderr": float(stderr[-1, m + 2])}
-        return Exponents(
-            **self.whole(state),
-            number=np.arange(1, m + 1),
-            t=self.stops[self.stored - 1] * self.grid.reference_step,
-            exponent=mean[:, :m].T,
-            exponent_stderr=stderr[:, :m].T,
-            total=mean[:, m],
-            total_stderr=stderr[:, m],
-            total_known=self._known_sum(),
-            dimension_stderr=float(jackknife_stderr(dimension, others, groups)) if is_known else None,
+        return {
+            "number": np.arange(1, m + 1),
+            "t": self.stops[self.stored - 1] * self.grid.reference_step,
+            "exponent": mean[:, :m].T,
+            "exponent_stderr": stderr[:, :m].T,
+            "total": mean[:, m],
+            "total_stderr": stderr[:, m],
+            "total_known": self._known_sum(),
+            "dimension_stderr": float(jackknife_stderr(dimension, others, groups)) if is_known else None,
             **of_energy,
-            change=float(np.exp(sums.change)),
-            nonfinite=sums.nonfinite,
-            step=self.case.step,
-            samples=self.samples,
-            panels=self.case.panels or PANELS,
-            pictures=self.pulled.results(state.total(1)) if self.pulled else None,
-            ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
-        )
+            "change": float(np.exp(sums.change)),
+            "nonfinite": int(sums.nonfinite),
+            "panels": self.case.panels or PANELS,
+            "ns_per_step": 1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
+        }
+
+
+plan = LyapunovPlan.of

@@ -10,16 +10,18 @@ from spi.ensemble.random_states import Listed, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.keys import Samples, condition, key_of, wrong
 from spi.specs.sweep import POINT, Swept
-from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
+from spi.statistics.claims import claimable
 
-#: What the figure can show.
+from .results import Stability
+
+#: The panels of the figure.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 
 
 class Case(FunctionsCase):
-    """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
+    """Properties of the equation that schemes preserve, for each step size and each value of a parameter."""
 
     sweep: key_of(
         Swept,
@@ -32,15 +34,9 @@ class Case(FunctionsCase):
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     swept_in: ClassVar[tuple[str, ...]] = POINT
-    quantities: ClassVar = {
-        **dict.fromkeys(("finite", "positive"), Sort(AT_LEAST, per_step=True)),
-        **dict.fromkeys(
-            ("largest_norm", "error", "casimir_worst", "casimir_median", "law_distance", "failing_fraction"),
-            Sort(AT_MOST, per_step=True),
-        ),
-    }
+    quantities: ClassVar = claimable(Stability)
 
-    @condition("sweep")
+    @condition
     def _check_sweep(self) -> Self:
         if self.sweep is None:
             raise wrong("is empty", "must have a parameter and its values, as in sweep: {s: [0.1, 1, 10]}", "sweep")
@@ -48,14 +44,14 @@ class Case(FunctionsCase):
             raise wrong("is not for stability", f"say it by panels, some of {', '.join(PANELS)}", "sweep", "of")
         return self
 
-    @condition("initial")
+    @condition
     def _check_not_zero(self) -> Self:
         drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Listed)
         if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @condition("eps")
+    @condition
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept parameter", "eps")

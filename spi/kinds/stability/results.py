@@ -1,13 +1,15 @@
 """The records of stability: properties that a scheme keeps at a step size and a value of a parameter."""
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated, Any
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
-from spi.statistics.claims import Quantity, each_step, lost_is_infinite
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.printing.tables import Column, Table
+from spi.printing.text import power_of_two, short
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (
@@ -21,19 +23,22 @@ CASIMIR_KEPT = 1e-8  #: the same where it is preserved but for rounding and the 
 GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step size
 
 
+_SMALL, _LARGE = Claimed("at most", infinite=True), Claimed("at least", infinite=True)
+
+
 class CasimirErrors(Described):
     """The largest relative error of each Casimir function along each path."""
 
-    worst: Annotated[Array, array("value h casimir", "largest relative error of the Casimir, of the worst path")]
-    median: Annotated[Array, array("value h casimir", "largest relative error of the Casimir, of the median path")]
+    worst: Array = array("value h casimir", "largest relative error of the Casimir, of the worst path", claim=_SMALL)
+    median: Array = array("value h casimir", "largest relative error of the Casimir, of the median path", claim=_SMALL)
 
     @property
-    def largest_worst(self) -> np.ndarray:
+    def largest_worst(self) -> Array:
         """(V, S) the error on the worst path of the Casimir where it is largest; NaN counts as the largest."""
         return self.worst.max(axis=-1)
 
     @property
-    def largest_median(self) -> np.ndarray:
+    def largest_median(self) -> Array:
         """(V, S) the error on the median path of the Casimir where it is largest."""
         return self.median.max(axis=-1)
 
@@ -41,45 +46,115 @@ class CasimirErrors(Described):
 class Law(Described):
     """Expectations of test functions at the final time against their true values, NaN where these are unknown."""
 
-    names: Annotated[tuple[str, ...], axis("test function", name="function")]
-    expectation: Annotated[
-        Array, array("value h function", "expectation of the test function", "value", "E phi(y_h(T))")
-    ]
-    expectation_stderr: Annotated[Array, array("value h function", "standard error of the expectation", "value")]
-    truth: Annotated[Array, array("value function", "expectation for the equation itself", "value", "E phi(y(T))")]
-    truth_bound: Annotated[Array, array("value function", "bound of the numerical error of that expectation", "value")]
-    distance: Annotated[
-        Array, array("value h", "largest distance of an expectation from the truth", "value", name="law_distance")
-    ]
-    distance_stderr: Annotated[
-        Array, array("value h", "sampling and numerical error of the distance", "value", name="law_distance_stderr")
-    ]
+    names: tuple[str, ...] = axis("test function", name="function")
+    expectation: Array = array("value h function", "expectation of the test function", "value", "E phi(y_h(T))")
+    expectation_stderr: Array = array("value h function", "standard error of the expectation", "value")
+    truth: Array = array("value function", "expectation for the equation itself", "value", "E phi(y(T))")
+    truth_bound: Array = array("value function", "bound of the numerical error of that expectation", "value")
+    distance: Array = array(
+        "value h",
+        "largest distance of an expectation from the truth",
+        "value",
+        name="law_distance",
+        claim="at most",
+    )
+    distance_stderr: Array = array(
+        "value h", "sampling and numerical error of the distance", "value", name="law_distance_stderr"
+    )
+
+
+def _steps(reading: "Stability", good: Array) -> list[str]:
+    """For each value the largest step size up to which all is good; with >= if all were, as the true one may be larger.
+
+    `good` is (V, S).
+    """
+    largest = (largest_step(reading.h, at_value) for at_value in good)
+    return ["none" if math.isnan(h) else f"{'>= ' * is_all}{power_of_two(h)}" for h, is_all in largest]
+
+
+def _percent(shares: Array | None, worst: Callable[..., Array]) -> list[str] | None:
+    """For each value the worst share over the step sizes in per cent, with two digits; 0 and 100 only if it is that."""
+    if shares is None:
+        return None
+    texts = []
+    for share in worst(shares, axis=1).tolist():
+        if share in (0.0, 1.0) or not math.isfinite(share):
+            digits = f"{100 * share:g}"
+        else:
+            digits = f"{100 * share:.2g}" if share < 0.99 else f"{100 - float(f'{100 - 100 * share:.1g}'):.10g}"
+        texts.append(f"{digits} %")
+    return texts
+
+
+def _iterations(reading: "Stability", readings: Sequence["Stability"]) -> list[str] | None:
+    """For each value the least and the most iterations of a solve over the step sizes; None of explicit schemes."""
+    if reading.solver is None:
+        return None
+    numbers = reading.solver.iterations_per_solve
+    finite = (row[np.isfinite(row)] for row in numbers)
+    ends = ([f"{end:.1f}" for end in (row.min(), row.max())] if row.size else [] for row in finite)
+    return ["-".join(dict.fromkeys(texts)) for texts in ends]
 
 
 class Stability(Stored):
     """Properties that one scheme keeps at each value of the swept parameter and step size, from large to small."""
 
     headline = ("error",)
+    row_axes, row_largest = ("value", "h"), ("casimir",)
+    tables = (
+        Table(
+            "value",
+            [
+                Column(lambda one, _: _steps(one, one.all_finite), "all paths\nfinite, h"),
+                Column(
+                    lambda one, _: _steps(one, one.casimirs.largest_worst < CASIMIR_KEPT) if one.casimirs else None,
+                    "Casimir\nkept, h",
+                ),
+                Column(lambda one, _: _steps(one, one.is_accurate), "accurate,\nh"),
+                Column("casimir_worst", "worst\nCasimir"),
+                Column(lambda one, _: _percent(one.failing_fraction, np.max), "solver\nfailures"),
+                Column(_iterations, "iter-\nations"),
+                Column(lambda one, _: _percent(one.positive, np.min), "positive\npaths"),
+                Column("largest_angle", "largest\nangle", form=lambda angle: f"{angle:.2g}" if angle else "< pi/4"),
+            ],
+        ),
+    )
 
-    values: Annotated[Array, axis("value of the swept parameter", name="value")]
-    h: Annotated[Array, axis("step size", "time")]
-    finite: Annotated[Array, array("value h", "fraction of the paths that are finite at the final time")]
-    largest_norm: Annotated[Array, array("value h", "largest |y| over paths and times, relative to |y_0|")]
-    error: Annotated[Array, array("value h", "root mean square error at the final time, relative to |y_0|")]
-    error_stderr: Annotated[Array, array("value h", "standard error of the error")]
-    casimirs: Annotated[CasimirErrors | None, nested(prefix="casimir_")] = None  # of a model that has any
+    values: Array = axis("value of the swept parameter", name="value")
+    h: Array = axis("step size", "time")
+    finite: Array = array("value h", "fraction of the paths that are finite at the final time", claim=_LARGE)
+    largest_norm: Array = array("value h", "largest |y| over paths and times, relative to |y_0|", claim=_SMALL)
+    error: Array = array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
+    error_stderr: Array = array("value h", "standard error of the error")
+    casimirs: CasimirErrors | None = nested(prefix="casimir_", default=None)  # of a model that has any
     law: Law | None = None  # where there are test functions
-    positive: Annotated[Array | None, array("value h", "fraction of the paths whose populations stay positive")] = None
-    largest_angle: Annotated[Array | None, array("value h", "largest angle of a rotation; 0 up to pi/4", "rad")] = None
-    solver: Annotated[Solver | None, array("value h", "what an implicit scheme reports")] = None
-    acceptance: Annotated[Acceptance | None, array("value h", "how often flows were accepted")] = None
-    word: Annotated[str, fact("swept parameter of the spec", name="sweep", column=True)]
-    functions: Annotated[tuple[str, ...], fact("formulas of the test functions")]
-    accurate: Annotated[float, fact("error up to which a scheme counts as accurate")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    reference_step: Annotated[float, fact("step size of the reference", "time", column=True)]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure shows")]
+    positive: Array | None = array(
+        "value h", "fraction of the paths whose populations stay positive", claim=_LARGE, default=None
+    )
+    largest_angle: Array | None = array("value h", "largest angle of a rotation; 0 up to pi/4", "rad", default=None)
+    solver: Solver | None = array("value h", "what an implicit scheme reports", default=None)
+    acceptance: Acceptance | None = array("value h", "how often flows were accepted", default=None)
+    word: str = fact("swept parameter of the spec", name="sweep", column=True)
+    functions: tuple[str, ...] = fact("formulas of the test functions")
+    accurate: float = fact("error up to which a scheme counts as accurate")
+    samples: int = fact("number of paths", column=True)
+    reference_step: float = fact("step size of the reference", "time", column=True)
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    panels: tuple[str, ...] = fact("what the figure shows")
+
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["Stability"]) -> Iterator[str]:
+        """The meaning of the columns, paths and times."""
+        first, seconds = readings[0], sum(reading.wall_seconds for reading in readings)
+        kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; " * bool(first.casimirs)
+        yield (
+            f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
+            f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
+        )
+        yield (
+            f"{first.samples} paths each; errors against the scheme at {power_of_two(first.reference_step)}; "
+            f"{seconds:.3g} s on {first.threads} threads"
+        )
 
     def known(self, field: str) -> Any:
         """The value of a field such as ``law.distance``; None if there is none."""
@@ -88,18 +163,28 @@ class Stability(Stored):
             value = getattr(value, name, None)
         return value
 
+    @derived("value h", "share of the solves that fail", claim=_SMALL)
+    def failing_fraction(self) -> Array | None:
+        """(V, S) of an implicit scheme; None of others."""
+        return self.solver.failing_fraction if self.solver else None
+
+    @derived("value h", "the worst regime that applies", column="regime")
+    def regime(self) -> Array:
+        """(V, S) its name, one of :data:`REGIMES`."""
+        return np.array(REGIMES)[self.regimes]
+
     @property
-    def all_finite(self) -> np.ndarray:
+    def all_finite(self) -> Array:
         """(V, S) whether all paths are finite at the final time."""
         return self.finite >= 1.0
 
     @property
-    def is_accurate(self) -> np.ndarray:
+    def is_accurate(self) -> Array:
         """(V, S) whether the error counts as accurate; NaN does not."""
         return self.error <= self.accurate
 
     @property
-    def regimes(self) -> np.ndarray:
+    def regimes(self) -> Array:
         """(V, S) number of the regime in :data:`REGIMES`.
 
         A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since
@@ -120,7 +205,7 @@ class Stability(Stored):
         return np.select(worst_first, range(len(REGIMES))[::-1])
 
 
-def largest_step(h: np.ndarray, good: np.ndarray) -> tuple[float, bool]:
+def largest_step(h: Array, good: Array) -> tuple[float, bool]:
     """The largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
 
     `h` (S,) in any order, `good` (S,).
@@ -131,33 +216,3 @@ def largest_step(h: np.ndarray, good: np.ndarray) -> tuple[float, bool]:
 
 
 Record = Stability
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Quantities of stability that a spec may expect.
-# ---------------------------------------------------------------------------------------------------------------------
-
-#: The field of a record for each quantity, whose standard error stands beside it if it has one.
-_FIELDS = {
-    "finite": "finite",
-    "largest_norm": "largest_norm",
-    "positive": "positive",
-    "casimir_worst": "casimirs.largest_worst",
-    "casimir_median": "casimirs.largest_median",
-    "failing_fraction": "solver.failing_fraction",
-    "error": "error",
-    "law_distance": "law.distance",
-}
-
-
-def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:
-    """The fields of :class:`~.results.Stability` at each step size and value; NaN counts as infinite except in laws."""
-    for reading in readings:
-        for name, field in _FIELDS.items():
-            if (values := reading.known(field)) is None:
-                continue
-            values = values if name == "law_distance" else lost_is_infinite(values)
-            stderr = reading.known(f"{field}_stderr")
-            for i, value in enumerate(reading.values.tolist()):
-                for at_h in each_step(name, reading.about, reading.h, values[i], None if stderr is None else stderr[i]):
-                    yield at_h._replace(swept=(reading.word, value))

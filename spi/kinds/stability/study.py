@@ -1,6 +1,6 @@
-"""Stability: what schemes keep of the equation where steps are large or parameters extreme.
+"""Stability: properties of the equation that schemes preserve where steps are large or parameters extreme.
 
-For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study stores the
 largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
 fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import add_reports, empty_report, integrated, nested_grid, paths_of, thread_count
+from spi.ensemble.loop import Grid, thread_count
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, dimension, populations
 from spi.ensemble.random_states import RandomState
@@ -24,106 +23,63 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import SOLVING, can_solve_equation, exact_expectations, seconds_of_equation
 from spi.exact.work import work
 from spi.expressions import as_numpy, canonical, functions_of
-from spi.kinds.blocks import BlocksPlan, reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
-from spi.numerics.rng import LANES
+from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, reference_grid
 from spi.schemes import typical_ns
+from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Description, Part
+from spi.storage.records import Part
+from spi.storage.stored import Description
 
 from .results import CasimirErrors, Law, Stability
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The paths of a stability study for one value of the swept parameter: what is watched along them, and its summary.
+# The paths of a stability study for one value of the swept parameter: extremes along them, and their summary.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_MOST_BLOCKS = 64  # of a batch, because of memory
 
+class Paths(Sums):
+    """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
-class Paths(NamedTuple):
-    """What is known of some paths for one value of the swept parameter; the paths stand along the last axes."""
-
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    casimir: np.ndarray  #: (levels, C, paths)
-    square: np.ndarray  #: (levels, paths)
-    smallest: np.ndarray  #: (levels, paths)
-    y: np.ndarray  #: (levels, d, paths)
-    report: np.ndarray  #: (levels, columns)
-
-    def plus(self, later: "Paths") -> "Paths":
-        """These paths and some later ones."""
-        return Paths(
-            paths=self.paths + later.paths,
-            seconds=self.seconds + later.seconds,
-            cpu_seconds=self.cpu_seconds + later.cpu_seconds,
-            report=add_reports(self.report, later.report[np.newaxis]),
-            **_joined(self, {name: getattr(later, name) for name in _OF_PATHS}),
-        )
-
-
-_OF_PATHS = ("casimir", "square", "smallest", "y")
-
-
-def _joined(paths: Paths, later: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The fields of the paths with those of later ones, by name, behind them."""
-    return {name: np.concatenate((getattr(paths, name), values), axis=-1) for name, values in later.items()}
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute, a row for each."""
-
-    extremes: np.ndarray  #: (blocks, levels, C + 2, LANES)
-    states: np.ndarray  #: (blocks, levels, d * LANES or more)
-    report: np.ndarray  #: (blocks, levels, columns)
+    casimir: Array = joined("level casimir")
+    square: Array = joined("level")
+    smallest: Array = joined("level")
+    y: Array = joined("level component")
+    report: Array = reports("level")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValuePlan(BlocksPlan):
     """The paths of one scheme for one value of the swept parameter."""
 
+    sums = Paths
+
+    @functools.cached_property
+    def grid(self) -> Grid:
+        """The step sizes of the case and the reference, on the same Brownian paths."""
+        return reference_grid(self.case, self.part, self.case.steps)
+
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Neither other values, nor the test functions, which are functions of the last states."""
-        found = super().deciding(number)
-        return {key: value for key, value in found.items() if key not in ("sweep", "functions")}
+        without = ("sweep", "functions")
+        return {key: value for key, value in super().deciding(number).items() if key not in without}
 
-    def empty(self, number: int) -> Paths:
-        """No paths."""
-        levels = len(self.steps)
-        return Paths(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            casimir=np.zeros((levels, len(casimirs(self.model, self.initial)), 0)),
-            square=np.zeros((levels, 0)),
-            smallest=np.zeros((levels, 0)),
-            y=np.zeros((levels, len(self.initial), 0)),
-            report=empty_report(1, levels)[0],
-        )
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        conserved = len(casimirs(self.model, self.initial))
+        return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        return _MOST_BLOCKS
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
+        """The contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
-        what = self.scheme, self.model, self.initial, self.grid, self.stream
-        states, report = integrated(*what, first, blocks, end, observer)
-        return Rows(observer.extremes, states, report)
-
-    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
-        """The paths and those of the rows `at`, of which the first is that of block `first`."""
-        extremes, count = rows.extremes[at], end - first * LANES
-        lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
-        y = paths_of(rows.states[at], len(self.initial))[..., :count]
-        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "smallest": lanes[:, -1], "y": y}
-        return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
+        states, report = self.integrated(first, blocks, end, observer)
+        extremes = observer.extremes
+        watched = {"casimir": extremes[:, :, :-2], "square": extremes[:, :, -2], "smallest": extremes[:, :, -1]}
+        return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
-        """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
+        """Statistics over all paths: by the name of a quantity its values at each step (S, ...)."""
         n, first = self.samples, np.abs(self.initial_casimirs(0, self.blocks))[:, : self.samples]
         scale = np.where(first > 0, first, 1.0)
         size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
@@ -160,7 +116,7 @@ def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
 
 
 _PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
-_MOST_SECONDS = 60.0  # that they may take: otherwise they are not known
+_MOST_SECONDS = 60.0  # of solving for true expectations, which are left out where they take longer
 _ACCURACY = 1e-3  # numerical error that they may have
 
 
@@ -168,23 +124,23 @@ _ACCURACY = 1e-3  # numerical error that they may have
 def _true_expectations(
     model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
+    """E phi(y(T)) and its numerical error, (F,) each.
 
-    Typed, because models of two classes may be equal tuples.
+    Cached, because it is the same for all schemes; typed, because models of two classes may be equal tuples.
     """
-    asked = model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY
-    return exact_expectations(*asked, most_seconds=_MOST_SECONDS)
+    phis = functions_of(functions, dimension(model))
+    return exact_expectations(model, initial, final_time, phis, _ACCURACY, most_seconds=_MOST_SECONDS)
 
 
 class Truth(NamedTuple):
     """True expectations of F test functions for each value."""
 
     seconds: float  #: wall clock
-    truth: np.ndarray  #: (values, F), NaN until they are known
+    truth: np.ndarray  #: (values, F), NaN until they are computed
     truth_bound: np.ndarray  #: (values, F), their numerical error
 
     def law(self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray) -> Law:
-        """Expectations of the test functions, of shape (values, levels, F), and how far from the truth they are."""
+        """Expectations of the test functions, (values, levels, F), and their distances from the truth."""
         truth, bound = self.truth, self.truth_bound
         with np.errstate(invalid="ignore"):
             away = np.abs(mean - truth[:, None])
@@ -203,64 +159,59 @@ class Truth(NamedTuple):
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme, whatever its eps if that is what is swept."""
+    """The parts of a case: each scheme, of which eps may be the swept parameter."""
     return [Part(scheme) for scheme in case.schemes]
 
 
 def plan(case: Any, part: Part) -> "StabilityPlan":
     """The plan for one scheme of a case."""
-    return StabilityPlan(case=case, part=part, points=tuple(_point(one, part.scheme) for one in case.sweep.cases))
-
-
-def _point(case: Any, scheme: str) -> ValuePlan:
-    """The paths of one scheme for a case without the swept parameter."""
-    eps = case.eps[0] if case.row(scheme).multiscale else None
-    reference = case.reference_record(eps)
-    schemes = [case.row(scheme, eps).record, reference]
-    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
-    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
-    return ValuePlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
+    multiscale = case.row(part.scheme).multiscale
+    cases = case.sweep.cases  # one for each value
+    points = [ValuePlan.of(each, Part(part.scheme, eps=each.eps[0] if multiscale else None)) for each in cases]
+    return StabilityPlan(case=case, part=part, points=tuple(points))
 
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(Plan):
     """One scheme at all step sizes for all values of the swept parameter; the case has the first value itself."""
 
+    record = Stability
+
     points: tuple[ValuePlan, ...]  #: the paths for each value; only models, initial states and eps differ
 
     @property
     def first(self) -> ValuePlan:
-        """The paths for the first value, which tell what is the same for all."""
+        """The paths for the first value; step sizes and samples are the same for all values."""
         return self.points[0]
 
     @property
     def has_truth(self) -> bool:
-        """Whether there are test functions, and their true expectations can be found without a scheme."""
-        known = self.case.noise is None and not isinstance(self.initial, RandomState)
-        return bool(self.case.functions) and known and can_solve_equation(self.model)
+        """Whether there are test functions, and their true expectations can be computed without a scheme."""
+        if not self.case.functions or self.case.noise is not None or isinstance(self.initial, RandomState):
+            return False
+        return bool(can_solve_equation(self.model))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
         seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
-        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
+        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # the other schemes have the same
             each = {(point.model, point.initial): point for point in self.points}.values()
             seconds += sum(map(self._seconds_of_truth, each)) * thread_count()
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
     def _seconds_of_truth(self, point: ValuePlan) -> float:
-        """About how many seconds the true expectations for a value take."""
-        functions = functions_of(map(canonical, self.case.expressions), dimension(point.model))
-        asked = point.model, point.initial, self.case.final_time, functions
-        return float(seconds_of_equation(*asked, most_seconds=_MOST_SECONDS))
+        """The seconds that the true expectations for a value take, roughly."""
+        phis, end = functions_of(map(canonical, self.case.expressions), dimension(point.model)), self.case.final_time
+        return float(seconds_of_equation(point.model, point.initial, end, phis, most_seconds=_MOST_SECONDS))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of the paths for a value, what decides these."""
+        """See :meth:`Plan.deciding`; path set `number` has the paths for that value."""
         return super().deciding(None) if number is None else self.points[number].deciding(0)
 
     def initial_extra(self) -> Truth:
-        """No expectation has been found."""
+        """No expectation has been computed."""
         nothing = np.full((len(self.points), len(self.case.functions)), np.nan)
         return Truth(0.0, nothing, nothing)
 
@@ -276,12 +227,12 @@ class StabilityPlan(Plan):
         """One step of one block for each value."""
         return [call for point in self.points for call in point.kernel_calls()]
 
-    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute consecutive chunks of one value, see :class:`~spi.kinds.plans.Plan`."""
-        return self.points[chunks[0].path_set].advance(chunks, known)
+        return self.points[chunks[0].path_set].advance(chunks, started)
 
     def finalise(self, state: State) -> Iterator[Truth]:
-        """Find the true expectations for each value."""
+        """Compute the true expectations for each value."""
         extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
         left = np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ()
         seconds = [self._seconds_of_truth(self.points[i]) for i in left]
@@ -299,47 +250,36 @@ class StabilityPlan(Plan):
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
     def description(self) -> Description:
-        """What is integrated, without what differs from value to value of the swept parameter."""
+        """The description, without the facts that differ from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
-        same = {
-            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        differing = {
+            name: None
+            for name in (field.name for field in first.described)
+            if any(getattr(other, name) != getattr(first, name) for other in others)
         }
         alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
-        own = {
-            "case": self.case.name,
-            "variant": self.part.variant,
-            "truncate_noise": same.get("truncate_noise", False),
-        }
-        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
+        own = {"case": self.case.name, "variant": self.part.variant, "parameters": dict(alike)}
+        return replace(
+            first, **differing | own | {"truncate_noise": first.truncate_noise and "truncate_noise" not in differing}
+        )
 
     def so_far(self, state: State) -> State | None:
         """The state of the first values, as many as are complete."""
-        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
-        count = [*complete, False].index(False)
+        if not (count := state.complete()):
+            return None
         sweep, extra = self.case.sweep, state.extra
         fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])
         case = self.case.model_copy(update={"sweep": fewer})
-        found = state.of(replace(self, points=self.points[:count], case=case)) if count else None
-        if found is not None:
-            found.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
-        return found
+        shorter = state.of(replace(self, points=self.points[:count], case=case))
+        shorter.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
+        return shorter
 
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
         case = self.case
-        return Stability(
-            **self.whole(state),
-            values=np.array(case.sweep.values),
-            h=np.array(case.steps),
-            **self._arrays(state),
-            word=case.sweep.word,
-            functions=tuple(map(canonical, case.expressions)),
-            accurate=case.accurate,
-            samples=case.samples,
-            reference_step=case.reference_step,
-            reference_scheme=case.reference_scheme,
-            panels=case.panels,
-        )
+        named = {"word": case.sweep.word, "functions": tuple(map(canonical, case.expressions))}
+        axes = {"values": np.array(case.sweep.values), "h": np.array(case.steps)}
+        return Stability(**(self.whole(state) | axes | named | self._arrays(state)))
 
     def _arrays(self, state: State) -> dict[str, Any]:
         """All arrays by the names of their fields."""

@@ -1,4 +1,4 @@
-"""What follows from the sums over paths, with standard errors by the jackknife over groups of paths."""
+"""Estimates from the sums over paths, with standard errors by the jackknife over groups of paths."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +21,7 @@ from spi.statistics.intervals import order_statistics, student_factor, student_o
 from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What is summed up: functions of the state or of the path, and what else stands beside them, column by column.
+# The columns that are summed up: functions of the state or of the path, and others beside them.
 #
 # The functions of the case; for each autocorrelation the value at its first time; and differences from finer paths on
 # the same noise.
@@ -44,7 +44,7 @@ class Columns(NamedTuple):
     """The columns of a case."""
 
     functions: tuple[PathFunction, ...]  #: those of the case
-    origins: np.ndarray  #: (F, 1) what they are at t = 0: values are less that, so that variances do not cancel
+    origins: np.ndarray  #: (F, 1) their values at t = 0, subtracted so that variances do not cancel
     since: list[tuple[int, int]]  #: the functions with autocorrelations, and the times from which these count
     compared: list[int]  #: the functions whose means are compared with those of finer paths
     places: np.ndarray  #: (T,) which of the stored states have statistics
@@ -54,7 +54,7 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, case: Any, levels: int) -> "Columns":
-        """Those of a case."""
+        """The columns of a case, with paths at `levels` step sizes."""
         functions, names = case.path_functions, list(case.functions)
         return cls(
             functions=functions,
@@ -69,7 +69,7 @@ class Columns(NamedTuple):
 
     @property
     def number(self) -> int:
-        """How many columns there are."""
+        """The number of columns."""
         return len(self.functions) + len(self.since) + len(self.compared)
 
     def states(self, y: np.ndarray, level: int = 0) -> np.ndarray:
@@ -97,8 +97,8 @@ class Columns(NamedTuple):
         with np.errstate(all="ignore"):
             if not function.functional:
                 return function.values(states if every else states[:, :, self.places])
-            found = np.broadcast_to(function.values(states), states.shape[1:])
-            return function.along(found, self.between)[:, self.places]
+            values = np.broadcast_to(function.values(states), states.shape[1:])
+            return function.along(values, self.between)[:, self.places]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -115,7 +115,7 @@ class Bins(NamedTuple):
 
     @classmethod
     def around(cls, values: np.ndarray, number: int, margin: float = 0.5) -> "Bins":
-        """Bins that hold values (T, F, paths), and beyond them on each side that share of their range."""
+        """Bins that hold values (T, F, paths), and a `margin` times their range beyond them on each side."""
         return cls(*cells_around(values, number, margin), number)
 
 
@@ -136,8 +136,7 @@ def quantiles(
     ends += [_end(counts, bins, each[..., side], side) for side in (0, 1)]
     for end in ends:
         end[n == 0] = np.nan
-    found = (np.moveaxis(end, 0, 1) for end in ends)
-    quantile, low, high = (_all(values, of_values) for values in found)
+    quantile, low, high = (_all(np.moveaxis(end, 0, 1), of_values) for end in ends)
     return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
 
 
@@ -148,14 +147,14 @@ def _some(counts: np.ndarray, bins: Bins, of_values: Sequence[bool]) -> tuple[np
 
 def _all(values: np.ndarray, of_values: Sequence[bool]) -> np.ndarray:
     """Values of some functions as those of all, NaN of the others."""
-    found = np.full((len(of_values), *values.shape[1:]), np.nan)
-    found[np.array(of_values)] = values
-    return found
+    of_all = np.full((len(of_values), *values.shape[1:]), np.nan)
+    of_all[np.array(of_values)] = values
+    return of_all
 
 
 def _end(counts: np.ndarray, bins: Bins, rank: np.ndarray, side: int) -> np.ndarray:
     """(T, F, levels) the lower end (side 0) or upper end (1) of the bin that holds the value of a rank, or +-inf."""
-    found = np.empty(rank.shape)
+    value = np.empty(rank.shape)
     for place in np.ndindex(*counts.shape[:2]):
         with np.errstate(invalid="ignore", over="ignore"):
             edges = bins.low[place] + bins.width[place] * np.arange(bins.number + 1)
@@ -163,22 +162,22 @@ def _end(counts: np.ndarray, bins: Bins, rank: np.ndarray, side: int) -> np.ndar
         below = np.cumsum(counts[place])
         cell = np.searchsorted(below, np.minimum(rank[place], below[-1]))  # 0: below all bins
         beyond = (rank[place] < 1) if side == 0 else (rank[place] > below[-1])
-        found[place] = np.where(beyond, ends[-side], ends[cell + side])
-    return found
+        value[place] = np.where(beyond, ends[-side], ends[cell + side])
+    return value
 
 
 def _quantile(counts: np.ndarray, bins: Bins, wanted: np.ndarray) -> np.ndarray:
-    """(T, F, levels) where the distribution function, linear in each bin, has so many paths below, or +-inf."""
+    """(T, F, levels) where the distribution function, linear in each bin, counts `wanted` paths below, or +-inf."""
     below = np.cumsum(counts, axis=-1)  # of the number of paths up to the upper end of each bin
     with np.errstate(invalid="ignore", over="ignore"):
         edges = bins.low[..., np.newaxis] + bins.width[..., np.newaxis] * np.arange(bins.number + 1)
-    found = np.empty(wanted.shape)
+    value = np.empty(wanted.shape)
     for place in np.ndindex(*counts.shape[:2]):
         inner = below[place][:-1]
-        found[place] = np.interp(wanted[place], inner, edges[place])
-        found[place][wanted[place] < inner[0]] = -np.inf
-        found[place][wanted[place] > inner[-1]] = np.inf
-    return found
+        value[place] = np.interp(wanted[place], inner, edges[place])
+        value[place][wanted[place] < inner[0]] = -np.inf
+        value[place][wanted[place] > inner[-1]] = np.inf
+    return value
 
 
 def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
@@ -195,20 +194,20 @@ def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: Sequence[
     width = bins.width * (bins.number // number)
     share = np.moveaxis(inner / samples, 0, 1)
     scale = 1 / width.T[..., np.newaxis]
-    found = {
+    fields = {
         "bin_low": bins.low.T,
         "bin_width": width.T,
         "density": share * scale,
         "density_stderr": share_stderr(share, samples) * scale,
         "outside": ((counts[..., 0] + counts[..., -1]) / samples).T,
     }
-    return Histogram(**{name: _all(values, of_values) for name, values in found.items()})
+    return Histogram(**{name: _all(values, of_values) for name, values in fields.items()})
 
 
 SPHERE = "sphere"
-_POINTS = 5  # at which B(y) y is looked at
+_POINTS = 5  # at which B(y) y is evaluated
 _MARGIN = 0.125  # of the range of the first paths on each side
-_WITHIN = 8  # points on a side of a cell, in whose middles a density is known
+_WITHIN = 8  # points along a side of a cell, over which a known density is averaged
 
 
 def on_sphere(model: Any) -> bool:
@@ -216,7 +215,7 @@ def on_sphere(model: Any) -> bool:
     if dimension(model) != 3:
         return False
     y = np.random.default_rng(1).standard_normal((_POINTS, 3))
-    return all(np.abs(structure(model, tuple(one), tuple(one))).max() < 1e-12 for one in y)
+    return all(np.abs(structure(model, tuple(point), tuple(point))).max() < 1e-12 for point in y)
 
 
 class Cells(NamedTuple):
@@ -239,7 +238,7 @@ class Cells(NamedTuple):
         return cls(*cells_around(values, number[0], _MARGIN), number, pair)
 
     def places(self, states: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """(blocks, times, 1, LANES) the number of the cell, and a half; -1 for what is outside, NaN for what is lost.
+        """(blocks, times, 1, LANES) the number of the cell, and a half; -1 outside of all cells, NaN where lost.
 
         Of states (3, blocks, times, LANES) or of the values (2, blocks, times, LANES) of two functions.
         """
@@ -247,7 +246,7 @@ class Cells(NamedTuple):
         return places_in_cells(sides, self.low, self.width, self.number, closed=not self.pair)
 
     def gibbs(self, model: Any, initial: Any, temperature: float) -> np.ndarray | None:
-        """The density of exp(-H/T) in the cells of the sphere through `initial`; None if that is not known."""
+        """The density of exp(-H/T) in the cells of the sphere through `initial`; None where that is not the law."""
         of_law = initial.law.surface if isinstance(initial, RandomState) else initial
         if self.pair or not np.isfinite(temperature) or of_law is None or answers(frozen, undamped(model)):
             return None
@@ -263,7 +262,7 @@ class Cells(NamedTuple):
     def densities(
         self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray, law: Any
     ) -> DensityMap:
-        """What follows from counts (times, 1, 2 + cells); functions have been counted less their `origins` (2,)."""
+        """The maps from counts (times, 1, 2 + cells), where functions were counted less their `origins` (2,)."""
         n = counts[0, 0].sum()
         share = counts[:, 0, 1:-1].reshape(-1, *self.number) / n
         area = self.width.prod(axis=1)[:, np.newaxis, np.newaxis]
@@ -312,13 +311,13 @@ class Moments(NamedTuple):
 
     @classmethod
     def of(cls, values: Array, products: Array, samples: int) -> "Moments":
-        """Those of sums of values (2, T, C, GROUPS) and of products (1, T, pairs, GROUPS)."""
+        """The means from sums of values (2, T, C, GROUPS) and of products (1, T, pairs, GROUPS)."""
         groups = group_counts(samples)
-        found = [np.swapaxes(one, -1, -2) for sums in (*values, *products) for one in mean_over_paths(sums, groups)]
-        return cls(samples, groups, *found)
+        means = [np.swapaxes(mean, -1, -2) for sums in (*values, *products) for mean in mean_over_paths(sums, groups)]
+        return cls(samples, groups, *means)
 
     def stderr(self, value: Array, without: Array) -> Array:
-        """Standard error of what has these leave-one-out values; NaN where there are too few groups."""
+        """Standard error of a value from its leave-one-out values; NaN where there are too few groups."""
         if np.count_nonzero(self.groups) < LEAST_GROUPS:
             return np.full(np.shape(value), np.nan)
         return jackknife_stderr(value, without, self.groups)
@@ -329,38 +328,38 @@ class Moments(NamedTuple):
         return error <= _SAME * np.abs(self.mean)  # false for NaN
 
     def _unbiased(self, value: Array, without: Array) -> Estimate:
-        """Of a second moment about the mean; one path has none."""
+        """The unbiased estimate from a second moment about the mean; NaN for one path."""
         factor = self.samples / (self.samples - 1) if self.samples > 1 else np.nan
         return Estimate(factor * value, factor * self.stderr(value, without))
 
     def variances(self, count: int) -> Estimate:
-        """(count, T) those of the first columns."""
+        """(count, T) the variances of the first columns."""
         with np.errstate(invalid="ignore", over="ignore"):
             value = self.square - self.mean**2
             without = self.square_without - self.mean_without**2
         return self._unbiased(value[:count], without[:, :count])
 
-    def _covariance(self, pairs: slice, one: Array, other: Array) -> tuple[Array, Array]:
+    def _covariance(self, pairs: slice, left: Array, right: Array) -> tuple[Array, Array]:
         with np.errstate(invalid="ignore", over="ignore"):
-            value = self.product[pairs] - self.mean[one] * self.mean[other]
-            return value, self.product_without[:, pairs] - self.mean_without[:, one] * self.mean_without[:, other]
+            value = self.product[pairs] - self.mean[left] * self.mean[right]
+            return value, self.product_without[:, pairs] - self.mean_without[:, left] * self.mean_without[:, right]
 
-    def covariances(self, one: Array, other: Array, count: int) -> Estimate:
-        """(count, count, T) of the first columns, the pairs (one, other) of which are the first products."""
-        found = self._unbiased(*self._covariance(slice(len(one)), one, other))
+    def covariances(self, left: Array, right: Array, count: int) -> Estimate:
+        """(count, count, T) of the first columns, the pairs (left, right) of which are the first products."""
+        of_pairs = self._unbiased(*self._covariance(slice(len(left)), left, right))
         whole = np.empty((count, count), int)
-        whole[one, other] = whole[other, one] = np.arange(len(one))
-        return Estimate(found.value[whole], found.stderr[whole])
+        whole[left, right] = whole[right, left] = np.arange(len(left))
+        return Estimate(of_pairs.value[whole], of_pairs.stderr[whole])
 
-    def autocorrelations(self, one: Array, other: Array, since: Array) -> Estimate:
-        """Cov(f(s), f(t)) / Var f(s) of the columns `one`, (pairs, T); the columns `other` are f(s) at all times.
+    def autocorrelations(self, left: Array, right: Array, since: Array) -> Estimate:
+        """Cov(f(s), f(t)) / Var f(s) of the columns `left`, (pairs, T); the columns `right` are f(s) at all times.
 
         The pairs are the last products; NaN before the times number `since`.
         """
-        value, without = self._covariance(slice(self.product.shape[0] - len(one), None), one, other)
+        value, without = self._covariance(slice(self.product.shape[0] - len(left), None), left, right)
         with np.errstate(all="ignore"):
-            value = value / (self.square[other] - self.mean[other] ** 2)
-            without = without / (self.square_without[:, other] - self.mean_without[:, other] ** 2)
+            value = value / (self.square[right] - self.mean[right] ** 2)
+            without = without / (self.square_without[:, right] - self.mean_without[:, right] ** 2)
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
@@ -368,36 +367,32 @@ class Moments(NamedTuple):
         """First times at which conditions are seen to be met, for `functions` among `count`; NaN for the others.
 
         N, the first of the times t at which the share of paths that have passed includes a path, has the mean
-        E min(N, t_n) = t_0 + sum_k (1 - share_k) (t_(k+1) - t_k).  The states are looked at every `between`; whoever
-        meets the condition between two looks only is not seen.  With `bins` also the density of N, in so many
-        intervals of t or fewer, counted as in a histogram.
+        E min(N, t_n) = t_0 + sum_k (1 - share_k) (t_(k+1) - t_k).  States are `between` apart in time; paths that meet
+        the condition only between two of them count as not passed.  With `bins` also the density of N, in at most
+        that number of intervals of t, counted as in a histogram.
         """
         time, time_stderr = np.full((2, count), np.nan)
         edges = np.unique(np.linspace(0, len(t) - 1, bins + 1).round().astype(int)) if bins else np.zeros(0, int)
         density, density_stderr = np.full((2, count, max(len(edges) - 1, 0)), np.nan)
-        whole, without = (one[..., functions, :] for one in (self.mean, self.mean_without))
+        whole, without = (mean[..., functions, :] for mean in (self.mean, self.mean_without))
         mean, mean_without = (t[0] + (1 - share[..., :-1]) @ np.diff(t) for share in (whole, without))
         error = self.stderr(mean, mean_without)
         time[functions] = mean
         time_stderr[functions] = np.where(error <= _SAME * np.abs(mean), self.unseen * np.ptp(t), error)
-        found: dict[str, Any] = {"time": time, "time_stderr": time_stderr, "between": between}
+        fields: dict[str, Any] = {"time": time, "time_stderr": time_stderr, "between": between}
         if len(edges) > 1:
             width = np.diff(t[edges])
             share = np.round(np.diff(whole[:, edges]) * self.samples) / self.samples
             density[functions] = share / width
             density_stderr[functions] = share_stderr(share, self.samples) / width
-            found |= {"from_t": t[edges[:-1]], "until_t": t[edges[1:]]}
-            found |= {"density": density, "density_stderr": density_stderr}
-        return Passages(**found)
+            fields |= {"from_t": t[edges[:-1]], "until_t": t[edges[1:]]}
+            fields |= {"density": density, "density_stderr": density_stderr}
+        return Passages(**fields)
 
     @property
     def unseen(self) -> float:
         """The standard error of a share of the paths that is 0 or 1, by the rule of three."""
         return float(zero_share_bound(self.samples) / student_of_paths(self.samples, LEAST_GROUPS))
-
-    def band(self, count: int) -> Array:
-        """(count,) of the first columns the factor of :func:`simultaneous`."""
-        return simultaneous(self.mean_without[:, :count])
 
 
 def simultaneous(without: Array) -> Array:
@@ -414,10 +409,10 @@ def simultaneous(without: Array) -> Array:
         spread = without - without.mean(axis=0)
         units = spread / np.sqrt((spread**2).sum(axis=0))
     units[~np.isfinite(units)] = 0.0
-    if groups < GROUPS:  # which say too little of correlations: Bonferroni's factor
+    if groups < GROUPS:  # too few for correlations: Bonferroni's factor
         return np.full(without.shape[1], student_factor(groups, 1 - 0.05 / without.shape[2]))
     random = np.random.default_rng(1)
     weights = random.standard_normal((_DRAWS, groups))
     weights /= np.sqrt(random.chisquare(groups - 1, (_DRAWS, 1)) / (groups - 1))
-    found = [np.abs(weights @ units[:, f]).max(axis=1) for f in range(units.shape[1])]
-    return np.maximum(np.quantile(found, 0.95, axis=1), student_factor(groups))
+    largest = [np.abs(weights @ units[:, f]).max(axis=1) for f in range(units.shape[1])]
+    return np.maximum(np.quantile(largest, 0.95, axis=1), student_factor(groups))

@@ -12,15 +12,14 @@ from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
-from spi.specs.cases import CLIP, BaseCase
+from spi.specs.cases import StepCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
-from spi.specs.document import every
-from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, Sort
+from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
+from spi.statistics.claims import claimable
 
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
-from .results import PANELS
+from .results import PANELS, Statistics
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -29,7 +28,7 @@ _NAMES = tuple(FUNCTIONALS)
 _Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
 
 
-def _known(entry: Any) -> Any:
+def _checked(entry: Any) -> Any:
     """An entry of functions as it is; raises the error about a word that is no functional."""
     for word in entry if isinstance(entry, dict) else ():
         if word not in FUNCTIONALS:
@@ -37,7 +36,7 @@ def _known(entry: Any) -> Any:
     return entry
 
 
-_Entry = Annotated[str | _Functional, BeforeValidator(_known)]
+_Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
@@ -78,24 +77,21 @@ class Density(Keys):
 
     @property
     def number(self) -> tuple[int, int]:
-        """Of rows and columns of cells."""
+        """The numbers of rows and columns of cells."""
         return self.cells, self.cells * (2 if self.of == (SPHERE,) else 1)
 
     @property
     def count(self) -> int:
-        """Of cells."""
+        """The number of cells."""
         return self.number[0] * self.number[1]
 
 
 Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinstance(value, str) else value)]
 
 
-class Case(BaseCase):
-    """What a system does: statistics over many paths of functions of the state, at many times."""
+class Case(StepCase):
+    """Statistics over many paths of functions of the state, at many times."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
     functions: key_of(
         PathFunctions,
@@ -120,23 +116,21 @@ class Case(BaseCase):
         Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
     ) = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     accuracy: key_of(
         Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
     ) = pydantic.Field(default=None, exclude=True)
 
-    quantities: ClassVar = {
-        **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
-        **dict.fromkeys(("deviation", "nonfinite"), Sort(AT_MOST)),
-    }
+    quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
+    distinct: ClassVar = ("panels", "statistics", "quantiles")
+    unsaid: ClassVar[dict[str, Any]] = {
+        **StepCase.unsaid,
+        **dict.fromkeys(("times", "panels"), ()),
+        **dict.fromkeys(("reference_step", "density"), None),
+        **{"every": 1, "autocorrelation": {}},
+    }
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"reference"}
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
@@ -145,18 +139,18 @@ class Case(BaseCase):
 
     @property
     def quantile_names(self) -> tuple[str, ...]:
-        """What claims about single quantiles are under."""
+        """The names of single quantiles in claims."""
         return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
     def stride(self) -> int:
-        """Steps between states that are looked at."""
+        """Steps between states that are stored."""
         counts = [round(t / self.step) for t in self.times]
         return reduce(math.gcd, counts, round(self.final_time / self.step)) if self.times else self.every
 
     @property
     def places(self) -> np.ndarray:
-        """Which of the states that are looked at, from 0 on, have statistics."""
+        """The numbers, from 0 on, of those of the stored states that have statistics."""
         if not self.times:
             return np.arange(round(self.final_time / self.step) // self.stride + 1)
         return np.array([round(t / self.step) // self.stride for t in self.times])
@@ -166,12 +160,7 @@ class Case(BaseCase):
         """The times of the statistics."""
         return self.places * self.stride * self.step
 
-    @condition("step", "schemes")
-    def _check_step(self) -> Self:
-        check_step(self)
-        return self
-
-    @condition("every", "times", "step")
+    @condition
     def _check_times(self) -> Self:
         """The case with its times in their order."""
         check_every(self)
@@ -179,75 +168,77 @@ class Case(BaseCase):
             raise wrong("is given beside times", "leave one of them out", "every")
         return self.model_copy(update={"times": times_on_grid(self, self.step, "the step {}")})
 
-    @condition("functions", "model", "statistics", "bins", "times", "every")
+    @condition
     def _check_functions(self) -> Self:
         """The case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
         functions = self.functions or {name: name for name in names[:4]}
-        every(check_function, ((self, *item, _FUNCTIONAL) for item in functions.items()))
-        found = self.model_copy(update={"functions": functions})
-        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + found.fine_bins / 64)
-        if len(found.places) * per_time > _MOST_NUMBERS:
-            what = f"gives statistics of {len(functions)} functions at {len(found.places)} times, more than fit"
-            raise wrong(what, "take fewer times, functions or bins", "every")
-        return found
+        for name, entry in functions.items():
+            check_function(self, name, entry, _FUNCTIONAL)
+        case = self.model_copy(update={"functions": functions})
+        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + case.fine_bins / 64)
+        if len(case.places) * per_time > _MOST_NUMBERS:
+            mistake = f"gives statistics of {len(functions)} functions at {len(case.places)} times, more than fit"
+            raise wrong(mistake, "take fewer times, functions or bins", "every")
+        return case
 
     @property
     def fine_bins(self) -> int:
         """Bins of equal width in which values are counted: a multiple of those of histograms, 0 if none are needed."""
         return self.bins * max(1, 1024 // self.bins) if {"quantiles", "histogram"} & set(self.statistics) else 0
 
-    @condition("reference", "functions", "times", "every", "step", "initial", "model", "damping")
+    @condition
     def _check_reference(self) -> Self:
-        every(check, ((self, name, known) for name, known in self.reference.items()))
+        for name, reference in self.reference.items():
+            check(self, name, reference)
         return self
 
-    @condition("reference_step", "step", "schemes")
+    @condition
     def _check_reference_step(self) -> Self:
         if self.reference_step is None:
             return self
         doublings = round(math.log2(self.step / self.reference_step))
         exact = self.step / 2.0**doublings
         if doublings < 1 or abs(exact - self.reference_step) > ROUNDING * self.reference_step:
-            what = f"is {quantity(self.reference_step)}, of which step {quantity(self.step)} is not 2, 4, 8, ... times"
+            fine, step = quantity(self.reference_step), quantity(self.step)
+            mistake = f"is {fine}, of which step {step} is not 2, 4, 8, ... times"
             nearest = self.step / 2.0 ** max(doublings, 1)
-            raise wrong(what, f"the nearest is {quantity(nearest)}", "reference_step")
+            raise wrong(mistake, f"the nearest is {quantity(nearest)}", "reference_step")
         check_step(self.model_copy(update={"step": exact}), "reference_step")
         return self.model_copy(update={"reference_step": exact})
 
-    @condition("autocorrelation", "functions", "times", "every", "step")
+    @condition
     def _check_autocorrelation(self) -> Self:
-        every(self._check_since, self.autocorrelation.items())
+        for name, since in self.autocorrelation.items():
+            self._check_name(name, "autocorrelation", name)
+            self.place(since, "autocorrelation", name)
         return self
 
-    def _check_since(self, name: str, since: float) -> None:
-        self._check_name(name, "autocorrelation", name)
-        self.place(since, "autocorrelation", name)
-
-    @condition("accuracy")
+    @condition
     def _check_accuracy(self) -> Self:
         if self.accuracy is not None:
             right = "name it in the file, without step and samples, or use `spi answer`"
             raise wrong("cannot be asked for here, where step and samples are given", right, "accuracy")
         return self
 
-    @condition("density", "functions", "model", "times", "every", "step")
+    @condition
     def _check_density(self) -> Self:
         """The case with the times of its maps in their order."""
         if self.density is None:
             return self
         of, given = self.density.of, self.density.times or (float(self.t[-1]),)
         if of == (SPHERE,) and not on_sphere(self.model):
-            what = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
-            raise wrong(what, "name two functions, as in of: [y1, y2]", "density", "of")
+            mistake = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
+            raise wrong(mistake, "name two functions, as in of: [y1, y2]", "density", "of")
         if of != (SPHERE,):
-            every(self._check_name, ((name, "density", "of", i) for i, name in enumerate(of)))
+            for i, name in enumerate(of):
+                self._check_name(name, "density", "of", i)
             check_distinct(of, "density")
             if len(of) != 2:
                 raise wrong(f"has {len(of)} names", f"must be {SPHERE} or the names of two functions", "density", "of")
         if len(given) > _MOST_MAPS:
             raise wrong(f"has {len(given)} entries", f"must have at most {_MOST_MAPS}", "density", "times")
-        places = every(self.place, ((t, "density", "times", i) for i, t in enumerate(given)))
+        places = [self.place(t, "density", "times", i) for i, t in enumerate(given)]
         times = tuple(self.t[np.unique(places)].tolist())
         return self.model_copy(update={"density": self.density.model_copy(update={"times": times})})
 
@@ -256,7 +247,7 @@ class Case(BaseCase):
             raise wrong(f"is {shown(name)}, not the name of a function", f"known: {', '.join(self.functions)}", *keys)
 
     def place(self, t: float, *keys: str | int) -> int:
-        """Which of the times of the statistics t is; raises the error about `keys` if it is none."""
+        """The number of t among the times of the statistics; raises the error about `keys` if it is none."""
         nearest = int(np.abs(self.t - t).argmin())
         if abs(self.t[nearest] - t) > ROUNDING * max(t, self.step):
             right = f"the nearest is {quantity(float(self.t[nearest]))}"

@@ -1,4 +1,4 @@
-"""What is known of means: formulas in t, the columns of a file, expectations without sampling, stationary laws."""
+"""References for means: formulas in t, the columns of a file, expectations without sampling, stationary laws."""
 
 import csv
 import functools
@@ -23,17 +23,17 @@ EXACT, STATIONARY = "exact", "stationary"
 RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
 _ACCURACY = 1e-6  # numerical error that exact expectations may have
 
-#: Known means and their standard errors at some times.
+#: Times, means and standard errors.
 Curve = tuple[tuple[float, float, float], ...]
 
 
 def curve(text: str, path: str) -> Curve:
-    """What a file says, by t; raises the error about the key ``file``."""
+    """The rows of a file, by t; raises the error about the key ``file``."""
     lines = [line for line in csv.reader(io.StringIO(text)) if any(line)]
     names = [name.strip() for name in lines[0]] if lines else []
     if not {"t", "value"} <= set(names) <= {"t", "value", "stderr"} or len(set(names)) < len(names):
-        what = f"is {shown(path)}, with the columns {', '.join(names) or 'of an empty file'}"
-        raise wrong(what, "must have t and value, and may have stderr", "file")
+        mistake = f"is {shown(path)}, with the columns {', '.join(names) or 'of an empty file'}"
+        raise wrong(mistake, "must have t and value, and may have stderr", "file")
     rows = []
     for number, line in enumerate(lines[1:], 2):
         try:
@@ -41,94 +41,89 @@ def curve(text: str, path: str) -> Curve:
         except ValueError:
             numbers = {}
         if not numbers or not np.isfinite(list(numbers.values())).all():
-            what = f"is {shown(path)}, whose line {number} is {shown(', '.join(line))}"
-            raise wrong(what, f"must have a finite number for each of {', '.join(names)}", "file")
+            mistake = f"is {shown(path)}, whose line {number} is {shown(', '.join(line))}"
+            raise wrong(mistake, f"must have a finite number for each of {', '.join(names)}", "file")
         rows.append((numbers["t"], numbers["value"], abs(numbers.get("stderr", 0.0))))
     if len({t for t, _, _ in rows}) < len(rows):
         raise wrong(f"is {shown(path)}, which has a time twice", "give one line for each time", "file")
     return tuple(sorted(rows))
 
 
-def check(case: Any, name: str, known: str | Curve) -> None:
-    """Raise the error about what is said to be known of the function `name`, if it cannot be."""
+def check(case: Any, name: str, reference: str | Curve) -> None:
+    """Raise the error about the reference of the function `name`, if it is not valid."""
     if name not in case.functions:
         raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
-    if isinstance(known, tuple):
-        if not np.isfinite(_in_curve(known, case.t, case.step)[0]).any():
-            what = f"has a file with t = {known[0][0]:g} to {known[-1][0]:g}, none of the times of the statistics"
-            raise wrong(what, "give values at some of these times", "reference", name)
-    elif known in (EXACT, STATIONARY):
-        if reason := _unknown(case, name, known):
-            raise wrong(f"is '{known}', but {reason}", "leave it out, or use a formula or a file", "reference", name)
+    if isinstance(reference, tuple):
+        if not np.isfinite(_in_curve(reference, case.t, case.step)[0]).any():
+            first, last = reference[0][0], reference[-1][0]
+            mistake = f"has a file with t = {first:g} to {last:g}, none of the times of the statistics"
+            raise wrong(mistake, "give values at some of these times", "reference", name)
+    elif reference in (EXACT, STATIONARY):
+        if reason := _unknown(case, name, reference):
+            right = "leave it out, or use a formula or a file"
+            raise wrong(f"is '{reference}', but {reason}", right, "reference", name)
     else:
-        _check_formula(name, known)
+        try:
+            if re.search(r"\by1\b", reference):
+                raise NumberError("unknown name 'y1'")
+            parse_expression(reference, 1, ("t",))
+        except NumberError as error:
+            raise wrong(f"is {shown(reference)} ({error})", RIGHT, "reference", name) from None
 
 
-def _check_formula(name: str, known: str) -> None:
-    try:
-        if re.search(r"\by1\b", known):
-            raise NumberError("unknown name 'y1'")
-        parse_expression(known, 1, ("t",))
-    except NumberError as error:
-        raise wrong(f"is {shown(known)} ({error})", RIGHT, "reference", name) from None
-
-
-def _unknown(case: Any, name: str, known: str) -> str | None:
-    """Why nothing is known without sampling of a function; None if something is."""
+def _unknown(case: Any, name: str, reference: str) -> str | None:
+    """The reason why a mean is not known without sampling; None if it is known."""
     function = path_function(case.model, case.variables, case.functions[name])
     if function.functional:
         return "that is known of functions of the state, not of the path"
-    if known == EXACT and case.noise is not None:
+    if reference == EXACT and case.noise is not None:
         return "that is known where Brownian motion drives"
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
-    told = case.initial.told if isinstance(case.initial, RandomState) else {}
-    if known == STATIONARY:
-        if told and told["law"] not in ("uniform_on_surface", "gibbs") and not told.get("project"):
+    law = case.initial.told if isinstance(case.initial, RandomState) else {}
+    if reference == STATIONARY:
+        if law and law["law"] not in ("uniform_on_surface", "gibbs") and not law.get("project"):
             return "that is known of paths on one sphere, and here each has its own"
         try:
             _stationary(case.model, case.initial, case.temperature, case.variables, case.functions[name])
         except ValueError as error:
             return str(error)
         return None
-    if told:
+    if law:
         return "that is known for one initial state, and here each path has its own"
     if not can_solve_equation(case.model):
         return f"no equation is solved for {case.model_name}, only for systems on spheres with flows about the axes"
-    asked = case.model, ((1.0, ()),), case.initial, case.final_time, (case.final_time,), (function.values,)
-    found = demands(*asked)
-    return f"its solver {found.obstacle}: {found.remedy}" if found.obstacle else None
+    end = case.final_time
+    need = demands(case.model, ((1.0, ()),), case.initial, end, (end,), (function.values,))
+    return f"its solver {need.obstacle}: {need.remedy}" if need.obstacle else None
 
 
 def seconds_of_means(case: Any) -> float:
-    """About how many seconds :func:`known_means` takes."""
-    exact = [case.functions[name] for name, known in case.reference.items() if known == EXACT]
-    asked = ([path_function(case.model, case.variables, entry).values] for entry in exact)
-    return sum(seconds_of_equation(case.model, case.initial, case.t, values) for values in asked)
+    """The seconds of :func:`known_means`, roughly."""
+    exact = [case.functions[name] for name, reference in case.reference.items() if reference == EXACT]
+    functions = (path_function(case.model, case.variables, entry) for entry in exact)
+    return sum(seconds_of_equation(case.model, case.initial, case.t, [phi.values]) for phi in functions)
 
 
 def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Known means (F, T), NaN where nothing is known, and their standard errors or numerical errors."""
+    """Reference means (F, T), NaN where there is none, and their standard errors or numerical errors."""
     value, error = np.full((2, len(case.functions), len(case.t)), np.nan)
-    places = {name: f for f, name in enumerate(case.functions)}
-    for name, known in case.reference.items():
-        f = places[name]
-        if known == EXACT:
-            value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), case.variables, case.functions[name])
-        elif known == STATIONARY:
-            value[f], error[f] = _stationary(
-                case.model, case.initial, case.temperature, case.variables, case.functions[name]
-            )
-        elif isinstance(known, str):
-            value[f], error[f] = as_numpy(parse_expression(known, 1, ("t",)))(case.t[np.newaxis]), 0.0
-        else:
-            value[f], error[f] = _in_curve(known, case.t, case.step)
+    for f, (name, entry) in enumerate(case.functions.items()):
+        reference = case.reference.get(name)
+        if reference == EXACT:
+            value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), case.variables, entry)
+        elif reference == STATIONARY:
+            value[f], error[f] = _stationary(case.model, case.initial, case.temperature, case.variables, entry)
+        elif isinstance(reference, str):
+            value[f], error[f] = as_numpy(parse_expression(reference, 1, ("t",)))(case.t[np.newaxis]), 0.0
+        elif reference is not None:
+            value[f], error[f] = _in_curve(reference, case.t, case.step)
     return value, error
 
 
-def _in_curve(known: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _in_curve(curve: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Values and standard errors of a curve at times, NaN where it has none."""
-    times, *columns = np.array(known).T
+    times, *columns = np.array(curve).T
     nearest = np.abs(np.subtract.outer(t, times)).argmin(axis=1)
     met = np.abs(times[nearest] - t) <= ROUNDING * np.maximum(t, step)
     value, error = (np.where(met, column[nearest], np.nan) for column in columns)
@@ -139,24 +134,24 @@ def _in_curve(known: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.
 def _stationary(
     model: Any, initial: Any, temperature: float, names: tuple[str, ...], entry: str
 ) -> tuple[float, float]:
-    """Mean of a function under the Gibbs law, uniform without a temperature, and its numerical error.
+    """The mean of a function under the Gibbs law, uniform without a temperature, and its numerical error.
 
     ValueError, with the reason in a phrase, where no such law is known.
     """
     values = path_function(model, names, entry).values
     if math.isinf(temperature):
         return float(stationary_means(model, initial, [values])[0]), 0.0
-    found: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
-    return found
+    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    return expectation
 
 
 @functools.lru_cache(maxsize=256, typed=True)
 def _exact(
     model: Any, initial: tuple[float, ...], times: tuple[float, ...], variables: tuple[str, ...], entry: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Exact means of a function of the state and their numerical errors; kept, as all schemes and steps have the same.
+    """Exact means of a function of the state and their numerical errors.
 
-    Typed, because models of two classes may be equal tuples.
+    Cached, as all schemes and steps have the same; typed, because models of two classes may be equal tuples.
     """
     values = path_function(model, variables, entry).values
     mean, error = exact_expectations(model, initial, np.array(times), [values], _ACCURACY)

@@ -1,15 +1,16 @@
-"""What is stored of statistics."""
+"""The record of statistics."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance
-from spi.statistics.claims import Quantity, lost_among, quantity
+from spi.printing.tables import Column, Table
+from spi.printing.text import decimal, interval_text, short
+from spi.statistics.claims import lost_among
 from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
 SPHERE_SIDES = "y3 / |y|", "longitude"
@@ -19,104 +20,147 @@ SPHERE_SIDES = "y3 / |y|", "longitude"
 PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps")
 
 
-#: Of fewer groups of paths no standard error is told.
+#: Of fewer groups of paths there is no standard error.
 LEAST_GROUPS = 8
+
+_MOST_TIMES = 6  # that a table shows
+
+
+_KNOWN = Claimed("equal", lost="lost")
 
 
 class Quantiles(Described):
     """Quantiles of the paths whose value is finite, by linear interpolation within bins of equal width."""
 
-    level: Annotated[Array, axis("probability of the quantile")]
-    quantile: Annotated[Array, array("function t level", "quantile")]
-    quantile_low: Annotated[Array, array("function t level", "lower end of its 95 % interval, the bin included")]
-    quantile_high: Annotated[Array, array("function t level", "upper end of its 95 % interval, the bin included")]
+    level: Array = axis("probability of the quantile", column="{:g}-quantile")
+    quantile: Array = array("function t level", "quantile", claim=_KNOWN)
+    quantile_low: Array = array("function t level", "lower end of its 95 % interval, the bin included")
+    quantile_high: Array = array("function t level", "upper end of its 95 % interval, the bin included")
+
+    def __str__(self) -> str:
+        with np.errstate(invalid="ignore", over="ignore"):
+            width = self.quantile_high - self.quantile_low
+        if not np.isfinite(width).any():
+            return "the paths are too few for intervals of quantiles"
+        widest = short(float(width[np.isfinite(width)].max()))
+        return f"intervals of quantiles, one bin on either side included, are at most {widest} wide"
 
 
 class Histogram(Described):
     """Densities in bins of equal width; what lies outside of all of them is counted."""
 
-    bin_low: Annotated[Array, array("function t", "lower end of the first bin")]
-    bin_width: Annotated[Array, array("function t", "width of a bin")]
-    density: Annotated[Array, array("function t bin", "density, 1 / (samples width) of each path in the bin")]
-    density_stderr: Annotated[Array, array("function t bin", "standard error of the density")]
-    outside: Annotated[Array, array("function t", "share of the paths outside of all bins, or not finite")]
+    bin_low: Array = array("function t", "lower end of the first bin")
+    bin_width: Array = array("function t", "width of a bin")
+    density: Array = array("function t bin", "density, 1 / (samples width) of each path in the bin")
+    density_stderr: Array = array("function t bin", "standard error of the density")
+    outside: Array = array("function t", "share of the paths outside of all bins, or not finite")
 
 
 class Passages(Described):
     """First times at which conditions are seen to be met, up to the last time; NaN for other functions."""
 
-    time: Annotated[Array, array("function", "mean of the first time, the last time where it has not come", "time")]
-    time_stderr: Annotated[Array, array("function", "standard error of the mean of the first time", "time")]
-    between: Annotated[float | None, fact("time between two looks at a path", "time")] = None
-    from_t: Annotated[Array | None, array("until_t", "beginning of an interval of first times", "time")] = None
-    until_t: Annotated[Array | None, axis("end of an interval of first times", "time", name="until_t")] = None
-    density: Annotated[Array | None, array("function until_t", "density of the first time in the interval")] = None
-    density_stderr: Annotated[Array | None, array("function until_t", "standard error of this density")] = None
+    time: Array = array("function", "mean of the first time, the last time where it has not come", "time")
+    time_stderr: Array = array("function", "standard error of the mean of the first time", "time")
+    between: float | None = fact("time between two looks at a path", "time", default=None)
+    from_t: Array | None = array("until_t", "beginning of an interval of first times", "time", default=None)
+    until_t: Array | None = axis("end of an interval of first times", "time", name="until_t", default=None)
+    density: Array | None = array("function until_t", "density of the first time in the interval", default=None)
+    density_stderr: Array | None = array("function until_t", "standard error of this density", default=None)
 
 
 class DensityMap(Described):
     """Densities in cells of equal size, on a sphere by steradian or of two functions."""
 
-    sides: Annotated[tuple[str, ...], axis("what the cells divide: their rows and their columns", name="side")]
-    t: Annotated[Array, axis("time of the map", "time", name="map_t")]
-    low: Annotated[Array, array("map_t side", "lower end of the first cell")]
-    width: Annotated[Array, array("map_t side", "width of a cell")]
-    density: Annotated[Array, array("map_t row column", "share of the paths in the cell, by its area")]
-    stderr: Annotated[Array, array("map_t row column", "standard error of the density")]
-    outside: Annotated[Array, array("map_t", "share of the paths outside of all cells")]
-    law: Annotated[Array | None, array("row column", "the Gibbs law in the cells of a sphere, as a density")] = None
+    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
+    t: Array = axis("time of the map", "time", name="map_t")
+    low: Array = array("map_t side", "lower end of the first cell")
+    width: Array = array("map_t side", "width of a cell")
+    density: Array = array("map_t row column", "share of the paths in the cell, by its area")
+    stderr: Array = array("map_t row column", "standard error of the density")
+    outside: Array = array("map_t", "share of the paths outside of all cells")
+    law: Array | None = array("row column", "the Gibbs law in the cells of a sphere, as a density", default=None)
 
     @property
     def is_sphere(self) -> bool:
         """Whether the cells are those of a sphere."""
         return self.sides == SPHERE_SIDES
 
+    def __str__(self) -> str:
+        some = self.density > 0
+        relative = np.median(self.stderr[some] / self.density[some]) if some.any() else np.nan
+        rows, columns = self.density.shape[1:]
+        of = "the sphere" if self.is_sphere else " and ".join(self.sides)
+        times = ", ".join(f"{t:.5g}" for t in self.t)
+        errors = f"standard errors of {relative:.0%} in the median" if some.any() else "no path is in any of them"
+        return f"maps of {of} at t = {times} in {rows} x {columns} cells; {errors}"
+
 
 class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
 
     headline = ("mean", "variance", "quantile")
+    row_axes, row_columns = ("function", "t"), ("level", "other")
+    tables = (
+        Table(
+            "function t",
+            [
+                Column("mean", "mean (95 %)", form=".4g"),
+                Column("some", "finite\nshare", form=".7g"),
+                Column("difference", "difference\n(95 %)"),
+                Column("deviations", "in std.\nerrors", form=decimal),
+                Column("variance", "variance (95 %)"),
+                Column("autocorrelation", "autocorrelation (95 %)"),
+                Column("quantile", "{}", over="level", form=".4g", interval=""),
+            ],
+            lines=lambda one: one.shown_places,
+        ),
+    )
 
-    functions: Annotated[tuple[str, ...], axis("function", name="function")]
-    texts: Annotated[tuple[str, ...], fact("what the functions are")]
-    t: Annotated[Array, axis("time", "time")]
-    mean: Annotated[Array, array("function t", "mean over the paths", formula="E phi(y(t))")]
-    mean_stderr: Annotated[Array, array("function t", "standard error of the mean; NaN where it is not known")]
-    band: Annotated[
-        Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
-    ]
-    mean_low: Annotated[Array | None, array("function t", "lower end of the 95 % interval of the mean")] = None
-    mean_high: Annotated[Array | None, array("function t", "upper end of the 95 % interval of the mean")] = None
-    finite: Annotated[Array | None, array("function t", "share of the paths whose value is finite")] = None
-    passages: Annotated[Passages | None, nested(prefix="passage_")] = None
-    variance: Annotated[Array | None, array("function t", "variance over the paths")] = None
-    variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
-    covariance: Annotated[Array | None, array("function other t", "covariance of two functions")] = None
-    covariance_stderr: Annotated[Array | None, array("function other t", "standard error of the covariance")] = None
-    others: Annotated[tuple[str, ...] | None, axis("the other function of a covariance", name="other")] = None
-    autocorrelation: Annotated[
-        Array | None,
-        array("function t", "of the value at `since` with that at t", formula="Cov(f(s), f(t)) / Var f(s)"),
-    ] = None
-    autocorrelation_stderr: Annotated[
-        Array | None, array("function t", "standard error of the autocorrelation, NaN before the time it begins at")
-    ] = None
-    since: Annotated[Array | None, array("function", "time at which the autocorrelation begins", "time")] = None
-    quantiles: Annotated[Quantiles | None, nested()] = None
-    histogram: Annotated[Histogram | None, nested()] = None
-    density_map: Annotated[DensityMap | None, nested(prefix="map_")] = None
-    reference: Annotated[
-        Array | None, array("function t", "known mean, or mean of the finer paths; NaN where nothing is known")
-    ] = None
-    difference: Annotated[Array | None, array("function t", "mean less the reference")] = None
-    difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
-    reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
-    acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
-    nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
-    step: Annotated[float, fact("step size", "time")]
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("time of a step and path, statistics included", "ns")]
+    functions: tuple[str, ...] = axis("function", name="function")
+    texts: tuple[str, ...] = fact("what the functions are")
+    t: Array = axis("time", "time")
+    mean: Array = array(
+        "function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")
+    )
+    mean_stderr: Array = array("function t", "standard error of the mean; NaN where it is not known")
+    band: Array = array("function", "so many standard errors are a band that holds all means at once with 95 %")
+    mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
+    mean_high: Array | None = array("function t", "upper end of the 95 % interval of the mean", default=None)
+    finite: Array | None = array("function t", "share of the paths whose value is finite", default=None)
+    passages: Passages | None = nested(prefix="passage_", default=None)
+    variance: Array | None = array("function t", "variance over the paths", claim=_KNOWN, default=None)
+    variance_stderr: Array | None = array("function t", "standard error of the variance", default=None)
+    covariance: Array | None = array("function other t", "covariance of two functions", default=None)
+    covariance_stderr: Array | None = array("function other t", "standard error of the covariance", default=None)
+    others: tuple[str, ...] | None = axis("the other function of a covariance", name="other", default=None)
+    autocorrelation: Array | None = array(
+        "function t",
+        "of the value at `since` with that at t",
+        formula="Cov(f(s), f(t)) / Var f(s)",
+        claim=_KNOWN._replace(where="is_correlated"),
+        default=None,
+    )
+    autocorrelation_stderr: Array | None = array(
+        "function t", "standard error of the autocorrelation, NaN before the time it begins at", default=None
+    )
+    since: Array | None = array("function", "time at which the autocorrelation begins", "time", default=None)
+    quantiles: Quantiles | None = nested(default=None)
+    histogram: Histogram | None = nested(default=None)
+    density_map: DensityMap | None = nested(prefix="map_", default=None)
+    reference: Array | None = array(
+        "function t", "known mean, or mean of the finer paths; NaN where nothing is known", default=None
+    )
+    difference: Array | None = array(
+        "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None
+    )
+    difference_stderr: Array | None = array("function t", "standard error of the difference", default=None)
+    reference_step: float | None = fact("step size of the finer paths, on the same noise", "time", default=None)
+    acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    step: float = fact("step size", "time")
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("time of a step and path, statistics included", "ns")
 
     @property
     def interval(self) -> float:
@@ -124,7 +168,7 @@ class Statistics(Stored):
         return student_of_paths(self.samples, LEAST_GROUPS)
 
     @property
-    def mean_ends(self) -> tuple[np.ndarray, np.ndarray]:
+    def mean_ends(self) -> tuple[Array, Array]:
         """(F, T) the ends of the 95 % intervals of the means."""
         if self.mean_low is not None and self.mean_high is not None:
             return self.mean_low, self.mean_high
@@ -132,75 +176,109 @@ class Statistics(Stored):
         return self.mean - half, self.mean + half
 
     @property
-    def finite_share(self) -> np.ndarray:
+    def finite_share(self) -> Array:
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
 
-    @property
-    def deviation(self) -> np.ndarray | None:
+    @derived("function t", "share of the paths whose value is finite, if not all are")
+    def some(self) -> Array | None:
+        """(F, T) None if all values are finite."""
+        return self.finite_share if (self.finite_share < 1.0).any() else None
+
+    @derived("function t", "deviation from the reference in standard errors", name="deviations")
+    def deviation(self) -> Array | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
             return None
         return in_standard_errors(self.difference, self.difference_stderr)
 
+    @property
+    def shown_places(self) -> Iterator[tuple[int, int]]:
+        """(function, time) of the lines of a table: of few times, of those with a reference if there are any."""
+        for f in range(len(self.functions)):
+            times = np.arange(len(self.t))
+            if self.difference is not None and (there := np.isfinite(self.difference[f])).any():
+                times = times[there]
+            few = np.unique(np.linspace(len(times) - 1, 0, min(len(times), _MOST_TIMES)).round().astype(int))
+            yield from ((f, i) for i in times[few].tolist())
+
+    @derived("function t", "whether the mean is compared with a reference")
+    def is_compared(self) -> Array:
+        """(F, T) with finer paths it is at all times."""
+        if self.reference is None:
+            return np.zeros(self.mean.shape, bool)
+        return (self.reference_step is not None) | ~np.isnan(self.reference)
+
+    @derived("function", "whether there is an autocorrelation")
+    def is_correlated(self) -> Array:
+        """(F,) not of every function there is."""
+        return np.zeros(len(self.functions), bool) if self.since is None else ~np.isnan(self.since)
+
+    @derived("function", "why no claim passes about what is at the last time")
+    def lost(self) -> Array:
+        """(F,) texts, empty of functions with a mean there."""
+        return np.where(np.isfinite(self.mean[:, -1]), "", "not finite at the last time")
+
+    @property
+    def _deviations(self) -> list[Array]:
+        """(compared times,) of each function the modulus of the deviation, 0 without a difference."""
+        if self.difference is None or self.deviation is None:
+            return [np.zeros(0)] * len(self.functions)
+        values = np.where(self.difference == 0.0, 0.0, np.abs(self.deviation))
+        return [row[at] for row, at in zip(values, self.is_compared, strict=True)]
+
+    @derived(
+        "function",
+        "largest deviation from the reference, in standard errors",
+        claim=Claimed("at most", "deviation", where="is_ever_compared", lost="deviation_lost"),
+    )
+    def largest_deviation(self) -> Array:
+        """(F,) over all times, without its sign; NaN of functions that are not compared."""
+        return np.array([np.fmax.reduce(values, initial=np.nan) for values in self._deviations])
+
+    @derived("function", "whether the mean is compared with a reference at any time")
+    def is_ever_compared(self) -> Array:
+        """(F,) bool."""
+        return np.array([values.size > 0 for values in self._deviations])
+
+    @derived("function", "at how many times the deviation is not finite")
+    def deviation_lost(self) -> Array:
+        """(F,) texts."""
+        return np.array([lost_among(values, "times") for values in self._deviations])
+
+    def remarks(self) -> Iterator[str]:
+        """Values that are not finite, errors that are not known, passages, references, maps and quantiles."""
+        if (self.finite_share < 1.0).any():
+            paths = ", and quantiles are those of these paths" * bool(self.quantiles)
+            yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
+        if np.isnan(self.interval):
+            yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
+        elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():
+            yield "    ± ?: all paths have the same value, which tells no error"
+        if (passages := self.passages) is not None:
+            if np.isfinite(passages.time).any():
+                yield "    in brackets: 95 % intervals of shares by Clopper and Pearson"
+            if passages.between is not None:
+                yield f"    passages are seen at looks only, every {passages.between:.5g}:"
+                yield "        with noise shares are too small, and first times late, by about order 1/2 of that"
+            for f in np.flatnonzero(np.isfinite(passages.time)):
+                half = self.interval * passages.time_stderr[f]
+                mean = interval_text(passages.time[f], (passages.time[f] - half, passages.time[f] + half))
+                yield f"    {self.functions[f]}: mean time, {self.t[-1]:.5g} where it has not come: {mean}"
+        if self.reference_step:
+            source = f"paths on the same noise with h = {self.reference_step:g}, or from what is known"
+            yield f"    differences are from {source}"
+        if (density_map := self.density_map) is not None:
+            yield f"    {density_map}"
+        if (quantiles := self.quantiles) is not None:
+            yield f"    {quantiles}"
+
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["Statistics"]) -> Iterator[str]:
+        """The functions, where these have names."""
+        for name, text in zip(readings[0].functions, readings[0].texts, strict=True):
+            if name != text:
+                yield f"{name}: {text}"
+
 
 Record = Statistics
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of statistics: what they are at the last time, and deviations from what is known.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
-    """For each function what is known at the last time, and the largest deviation; how many paths diverged."""
-    for one in readings:
-        yield quantity("nonfinite", one.about, one.nonfinite)
-        for f, name in enumerate(one.functions):
-            lost = "" if np.isfinite(one.mean[f, -1]) else "not finite at the last time"
-            for which in _told(one, f):
-                value, stderr = getattr(one, which)[f, -1], getattr(one, f"{which}_stderr")[f, -1]
-                known = one.reference[f, -1] if which == "mean" and one.reference is not None else np.nan
-                half = one.interval * stderr if stderr else 0.0
-                found = quantity(which, one.about, value, half, name, expected=known, lost=lost)
-                if which == "mean" and np.isfinite(found.value):
-                    low, high = (float(end[f, -1]) for end in one.mean_ends)
-                    found = found._replace(low=low, high=high)
-                yield found
-            yield from _deviation(one, f)
-            if one.quantiles:
-                yield from _quantiles(one, one.quantiles, f, lost)
-
-
-def _told(one: Statistics, f: int) -> Iterator[str]:
-    """What there is of a function at the last time, be it finite or not."""
-    yield "mean"
-    if one.variance is not None:
-        yield "variance"
-    if one.since is not None and not np.isnan(one.since[f]):
-        yield "autocorrelation"
-    if _compared(one, f)[-1]:
-        yield "difference"
-
-
-def _compared(one: Statistics, f: int) -> np.ndarray:
-    """(T,) at which times the mean of a function is compared; finer paths are to tell it at all of them."""
-    if one.reference is None:
-        return np.zeros(len(one.t), bool)
-    return np.array((one.reference_step is not None) | ~np.isnan(one.reference[f]))
-
-
-def _deviation(one: Statistics, f: int) -> Iterator[Quantity]:
-    """The largest deviation of a function, without its sign, in standard errors, and at how many times it is lost."""
-    at = _compared(one, f)
-    if one.deviation is not None and one.difference is not None and at.any():
-        values = np.where(one.difference[f] == 0.0, 0.0, np.abs(one.deviation[f]))[at]  # no error without a difference
-        largest = np.fmax.reduce(values)
-        yield quantity("deviation", one.about, largest, 0.0, one.functions[f], lost=lost_among(values, "times"))
-
-
-def _quantiles(one: Statistics, known: Quantiles, f: int, lost: str) -> Iterator[Quantity]:
-    """The quantiles of a function at the last time, each as that of ``function, level``."""
-    for i, level in enumerate(known.level.tolist()):
-        value, low, high = (float(each[f, -1, i]) for each in (known.quantile, known.quantile_low, known.quantile_high))
-        yield Quantity("quantile", one.about, value, low, high, f"{one.functions[f]}, {level:g}-quantile", lost=lost)

@@ -3,65 +3,45 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import integrated, thread_count
-from spi.ensemble.observer import add_moments, count_values, state_recorder
-from spi.ensemble.random_states import RandomState, block_states
+from spi.ensemble.loop import Grid, thread_count
+from spi.ensemble.observer import add_moments, count_values
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.blocks import MeansPlan, lost_among, reported
-from spi.kinds.plans import Cost, KernelCall, State, path_grid
+from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
+from spi.kinds.plans import Cost, KernelCall, each_scheme, path_grid
 from spi.numerics.rng import LANES
-from spi.schemes import typical_ns
+from spi.statistics.accumulators import Array, Sums, added, counted, moments
 from spi.statistics.cells import count_places
 from spi.statistics.estimators import GROUPS
 from spi.statistics.intervals import clopper_pearson, student_of_paths
-from spi.statistics.tallies import sum_of_fields
-from spi.storage.records import Part
 
-from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles
+from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles, simultaneous
 from .references import known_means, seconds_of_means
-from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Passages, Statistics
+from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Statistics
 
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _CACHED = 2**15  # floats of an array that fits the cache several times
 
 
-class Sums(NamedTuple):
-    """Of F functions and further columns at T times, over some paths."""
+class StatisticsSums(Sums):
+    """Sums over some paths, of F functions and further columns at T times."""
 
-    paths: int
-    seconds: float
-    cpu_seconds: float
-    values: np.ndarray  #: (2, T, columns, GROUPS) sums of values and of their squares
-    products: np.ndarray  #: (1, T, P, GROUPS) sums of products of pairs of columns
-    counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
-    lost: np.ndarray  #: (T, F, 2) int64: of minus infinity, and of infinity or NaN
-    cells: np.ndarray  #: (maps, 1, 2 + cells) int64: outside of all cells, in each, and NaN
-    nonfinite: int
-    report: np.ndarray  #: (SUMMED,) what steps report that is summed up
-
-    def plus(self, later: "Sums") -> "Sums":
-        """These paths and some later ones."""
-        return sum_of_fields(self, later)
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute."""
-
-    states: np.ndarray  #: (blocks, levels * stored, d * LANES), level after level
-    report: np.ndarray  #: (blocks, SUMMED)
-
-    def at(self, some: slice) -> "Rows":
-        """Those of some of the blocks."""
-        return Rows(*(each[some] for each in self))
+    values: Array = moments("time column")
+    products: Array = moments("time pair", 1)  #: of pairs of columns
+    counts: Array = added("time counted bin", int)  #: below all bins, in each, and above all or NaN
+    lost: Array = added("time function end", int)  #: of minus infinity, and of infinity or NaN
+    cells: Array = added("map one cell", int)  #: outside of all cells, in each, and NaN
+    nonfinite: Array = counted()
+    report: Array = added("report")  #: of what steps report that which is summed up
 
 
 def _lost(values: np.ndarray, first: int, end: int) -> np.ndarray:
-    """(T, F, 2): how many values (blocks, T, F, LANES) are minus infinity, and how many infinity or NaN.
+    """(T, F, 2): the number of values (blocks, T, F, LANES) that are minus infinity, and of those infinity or NaN.
 
     The first block is number `first`; paths from number `end` on do not count.
     """
@@ -73,60 +53,62 @@ def _lost(values: np.ndarray, first: int, end: int) -> np.ndarray:
     return np.stack([below.sum(axis=(0, 3)), others.sum(axis=(0, 3))], axis=-1)
 
 
-def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme."""
-    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
-
-
-def plan(case: Any, part: Part) -> "StatisticsPlan":
-    """The plan for one scheme of a case."""
-    finest = case.reference_step or case.step
-    doublings = (round(np.log2(case.step / finest)), 0) if case.reference_step else (0,)
-    return StatisticsPlan(case=case, part=part, grid=path_grid(case, part, finest, doublings), samples=case.samples)
+parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatisticsPlan(MeansPlan):
+class StatisticsPlan(BlocksPlan):
     """Statistics of one scheme."""
 
+    record = Statistics
+    sums = StatisticsSums
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The steps of the case and, where means are compared with those of finer paths, of these."""
+        finest = self.case.reference_step or self.case.step
+        doublings = (round(np.log2(self.case.step / finest)), 0) if self.case.reference_step else (0,)
+        return path_grid(self.case, self.part, finest, doublings)
+
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Also the functions that are compared with finer paths: those of which no reference tells the mean."""
+        """Also the functions that are compared with finer paths: those whose mean has no reference."""
         names = list(self.case.functions)
         return super().deciding(number) | {"compared": [names[f] for f in self.columns.compared]}
 
     def cost(self) -> Cost:
-        """Steps of all paths, seconds of one thread at typical speed, and bytes of memory."""
-        steps = int(self.steps.sum()) * self.blocks * LANES
-        seconds = steps * 1e-9 * typical_ns(self.row, self.model)
-        if self.part == parts(self.case)[0]:  # the other schemes then know them
-            seconds += seconds_of_means(self.case) * thread_count()
-        return Cost(steps, seconds, int(_BATCH_BYTES))
+        """Also of the reference means, which all schemes share."""
+        cost = super().cost()
+        if self.part != parts(self.case)[0]:
+            return cost
+        return cost._replace(seconds=cost.seconds + seconds_of_means(self.case) * thread_count())
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, and nothing summed up or counted."""
-        calls, one, none = super().kernel_calls(), np.zeros((1, 1, 1, LANES)), (0, 0)
+        values, none = np.zeros((1, 1, 1, LANES)), (0, 0)
+        nowhere = np.zeros((2, 1, 1, GROUPS)), np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS))
+        calls = [*super().kernel_calls(), KernelCall(add_moments, (values, 0, 0, *nowhere, none))]
         if self.case.fine_bins or self.case.density:
             bins = np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1, 3), np.int64)
-            calls.append(KernelCall(count_values, (one, 0, 0, *bins, none)))
+            calls.append(KernelCall(count_values, (values, 0, 0, *bins, none)))
         return calls
 
     @cached_property
     def columns(self) -> Columns:
-        """What is summed up."""
+        """The columns that are summed up."""
         return Columns.of(self.case, len(self.steps))
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """The pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
-        one, other = np.triu_indices(len(self.case.functions) if "covariance" in self.case.statistics else 0)
+        left, right = np.triu_indices(len(self.case.functions) if "covariance" in self.case.statistics else 0)
         first = len(self.columns.functions)
         remembered = np.array([f for f, _ in self.columns.since], int)
-        return np.append(one, remembered), np.append(other, first + np.arange(len(remembered)))
+        return np.append(left, remembered), np.append(right, first + np.arange(len(remembered)))
 
     @cached_property
     def _pilot(self) -> np.ndarray:
-        """(T, F, paths) what the first paths do."""
-        y = self.rows(0, 0, _PILOT, _PILOT * LANES).states
+        """(T, F, paths) values of the functions on the first paths."""
+        y, _ = self.observe(0, 0, _PILOT, _PILOT * LANES)
         values = np.empty((_PILOT, len(self.case.places), self.columns.number, LANES))
         with in_threads() as each:
             self.columns.evaluate(each, y, values)
@@ -135,7 +117,7 @@ class StatisticsPlan(MeansPlan):
 
     @cached_property
     def bins(self) -> Bins:
-        """Bins that hold what the first paths do, with half of their range beside it."""
+        """Bins that hold the values on the first paths, and half of their range on each side."""
         return Bins.around(self._pilot, self.case.fine_bins)
 
     @cached_property
@@ -145,49 +127,48 @@ class StatisticsPlan(MeansPlan):
 
     @cached_property
     def cells(self) -> Cells | None:
-        """The cells of the maps, those of two functions around what the first paths do; None if there are no maps."""
+        """The cells of the maps, those of two functions around the values on the first paths; None without maps."""
         density = self.case.density
         if density is None or density.of == (SPHERE,):
             return density and Cells.of_sphere(len(self.map_times), density.number)
         pair = tuple(list(self.case.functions).index(name) for name in density.of)
         return Cells.around(self._pilot[self.map_times][:, list(pair)], pair, density.number)
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
-        times, case, columns = len(self.case.places), self.case, self.columns
-        return Sums(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            values=np.zeros((2, times, columns.number, GROUPS)),
-            products=np.zeros((1, times, len(self.pairs[0]), GROUPS)),
-            counts=np.zeros((times, len(columns.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
-            lost=np.zeros((times, len(columns.functions), 2), np.int64),
-            cells=np.zeros((len(self.map_times), 1, 2 + (case.density.count if case.density else 0)), np.int64),
-            nonfinite=0,
-            report=np.zeros(SUMMED),
-        )
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        case, columns = self.case, self.columns
+        return {
+            "time": len(case.places),
+            "column": columns.number,
+            "pair": len(self.pairs[0]),
+            "function": len(columns.functions),
+            "end": 2,
+            "counted": len(columns.functions) if case.fine_bins else 0,
+            "bin": 2 + case.fine_bins,
+            "map": len(self.map_times),
+            "one": 1,
+            "cell": 2 + (case.density.count if case.density else 0),
+            "report": SUMMED,
+        }
 
     def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
+        """The largest number of blocks in a batch, because of the memory of their states."""
         columns = self.columns
         return max(1, int(_BATCH_BYTES / (8 * LANES * columns.levels * columns.stored * len(self.initial))))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """What some blocks contribute; see :class:`Blockwise`."""
-        y = np.empty((blocks, self.columns.levels * self.columns.stored, len(self.initial) * LANES))
-        y[:, :: self.columns.stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
-        recorder = state_recorder(self.grid, y, self.case.stride)
-        what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
-        _, report = integrated(*what)
-        return Rows(y, report[:, 0, :SUMMED])
+    def stderr(self, sums: Sums) -> float:
+        """The standard error of the first mean at the last time."""
+        return stderr_of_means(sums)
 
-    def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
-        """The sums with the rows `at`, of which the first is that of block `first`.
+    def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+        """The states of some blocks, (blocks, levels * stored, d * LANES), level after level, and reports."""
+        y, report = self.recorded(first, blocks, end, self.case.stride)
+        return y, report[:, 0, :SUMMED]
 
-        As many blocks at once as caches hold, if memory does.
-        """
-        (states, report), times, columns = rows.at(at), len(self.case.places), self.columns
+    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
+        """The sums with the states `at`, as many blocks at once as caches hold, if memory does."""
+        states, report = (each[at] for each in contributions)
+        times, columns = len(self.case.places), self.columns
         copied = ("values", "products", "counts", "lost", "cells")
         added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
         few = max(1, _CACHED // (columns.stored * LANES)) * thread_count()
@@ -198,13 +179,11 @@ class StatisticsPlan(MeansPlan):
                 some = states[begin : begin + few]
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
-        lost = np.logical_not(
-            np.isfinite(states[:, self.columns.stored - 1]).reshape(len(states), -1, LANES).all(axis=1)
-        )
-        diverged = sums.nonfinite + lost_among(lost, first, end)
-        return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
+        ends = states[:, self.columns.stored - 1].reshape(len(states), -1, LANES)
+        further = {"nonfinite": np.logical_not(np.isfinite(ends).all(axis=1)), "report": report}
+        return added.with_blocks(further, slice(None), first, end)
 
-    def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
+    def _add(self, each: Map, sums: StatisticsSums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
         """Add the values of some blocks with states y to sums, in each thread at other times."""
         pairs, bins = self.pairs, self.bins if sums.counts.size else None  # here, since the first paths are a run
 
@@ -222,82 +201,76 @@ class StatisticsPlan(MeansPlan):
             maps = np.ascontiguousarray(self.cells.places(states, pair))
             count_places(maps, first, end, sums.cells)
 
-    def results(self, state: State) -> Statistics:
-        """The results of one scheme of a case, from its final state."""
-        sums, case, functions = state.total(), self.case, self.columns.functions
+    def estimates(self, sums: StatisticsSums) -> dict[str, Any]:
+        """The fields of :class:`Statistics` that follow from the sums."""
+        case, functions = self.case, self.columns.functions
         names, count = tuple(case.functions), len(case.functions)
-        found = Moments.of(sums.values, sums.products, self.samples)
+        estimated = Moments.of(sums.values, sums.products, self.samples)
         bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
         of_values = [function.functional != "passage" for function in functions]
         passages = [f for f in range(count) if not of_values[f]]
-        mean = found.mean[:count] + self.columns.origins
-        stderr, alike = self._stderr(found, np.array(of_values))
-        low, high = self._ends(found, mean, stderr[:count], passages)
-        return Statistics(
-            **self.whole(state),
-            functions=names,
-            texts=tuple(function.told for function in functions),
-            t=case.t,
-            mean=mean,
-            mean_stderr=stderr[:count],
-            mean_low=low,
-            mean_high=high,
-            finite=(self.samples - sums.lost.sum(axis=-1).T) / self.samples,
-            band=found.band(count),
-            passages=self._passages(found, passages) if passages else None,
-            **self._second_moments(found, alike[:count]),
+        mean = estimated.mean[:count] + self.columns.origins
+        stderr, alike = self._stderr(estimated, np.array(of_values))
+        low, high = self._ends(mean, stderr[:count], passages)
+        of_passages = None
+        if passages:
+            intervals = case.bins if "histogram" in case.statistics else 0
+            of_passages = estimated.passages(passages, count, case.t, self.columns.between, intervals)
+        return {
+            "functions": names,
+            "texts": tuple(function.label for function in functions),
+            "t": case.t,
+            "mean": mean,
+            "mean_stderr": stderr[:count],
+            "mean_low": low,
+            "mean_high": high,
+            "finite": (self.samples - sums.lost.sum(axis=-1).T) / self.samples,
+            "band": simultaneous(estimated.mean_without[:, :count]),
+            "passages": of_passages,
+            **self._second_moments(estimated, alike[:count]),
             **self._counted(sums, bins, of_values),
-            density_map=self._map(sums.cells, names),
-            **self._differences(found, mean, stderr),
-            acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
-            panels=case.panels or PANELS,
-            nonfinite=sums.nonfinite,
-            step=case.step,
-            samples=self.samples,
-            ns_per_step=1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
-        )
+            "density_map": self._map(sums.cells, names),
+            **self._differences(estimated, mean, stderr),
+            "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
+            "panels": case.panels or PANELS,
+            "nonfinite": int(sums.nonfinite),
+            "ns_per_step": 1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
+        }
 
-    def _passages(self, found: Moments, functions: list[int]) -> Passages:
-        case = self.case
-        bins = case.bins if "histogram" in case.statistics else 0
-        return found.passages(functions, len(case.functions), case.t, self.columns.between, bins)
+    def _counted(self, sums: StatisticsSums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
+        """Quantiles and histograms from the counts in bins, those that the case names."""
+        fields: dict[str, Any] = {}
+        if bins is not None and "quantiles" in self.case.statistics:
+            fields["quantiles"] = quantiles(sums.counts, sums.lost, bins, of_values, self.case.quantiles)
+        if bins is not None and "histogram" in self.case.statistics:
+            fields["histogram"] = histogram(sums.counts, self.samples, bins, of_values, self.case.bins)
+        return fields
 
-    def _counted(self, sums: Sums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
-        """What follows from the counts in bins, as far as it is asked for."""
-        asked = self.case.statistics
-        found: dict[str, Any] = {}
-        if bins is not None and "quantiles" in asked:
-            found["quantiles"] = quantiles(sums.counts, sums.lost, bins, of_values, self.case.quantiles)
-        if bins is not None and "histogram" in asked:
-            found["histogram"] = histogram(sums.counts, self.samples, bins, of_values, self.case.bins)
-        return found
-
-    def _stderr(self, found: Moments, of_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _stderr(self, estimated: Moments, of_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(columns, T) of the means, and where all paths are alike though they need not be.
 
-        There of shares the rule of three tells an error; of other values nothing does, and it is NaN.
+        There the error of a share follows from the rule of three; that of other values is NaN.
         """
-        stderr, columns = found.stderr(found.mean, found.mean_without), self.columns
+        stderr, columns = estimated.stderr(estimated.mean, estimated.mean_without), self.columns
         places = np.zeros(columns.number, int)
         places[: len(of_values)] = np.arange(len(of_values))
         if columns.compared:
             places[-len(columns.compared) :] = columns.compared
         sure = self._not_random()[places]
-        alike = found.same() & ~sure & ~np.array([one.is_casimir for one in columns.functions])[places, np.newaxis]
-        stderr = np.where(alike, np.where(of_values[places], np.nan, found.unseen)[:, np.newaxis], stderr)
-        return np.where(sure & np.isfinite(found.mean), 0.0, stderr), alike
+        conserved = np.array([function.is_casimir for function in columns.functions])[places, np.newaxis]
+        alike = estimated.same() & ~sure & ~conserved
+        stderr = np.where(alike, np.where(of_values[places], np.nan, estimated.unseen)[:, np.newaxis], stderr)
+        return np.where(sure & np.isfinite(estimated.mean), 0.0, stderr), alike
 
     def _not_random(self) -> np.ndarray:
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
         case, functions = self.case, self.columns.functions
         random = isinstance(self.initial, RandomState)
-        always = np.array([[one.is_constant or not self.is_random] for one in functions])
-        at_start = np.array([[one.functional == "start"] for one in functions]) | (case.t == 0)
+        always = np.array([[function.is_constant or not self.is_random] for function in functions])
+        at_start = np.array([[function.functional == "start"] for function in functions]) | (case.t == 0)
         return always | (at_start & (not random))
 
-    def _ends(
-        self, found: Moments, mean: np.ndarray, stderr: np.ndarray, passages: list[int]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _ends(self, mean: np.ndarray, stderr: np.ndarray, passages: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """The ends of the 95 % intervals of means (F, T): Student's, and of shares those of Clopper and Pearson."""
         half = student_of_paths(self.samples, LEAST_GROUPS) * stderr
         with np.errstate(invalid="ignore"):
@@ -307,45 +280,45 @@ class StatisticsPlan(MeansPlan):
             low[f], high[f] = (np.where(stderr[f] == 0, mean[f], end) for end in ends)  # at t = 0 it is exact
         return low, high
 
-    def _second_moments(self, found: Moments, alike: np.ndarray) -> dict[str, Any]:
-        """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that are asked for.
+    def _second_moments(self, estimated: Moments, alike: np.ndarray) -> dict[str, Any]:
+        """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that the case names.
 
-        Nothing tells the error of what comes of values that are `alike` (F, T) on all paths.
+        Standard errors are NaN where values are `alike` (F, T) on all paths.
         """
         case, count = self.case, len(self.case.functions)
-        told: dict[str, Any] = {}
+        fields: dict[str, Any] = {}
         if "variance" in case.statistics:
-            told["variance"], error = found.variances(count)
-            told["variance_stderr"] = np.where(alike, np.nan, error)
-        one, other = self.pairs
-        own = len(one) - len(self.columns.since)
+            fields["variance"], error = estimated.variances(count)
+            fields["variance_stderr"] = np.where(alike, np.nan, error)
+        left, right = self.pairs
+        own = len(left) - len(self.columns.since)
         if "covariance" in case.statistics:
-            told["others"] = tuple(case.functions)
-            told["covariance"], error = found.covariances(one[:own], other[:own], count)
-            told["covariance_stderr"] = np.where(alike | alike[:, np.newaxis], np.nan, error)
+            fields["others"] = tuple(case.functions)
+            fields["covariance"], error = estimated.covariances(left[:own], right[:own], count)
+            fields["covariance_stderr"] = np.where(alike | alike[:, np.newaxis], np.nan, error)
         if self.columns.since:
             value, error = np.full((2, count, len(case.t)), np.nan)
             since = np.full(count, np.nan)
             chosen, begin = np.array(self.columns.since).T
-            value[chosen], error[chosen] = found.autocorrelations(one[own:], other[own:], begin)
+            value[chosen], error[chosen] = estimated.autocorrelations(left[own:], right[own:], begin)
             since[chosen] = case.t[begin]
-            told |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
-        return told
+            fields |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
+        return fields
 
-    def _differences(self, found: Moments, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
-        """What is known of means (F, T), how far they are from it, and its standard error."""
+    def _differences(self, estimated: Moments, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
+        """Reference means, the distances of the means (F, T) from them, and the standard errors of these."""
         if not self.case.reference and not self.columns.compared:
             return {}
-        known, error = known_means(self.case)
-        difference, error = mean - known, np.hypot(stderr[: len(mean)], error)
-        first = self.columns.number - len(self.columns.compared)
-        difference[self.columns.compared], error[self.columns.compared] = found.mean[first:], stderr[first:]
-        known[self.columns.compared] = (mean - difference)[self.columns.compared]
-        told = {"reference": known, "difference": difference, "difference_stderr": error}
-        return told | {"reference_step": self.case.reference_step}
+        reference, error = known_means(self.case)
+        difference, error = mean - reference, np.hypot(stderr[: len(mean)], error)
+        compared = self.columns.compared
+        first = self.columns.number - len(compared)
+        difference[compared], error[compared] = estimated.mean[first:], stderr[first:]
+        reference[compared] = (mean - difference)[compared]
+        return {"reference": reference, "difference": difference, "difference_stderr": error}
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
-        """The maps, if there are some."""
+        """The maps; None if the case has none."""
         if self.cells is None:
             return None
         sides, origins = SPHERE_SIDES, np.zeros(2)
@@ -353,3 +326,6 @@ class StatisticsPlan(MeansPlan):
             sides, origins = (names[pair[0]], names[pair[1]]), self.columns.origins[list(pair), 0]
         law = self.cells.gibbs(self.model, self.initial, self.case.temperature)
         return self.cells.densities(counts, self.case.t[self.map_times], sides, origins, law)
+
+
+plan = StatisticsPlan.of

@@ -4,7 +4,9 @@ from typing import ClassVar
 
 from spi.specs.cases import ErrorCase
 from spi.specs.keys import Samples, key_of
-from spi.statistics.claims import ORDER, STEPWISE
+from spi.statistics.claims import claimable
+
+from .results import StrongErrors
 
 
 class Case(ErrorCase):
@@ -13,4 +15,4 @@ class Case(ErrorCase):
     samples: key_of(Samples, "number of Brownian paths")
 
     along_paths: ClassVar[bool] = True
-    quantities: ClassVar = ORDER | STEPWISE
+    quantities: ClassVar = claimable(StrongErrors)

@@ -5,14 +5,15 @@ from typing import Annotated, ClassVar, Literal, Self
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.ensemble.protocol import NonNegative, dimension
 from spi.models.zeitlin.fields import lattice_of
-from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import check_every, check_step, times_on_grid
-from spi.specs.document import every
-from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
+from spi.specs.cases import StepCase
+from spi.specs.checks import check_every, times_on_grid
+from spi.specs.keys import condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
-from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
+from spi.statistics.claims import claimable
+
+from .results import Trajectory
 
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
@@ -29,15 +30,11 @@ _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
 
 
-class Case(BaseCase):
+class Case(StepCase):
     """One path of each scheme, all on the same Brownian path."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
-    step: key_of(Positive, "step size h", "time")
-    schemes: key_of(Schemes, "a list of schemes")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     times: key_of(
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
@@ -47,35 +44,23 @@ class Case(BaseCase):
         default=None, exclude=True
     )
 
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
-    quantities: ClassVar = {
-        **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
-        "lowest": Sort(AT_LEAST),
-    }
-
-    @property
-    def last_time(self) -> float:
-        """T."""
-        return self.final_time
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times"}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "times": ()}
+    quantities: ClassVar = claimable(Trajectory)
 
     @property
     def steps_stored(self) -> int:
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
-    @condition("sweep")
+    @condition
     def _check_sweep(self) -> Self:
         if self.sweep:
             what = "is for results of many paths or of several step sizes, and a trajectory is one path"
             raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
         return self
 
-    @condition("step", "schemes")
-    def _check_step(self) -> Self:
-        check_step(self)
-        return self
-
-    @condition("every", "step")
+    @condition
     def _check_every(self) -> Self:
         check_every(self)
         steps, d = round(self.final_time / self.step), dimension(self.model)
@@ -85,7 +70,7 @@ class Case(BaseCase):
             raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
-    @condition("times", "every", "step")
+    @condition
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
@@ -93,11 +78,9 @@ class Case(BaseCase):
         times = times_on_grid(self, self.every * self.step, "{}, the time between stored states")
         return self.model_copy(update={"times": times})
 
-    @condition("panels", "model")
+    @condition
     def _check_panels(self) -> Self:
-        every(self._check_panel, enumerate(self.panels))
+        for i, panel in enumerate(self.panels):
+            if panel in OF_FIELDS and lattice_of(self.model) is None:
+                raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self
-
-    def _check_panel(self, i: int, panel: str) -> None:
-        if panel in OF_FIELDS and lattice_of(self.model) is None:
-            raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)

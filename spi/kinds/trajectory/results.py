@@ -1,53 +1,73 @@
 """The records of trajectories, and the times at which a quantity along a path is not defined."""
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import Annotated, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, lost_among, lost_is_infinite, quantity
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.printing.tables import Column, Table
+from spi.printing.text import power_of_two
+from spi.statistics.claims import lost_among
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 
 class SolverMeans(Described):
     """The report of an implicit scheme on its equations, over all steps."""
 
-    failures: Annotated[int, fact("solves that did not converge")]
-    iterations_mean: Annotated[float, fact("iterations of a solve")]
-    largest_residual: Annotated[float, fact("largest relative residual")]
+    failures: int = fact("solves that did not converge")
+    iterations_mean: float = fact("iterations of a solve")
+    largest_residual: float = fact("largest relative residual")
 
 
 class Trajectory(Stored):
     """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
 
     headline = ("casimir_drift", "hamiltonian_drift")
-
-    t: Annotated[Array, axis("time", "time")]
-    y: Annotated[Array, array("t component", "state", "state", column="y_{}")]
-    hamiltonian: Annotated[Array, array("t", "Hamiltonian", formula="H(y_n)")]
-    casimirs: Annotated[Array, array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")]
-    damped_changes: Annotated[
-        Array | None,
-        array(
-            "t casimir",
-            "changes of the Casimirs but for damping",
+    row_axes, row_columns = ("t",), ("component", "casimir")
+    tables = (
+        Table(
             "",
-            "exp(k gamma t) C(y_n) - C(y_0)",
-            "casimir_changes",
+            [
+                Column(lambda one, _: power_of_two(one.step), "step"),
+                Column(lambda one, _: (len(one.y) - 1) * one.every, "steps"),
+                Column("hamiltonian", "H at the\nend", form=".6g", missing="nan"),
+                Column("casimir_drift", "drift\n{}", over="casimir"),
+                Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
+                Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
+                Column("solver_failures", "solver\nfailures"),
+                Column("solver_iterations_mean", "iterations\na step", form=".1f"),
+            ],
         ),
-    ] = None
-    casimir_drift: Annotated[tuple[float, ...], fact("largest changes of the Casimirs, but for damping")]
-    nonfinite_from: Annotated[float | None, fact("first time at which y is not finite", "time")] = None
-    step: Annotated[float, fact("step size", "time")]
-    every: Annotated[int, fact("of how many states one is stored")] = 1
-    path: Annotated[int, fact("number of the Brownian path")]
-    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
-    times: Annotated[tuple[float, ...], fact("times of the stored states that are drawn as fields", "time")] = ()
-    preserves: Annotated[str, fact("what the scheme preserves")]
-    largest_angle: Annotated[float, fact("largest angle of a rotation; 0 up to pi/4", "rad")] = 0.0
-    solver: Annotated[SolverMeans | None, nested(prefix="solver_")] = None
-    surface: Annotated[str | None, fact("where y is a vorticity", name="lattice")] = None
+    )
+
+    t: Array = axis("time", "time")
+    y: Array = array("t component", "state", "state", column="y_{}")
+    hamiltonian: Array = array("t", "Hamiltonian", formula="H(y_n)")
+    casimirs: Array = array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")
+    damped_changes: Array | None = array(
+        "t casimir",
+        "changes of the Casimirs but for damping",
+        "",
+        "exp(k gamma t) C(y_n) - C(y_0)",
+        "casimir_changes",
+        default=None,
+    )
+    casimir_drift: tuple[float, ...] = fact(
+        "largest changes of the Casimirs, but for damping",
+        axes="casimir",
+        claim=Claimed("at most", infinite=True),
+    )
+    nonfinite_from: float | None = fact("first time at which y is not finite", "time", default=None)
+    step: float = fact("step size", "time")
+    every: int = fact("of how many states one is stored", default=1)
+    path: int = fact("number of the Brownian path")
+    panels: tuple[str, ...] = fact("what the figure of the case shows")
+    times: tuple[float, ...] = fact("times of the stored states that are drawn as fields", "time", default=())
+    preserves: str = fact("what the scheme preserves")
+    largest_angle: float = fact("largest angle of a rotation; 0 up to pi/4", "rad", default=0.0)
+    solver: SolverMeans | None = nested(prefix="solver_", default=None)
+    surface: str | None = fact("where y is a vorticity", name="lattice", default=None)
 
     @property
     def shown(self) -> list[int]:
@@ -57,7 +77,7 @@ class Trajectory(Stored):
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
 
     @property
-    def casimir_changes(self) -> np.ndarray:
+    def casimir_changes(self) -> Array:
         """(N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)."""
         if self.damped_changes is not None:
             return self.damped_changes
@@ -79,10 +99,34 @@ class Trajectory(Stored):
         """Whether the scheme preserves all Casimirs, as a Poisson map does."""
         return "Poisson structure" in self.preserves
 
-    @property
-    def lowest(self) -> np.ndarray:
+    @derived("component", "smallest value of a component", claim=Claimed("at least", lost="lost"))
+    def lowest(self) -> Array:
         """(d,) the smallest value of each component where it is finite; infinite where it never is."""
         return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
+
+    @derived("", "why no claim about the smallest component passes")
+    def lost(self) -> str:
+        """The times at which the state is not finite."""
+        return lost_among(np.abs(self.y).max(axis=1), "times")
+
+    @derived("", "largest change of the Hamiltonian", claim=Claimed("at most", infinite=True))
+    def hamiltonian_drift(self) -> float:
+        """max |H(y_n) - H(y_0)|; NaN where the path diverged."""
+        with np.errstate(invalid="ignore"):
+            return float(np.abs(self.hamiltonian - self.hamiltonian[0]).max())
+
+    def remarks(self) -> Iterator[str]:
+        """The quantities that are not defined along a path which did not diverge."""
+        count = self.casimirs.shape[1]
+        named = {f"C{c + 1 if count > 1 else ''}": self.casimirs[:, c] for c in range(count)}
+        for name, values in {"H": self.hamiltonian, **named}.items():
+            if lost := losses(self, values):
+                yield f"{self.about.label}: {name} is {lost}"
+
+    @derived("", "1 if the path diverged", claim="at most")
+    def nonfinite(self) -> bool:
+        """Whether the path diverged."""
+        return self.nonfinite_from is not None
 
 
 class Losses(NamedTuple):
@@ -99,7 +143,7 @@ class Losses(NamedTuple):
         return f"not defined at {self.number} of {self.times} times, first t = {self.first:g}"
 
 
-def losses(reading: Trajectory, values: np.ndarray) -> Losses | None:
+def losses(reading: Trajectory, values: Array) -> Losses | None:
     """The losses of `values` (t, ...) along the path of a reading; None if they are finite wherever y is."""
     alive = np.isfinite(reading.y).all(axis=1)
     lost = np.flatnonzero(alive & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
@@ -115,25 +159,3 @@ def diverged(reading: Trajectory) -> str:
 
 
 Record = Trajectory
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Quantities of trajectories that a spec may expect.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:
-    """max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if the path diverged."""
-    for reading in readings:
-        with np.errstate(invalid="ignore"):
-            change = np.abs(reading.hamiltonian - reading.hamiltonian[0])
-        values = {
-            "hamiltonian_drift": lost_is_infinite(change).max(),
-            "lowest": reading.lowest.min() if np.isfinite(reading.lowest).any() else np.nan,
-            "nonfinite": reading.nonfinite_from is not None,
-        }
-        if reading.casimir_drift:
-            values["casimir_drift"] = lost_is_infinite(np.array(reading.casimir_drift)).max()
-        for name, value in values.items():
-            lost = lost_among(np.abs(reading.y).max(axis=1), "times") if name == "lowest" else ""
-            yield quantity(name, reading.about, value, lost=lost)

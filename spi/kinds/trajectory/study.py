@@ -14,12 +14,11 @@ from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, large
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, report_columns
-from spi.kinds.plans import Cost, Done, PathsPlan, State, path_grid
+from spi.kinds.plans import Cost, Done, PathsPlan, State, each_scheme
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet, Tally
-from spi.storage.records import Part
 
 from .results import SolverMeans, Trajectory
 
@@ -38,19 +37,19 @@ class Path(NamedTuple):
         raise TypeError("a trajectory has one path")
 
 
-def parts(case: Any) -> list[Part]:
-    """The parts of a case, one for each scheme, which are run one after the other."""
-    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
-
-
-def plan(case: Any, part: Part) -> "TrajectoryPlan":
-    """The plan for one scheme of a case."""
-    return TrajectoryPlan(case=case, part=part, grid=path_grid(case, part, case.step), samples=1)
+parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryPlan(PathsPlan):
     """One path of one scheme: number ``case.path`` of the seed."""
+
+    record = Trajectory
+
+    @property
+    def samples(self) -> int:
+        """One path."""
+        return 1
 
     def cost(self) -> Cost:
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
@@ -146,7 +145,7 @@ class TrajectoryPlan(PathsPlan):
             return None
         times = tuple(t for t in self.case.times or () if t <= path.steps * self.case.step) or None
         case = self.case.model_copy(update={"final_time": path.steps * self.case.step, "times": times})
-        shorter = state.of(replace(self, case=case, grid=self.grid._replace(reference_steps=path.steps)))
+        shorter = state.of(replace(self, case=case))
         shorter.tallies[0] = Tally({}, {0: path._replace(paths=1)})
         return shorter
 
@@ -160,24 +159,23 @@ class TrajectoryPlan(PathsPlan):
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
-        return Trajectory(
-            **self.whole(state),
-            t=t,
-            y=path.y,
-            hamiltonian=energy,
-            casimirs=conserved,
-            damped_changes=change if decay_rates(self.model) else None,
-            casimir_drift=tuple(drift.tolist()),
-            nonfinite_from=float(t[lost[0]]) if len(lost) else None,
-            step=case.step,
-            every=case.every,
-            path=case.path,
-            panels=case.panels,
-            times=case.times or (),
-            preserves=self.row.preserves,
-            surface=None if lattice_of(case.model) is None else "torus",
-            **_reported(path.report),
+        fields = (
+            self.whole(state)
+            | _reported(path.report)
+            | {
+                "t": t,
+                "y": path.y,
+                "hamiltonian": energy,
+                "casimirs": conserved,
+                "damped_changes": change if decay_rates(self.model) else None,
+                "casimir_drift": tuple(drift.tolist()),
+                "nonfinite_from": float(t[lost[0]]) if len(lost) else None,
+                "times": case.times or (),
+                "preserves": self.row.preserves,
+                "surface": None if lattice_of(case.model) is None else "torus",
+            }
         )
+        return Trajectory(**fields)
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
@@ -190,3 +188,6 @@ def _reported(report: np.ndarray) -> dict[str, Any]:
             failures=int(columns["failures"]), iterations_mean=mean, largest_residual=residual
         )
     return fields
+
+
+plan = TrajectoryPlan.of

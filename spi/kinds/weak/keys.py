@@ -9,11 +9,12 @@ from annotated_types import MinLen
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
 from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
-from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
+from spi.statistics.claims import Sort, claimable
 
 from .estimators import ESTIMATORS
+from .results import WeakErrors
 
-#: What the figure can show.
+#: The panels of the figure.
 PANELS = ("errors", "samples", "seconds", "eps")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
@@ -24,21 +25,23 @@ NAMES = tuple(ESTIMATORS)
 Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1)]
 
 #: The keys of all estimators, in their order.
-KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(one.keys.Keys for one in reversed(ESTIMATORS.values())))
+KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(each.keys.Keys for each in reversed(ESTIMATORS.values())))
 
 
 class SampledCase(KeysOfEstimators, FunctionsCase):
-    """What the cases have in which expectations are estimated."""
+    """The keys of all cases in which expectations are estimated."""
 
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
-    @condition("extrapolate", "schemes", "steps")
+    unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
+
+    @condition
     def _check_extrapolate(self) -> Self:
         check_extrapolate(self)
         return self
 
-    @condition("estimators", "schemes", "steps", "functions", "initial", "model")
+    @condition
     def _check_estimators(self) -> Self:
         check_distinct(self.estimators, "estimators")
         for name in self.estimators if self.functions else ():
@@ -54,16 +57,11 @@ class Case(SampledCase):
     prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
 
-    quantities: ClassVar = {
-        **ORDER,
-        "uniform_order": Sort(EQUAL),
-        "expectation": Sort(EQUAL, per_step=True),
-        **dict.fromkeys(("error", "nonfinite", "agreement"), Sort(AT_MOST, per_step=True)),
-    }
+    quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
     scoping: ClassVar = ("estimators", "functions")
     unless_asked: ClassVar = ("estimators",)
 
-    @condition("prefixes", "estimators")
+    @condition
     def _check_prefixes(self) -> Self:
         for before, n in pairwise(self.prefixes or ()):
             if n <= before:
@@ -72,7 +70,7 @@ class Case(SampledCase):
             raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
-    @condition("panels", "eps", "estimators", "prefixes")
+    @condition
     def _check_panels(self) -> Self:
         if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
             raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")

@@ -1,40 +1,60 @@
-"""What is stored of weak errors."""
+"""The record of weak errors by one estimator, with its tables and remarks (hence more than 600 lines)."""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.printing.text import joined, short
-from spi.statistics.claims import Quantity, at_steps, each_step, lost_among, order, quantity
+from spi.printing.rows import rows_of
+from spi.printing.tables import Column, Table
+from spi.printing.text import duration, fraction, human_time, joined, order_text, power_of_two, readable, short
+from spi.statistics.claims import Quantity, lost_among, order, quantity
 from spi.statistics.intervals import student_factor
-from spi.storage.records import INTERVAL, Order, in_standard_errors
-from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+from spi.storage.records import HEAVY_TAILS, INTERVAL, Order, in_standard_errors
+from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+
+CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
+_DISAGREE = "the estimates disagree"
+_HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
+PAPER = 1e9  #: samples of the paper's weak errors
+_NOT_AS_ASSUMED = (
+    "the order is not the one assumed: extrapolated errors should fall like {}; the function may have a jump or a "
+    "kink, or the steps may be too large; compare extrapolate: 0"
+)
+_NOT_YET = (
+    "the reference's own error, {} by the smallest step, would be {} by the next: errors are not yet C {}, and may be "
+    "off by about that; try a smaller reference_step"
+)
+TOO_FAR = 4.0  #: standard errors
+_ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one expected
 
 
 class Sampled(Described):
-    """What only estimates from samples have."""
+    """Fields of estimates from samples."""
 
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error", "value")]
-    error_without: Annotated[
-        Array | None, array("left_out function h", "weak error without each group of paths in turn", "value")
-    ] = None  # for what is fitted across schemes and eps
-    expectation_stderr: Annotated[Array, array("function h", "standard error of the expectation", "value")]
-    reference: Annotated[Array, array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")]
-    sd: Annotated[Array | None, array("function", "standard deviation of phi at the largest step", "value")] = None
-    samples: Annotated[int, fact("number of paths", column=True)]
-    ns_per_step: Annotated[float, fact("processor time of a step and path", "ns", column=True)]
+    error_stderr: Array = array("function h", "standard error of the weak error", "value")
+    error_without: Array | None = array(
+        "left_out function h", "weak error without each group of paths in turn", "value", default=None
+    )  # for what is fitted across schemes and eps
+    expectation_stderr: Array = array("function h", "standard error of the expectation", "value")
+    reference: Array = array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")
+    sd: Array | None = array("function", "standard deviation of phi at the largest step", "value", default=None)
+    samples: int = fact("number of paths", column=True)
+    ns_per_step: float = fact("processor time of a step and path", "ns", column=True)
 
 
 class Unsampled(Described):
-    """What only the solvers without sampling have."""
+    """Fields of the solvers without sampling."""
 
-    error_bound: Annotated[Array, array("function h", "bound of the numerical error of the weak error", "value")]
-    expectation_bound: Annotated[Array, array("function h", "bound of the numerical error of the expectation", "value")]
-    limit: Annotated[Array, array("function", "expectation for the equation itself", "value", "E phi(y(T))")]
-    limit_bound: Annotated[Array, array("function", "bound of the numerical error of that expectation", "value")]
-    notes: Annotated[str, fact("how it was computed, JSON: resolution, ...")] = "{}"
+    error_bound: Array = array("function h", "bound of the numerical error of the weak error", "value")
+    expectation_bound: Array = array("function h", "bound of the numerical error of the expectation", "value")
+    limit: Array = array("function", "expectation for the equation itself", "value", "E phi(y(T))")
+    limit_bound: Array = array("function", "bound of the numerical error of that expectation", "value")
+    notes: str = fact("how it was computed, JSON: resolution, ...", default="{}")
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -48,12 +68,12 @@ class Unsampled(Described):
 class Stages(Described):
     """Estimates of the same errors from less work."""
 
-    error: Annotated[Array, array("function h", "weak error from less work", "value")]
-    error_stderr: Annotated[Array, array("function h", "standard error of the weak error from less work", "value")]
-    cpu_seconds: Annotated[Array, array("", "processor time by then", "s")]
+    error: Array = array("function h", "weak error from less work", "value")
+    error_stderr: Array = array("function h", "standard error of the weak error from less work", "value")
+    cpu_seconds: Array = array("", "processor time by then", "s")
 
     @property
-    def resolved(self) -> np.ndarray:
+    def resolved(self) -> Array:
         """(N, F, S) bool, whether the error stands clear of its standard error."""
         from spi.statistics.estimators import is_resolved  # takes a while
 
@@ -63,96 +83,221 @@ class Stages(Described):
 class Prefixes(Stages):
     """Estimates from the first so many paths."""
 
-    samples: Annotated[Array, axis("number of first paths", name="samples")]
+    samples: Array = axis("number of first paths", name="samples")
 
 
 class History(Stages):
     """Estimates of the allocations of a multilevel estimator."""
 
-    allocations: Annotated[Array, axis("number of the allocation", name="allocation")]
+    allocations: Array = axis("number of the allocation", name="allocation")
 
 
 class Levels(Described):
     """The levels of a multilevel estimate, each the difference between a step and half of it."""
 
-    h: Annotated[Array, axis("larger step size of the level", "time", name="level")]
-    mean: Annotated[Array, array("function level", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function level", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
-    consistency: Annotated[Array, array("function level", "Giles' check, above 1 with probability 0.3 %")]
-    samples: Annotated[Array, array("level", "samples of the level")]
-    nonfinite: Annotated[Array, array("level", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("level", "processor time of a sample", "s")]
-    mean_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the means", formula="p in |mean| = C h^p")
-    ] = None
-    variance_rate: Annotated[
-        tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
-    ] = None
-    cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
-    antithetic: Annotated[bool, fact("whether sampled with antithetic paths", name="antithetic")]
-    control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
-    control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
+    h: Array = axis("larger step size of the level", "time", name="level")
+    mean: Array = array("function level", "mean of the difference", "value")
+    variance: Array = array("function level", "variance of the difference")
+    kurtosis: Array = array("function level", "kurtosis of the difference")
+    consistency: Array = array("function level", "Giles' check, above 1 with probability 0.3 %")
+    samples: Array = array("level", "samples of the level")
+    nonfinite: Array = array("level", "diverged samples (NaN or infinity)")
+    seconds: Array = array("level", "processor time of a sample", "s")
+    mean_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the means", formula="p in |mean| = C h^p", default=None
+    )
+    variance_rate: tuple[Order, ...] | None = array(
+        "function", "rate of the variances", formula="p in variance = C h^p", default=None
+    )
+    cost_rate: float = fact("p in seconds = C h^-p")
+    antithetic: bool = fact("whether sampled with antithetic paths", name="antithetic")
+    control: str = fact("what is subtracted to reduce the variance", name="control", default="")
+    control_bound: float = fact("numerical error of its expectations", "value", name="control_bound", default=0.0)
+
+    @derived("function level", "half the interval of the mean")
+    def mean_half(self) -> Array:
+        """Half the 95 % intervals of the means."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(
+                (self.variance > 0) & (self.samples > 0), INTERVAL * np.sqrt(self.variance / self.samples), 0.0
+            )
+
+    @derived("level", "diverged samples, where there are any")
+    def lost(self) -> Array | None:
+        """Their numbers; None where there are none."""
+        return self.nonfinite if self.nonfinite.any() else None
 
 
 class Differences(Described):
     """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
 
-    scheme: Annotated[str, fact("scheme to which differences are taken", name="compared_with")]
-    mean: Annotated[Array, array("function h", "mean of the difference", "value")]
-    variance: Annotated[Array, array("function h", "variance of the difference")]
-    kurtosis: Annotated[Array, array("function h", "kurtosis of the difference")]
-    consistency: Annotated[
-        Array, array("function h", "distance from the expectations of the levels, above 1 with probability 0.3 %")
-    ]
-    samples: Annotated[Array, array("h", "samples of the difference")]
-    nonfinite: Annotated[Array, array("h", "diverged samples (NaN or infinity)")]
-    seconds: Annotated[Array, array("h", "processor time of a sample", "s")]
-    variance_rate: Annotated[
-        tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
-    ]
-    symmetrised: Annotated[Array | None, array("h", "whether both halves of the difference were sampled apart")] = None
+    scheme: str = fact("scheme to which differences are taken", name="compared_with")
+    mean: Array = array("function h", "mean of the difference", "value")
+    variance: Array = array("function h", "variance of the difference")
+    kurtosis: Array = array("function h", "kurtosis of the difference")
+    consistency: Array = array(
+        "function h", "distance from the expectations of the levels, above 1 with probability 0.3 %"
+    )
+    samples: Array = array("h", "samples of the difference")
+    nonfinite: Array = array("h", "diverged samples (NaN or infinity)")
+    seconds: Array = array("h", "processor time of a sample", "s")
+    variance_rate: tuple[Order, ...] = array("function", "rate of the variances", formula="p in variance = C h^p")
+    symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
+
+    @derived("function h", "half the interval of the mean")
+    def mean_half(self) -> Array:
+        """Half the 95 % intervals of the means."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(
+                (self.variance > 0) & (self.samples > 0), INTERVAL * np.sqrt(self.variance / self.samples), 0.0
+            )
+
+    @derived("h", "diverged samples, where there are any")
+    def lost(self) -> Array | None:
+        """Their numbers; None where there are none."""
+        return self.nonfinite if self.nonfinite.any() else None
+
+    @derived("h", "whether in halves, where any are")
+    def halved(self) -> Array | None:
+        """(S,) yes or nothing; None where none is."""
+        if self.symmetrised is None or not self.symmetrised.any():
+            return None
+        return np.where(self.symmetrised, "yes", "")
 
 
 class Quasi(Described):
-    """What only estimates from quasi-random points have."""
+    """Fields of estimates from quasi-random points."""
 
-    gain: Annotated[
-        Array, array("function h", "variance of the expectation by independent paths over that by as many points")
+    gain: Array = array("function h", "variance of the expectation by independent paths over that by as many points")
+    scrambles: int = fact("number of independent scrambles", name="scrambles")
+    points: int = fact("points of a scramble", name="points")
+    dimensions: int = fact("dimensions of the points", name="dimensions")
+
+
+def _sampled(name: str, inconsistent: str) -> list[Column]:
+    """The columns of the differences of a multilevel estimate."""
+    return [
+        Column(f"{name}_mean", "mean of the\ndifference (95 %)"),
+        Column(f"{name}_variance", "variance", form=".2e"),
+        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS, why=_HEAVY),
+        Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY, why=inconsistent),
+        Column(f"{name}_samples", "samples"),
+        Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
+        Column(f"{name}_lost", "di-\nverged", red=0),
+        Column(f"{name}_halved", "in\nhalves"),
     ]
-    scrambles: Annotated[int, fact("number of independent scrambles", name="scrambles")]
-    points: Annotated[int, fact("points of a scramble", name="points")]
-    dimensions: Annotated[int, fact("dimensions of the points", name="dimensions")]
+
+
+def distinct_levels(readings: Sequence["WeakErrors"]) -> list["WeakErrors"]:
+    """The records with levels of their own: those of a scheme serve all its levels of extrapolation."""
+    distinct: dict[tuple, WeakErrors] = {}
+    for one in readings:
+        if one.levels:
+            key = one.about.scheme, one.about.eps, one.levels.samples.tobytes(), one.levels.mean.tobytes()
+            distinct.setdefault(key, one)
+    return list(distinct.values())
+
+
+def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"]) -> Array | None:
+    """(F, S) a field of the agreement of a sampled estimate with the one without sampling; None if there is none."""
+    near = agreement(reading, readings)
+    return None if near is None else getattr(near, name)
+
+
+_ERROR, _EXPECTATION = Claimed("at most", absolute=True), Claimed("equal", expected="limit")
 
 
 class WeakErrors(Stored):
     """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
 
     headline = ("order", "error", "expectation")
+    row_axes = ("function", "h")
+    tables = (
+        Table(
+            "function h",
+            [
+                Column("error", "weak error\n(95 % or bound)", resolved="resolved", missing="nan"),
+                Column("expectation", "expectation\n(95 % or bound)"),
+                Column("quasi_gain", "times the\nvariance", form=".3g"),
+                Column("lost", "di-\nverged", red=0),
+            ],
+        ),
+        Table(
+            "function",
+            [
+                Column("order", "order (95 %)", form=".3f", interval="[]", missing="not resolved"),
+                Column("expected_order", "expected", form=fraction),
+                Column("points_in_fit", "step\nsizes"),
+                Column("limit", "limit\n(bound)"),
+            ],
+            "orders",
+        ),
+        Table(
+            "function",
+            [
+                Column("cpu_seconds", "processor\ntime", form=duration),
+                Column("paper_stderr", "error of 10^9\nsamples"),
+                Column("paper_seconds", "time for\nthese", form=human_time),
+                Column("level_cost_rate", "cost of\nlevels h^-", form=".2f"),
+            ],
+            "cost",
+        ),
+        Table(
+            "function",
+            [
+                Column("level_mean_rate", "mean of\nlevels h^", form=".2f", interval="[]"),
+                Column("level_variance_rate", "variance of\nlevels h^", form=".2f", interval="[]"),
+                Column("difference_variance_rate", "variance of\ndifferences h^", form=".2f", interval="[]"),
+            ],
+            "powers of h",
+        ),
+        Table(
+            "function h",
+            [
+                Column(partial(_agreement, "deviation"), "in std.\nerrors", form=".1f", red=TOO_FAR, why=_DISAGREE),
+                Column(partial(_agreement, "share"), "standard error\nby error", form=".2g"),
+            ],
+            "sampled errors less those without sampling",
+        ),
+        Table(
+            "function level",
+            _sampled("level", "the means of neighbouring levels disagree"),
+            "levels",
+            lines=lambda one: one.from_large_steps,
+            of=distinct_levels,
+        ),
+        Table(
+            "function h",
+            _sampled("difference", "the expectation is not that of its levels"),
+            "differences to a scheme of weak order 2",
+        ),
+    )
 
-    functions: Annotated[tuple[str, ...], axis("test function", name="function")]
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[Array, array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))")]
-    expectation: Annotated[Array, array("function h", "expectation of the test function", "value", "E phi(y_h(T))")]
-    resolved: Annotated[Array, array("function h", "whether the error stands clear of its own uncertainty")]
-    orders: Annotated[tuple[Order, ...], array("function", "", name="order")]
-    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)")] = None
-    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
+    functions: tuple[str, ...] = axis("test function", name="function")
+    h: Array = axis("step size", "time")
+    error: Array = array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))", claim=_ERROR)
+    expectation: Array = array(
+        "function h", "expectation of the test function", "value", "E phi(y_h(T))", claim=_EXPECTATION
+    )
+    resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
+    orders: tuple[Order, ...] = array("function", "", name="order")
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    expected_order: float | None = fact("order that theory states", column=True, default=None)
     sampled: Sampled | None = None
     unsampled: Unsampled | None = None
-    prefixes: Annotated[Prefixes | None, nested("samples", "prefix_")] = None
-    history: Annotated[History | None, nested("allocation", "history_")] = None
-    levels: Annotated[Levels | None, nested(prefix="level_")] = None  # where there are differences, of the other scheme
-    differences: Annotated[Differences | None, nested(prefix="difference_")] = None
-    quasi: Annotated[Quasi | None, nested(prefix="quasi_")] = None
-    formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
-    cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
-    reference_step: Annotated[float, fact("step size of the reference", "time")]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
-    accuracy: Annotated[float | None, fact("numerical error that was asked for", "value")] = None
-    left_out: Annotated[tuple[str, ...], fact("schemes of the case that the estimator cannot do")] = ()
+    prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
+    history: History | None = nested("allocation", "history_", default=None)
+    levels: Levels | None = nested(prefix="level_", apart=True, default=None)
+    differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
+    quasi: Quasi | None = nested(prefix="quasi_", default=None)
+    formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
+    cpu_seconds: float = fact("processor time", "s", column=True)
+    reference_step: float = fact("step size of the reference", "time")
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
+    panels: tuple[str, ...] = fact("what the figure shows", default=("errors",))
+    accuracy: float | None = fact("numerical error that was asked for", "value", default=None)
+    left_out: tuple[str, ...] = fact("schemes of the case that the estimator cannot do", default=())
 
     def __post_init__(self) -> None:
         if self.sampled is None and self.unsampled is None:
@@ -160,17 +305,46 @@ class WeakErrors(Stored):
         if len(self.formulas) < len(self.functions):
             raise ValueError(f"{len(self.formulas)} formulas for {len(self.functions)} functions")
 
+    @classmethod
+    def quantities_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[Quantity]:
+        """Distances of sampled from deterministic errors, and the order of the largest error over eps.
+
+        The distances (``agreement``) are in standard errors and without their sign.
+        """
+        for one in readings:
+            if near := agreement(one, readings):
+                for (f, i), value in np.ndenumerate(np.abs(near.deviation)):
+                    yield quantity("agreement", one.about, value, 0.0, one.functions[f], float(one.h[i]))
+        for members in comparable_sweeps(readings).values():
+            about = replace(members[0].about, eps=None, variant=members[0].about.scheme)
+            for f, function in enumerate(members[0].functions):
+                largest = largest_over_eps(members, f)
+                fitted = order(about, largest.order, "uniform_order", function, members[0].expected_order)
+                yield fitted._replace(lost=lost_among(largest.value + largest.stderr, "errors"))
+
+    @derived("h", "diverged paths, where there are any")
+    def lost(self) -> Array | None:
+        """(S,) their numbers; None where there are none."""
+        return self.nonfinite if self.nonfinite is not None and self.nonfinite.any() else None
+
     @property
-    def half(self) -> np.ndarray:
+    def from_large_steps(self) -> Iterator[tuple[int, int]]:
+        """(function, level) of all levels, from large to small steps."""
+        assert self.levels is not None
+        for f in range(len(self.functions)):
+            yield from ((f, i) for i in self.levels.h.argsort()[::-1].tolist())
+
+    @derived("function h", "half the interval of the error, or its bound", name="error_half")
+    def half(self) -> Array:
         """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""
         return self._half("error")
 
-    @property
-    def expectation_half(self) -> np.ndarray:
+    @derived("function h", "half the interval of the expectation, or its bound")
+    def expectation_half(self) -> Array:
         """(F, S) the same of the expectation."""
         return self._half("expectation")
 
-    def _half(self, name: str) -> np.ndarray:
+    def _half(self, name: str) -> Array:
         if self.sampled:
             without = self.sampled.error_without
             factor = INTERVAL if without is None else student_factor(len(without))
@@ -193,6 +367,60 @@ class WeakErrors(Stored):
         eps = self.about.eps
         return eps is not None and 0.0 < eps**2 < self.reference_step
 
+    @derived("function", "standard error of so many independent samples as the paper has")
+    def paper_stderr(self) -> Array | None:
+        """(F,) by the deviation of phi; None of quasi-random points, whose errors fall faster, and without sampling."""
+        if self.sampled is None or self.sampled.sd is None or self.quasi:
+            return None
+        return self.sampled.sd / math.sqrt(PAPER)
+
+    @derived("function", "processor time that this standard error would take at the largest step")
+    def paper_seconds(self) -> Array | None:
+        """(F,) NaN where the error is as small already."""
+        if self.sampled is None or self.paper_stderr is None:
+            return None
+        stderr, paper = self.sampled.error_stderr[:, self.h.argmax()], self.paper_stderr
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where((stderr > paper) & (paper > 0), self.cpu_seconds * (stderr / paper) ** 2, np.nan)
+
+    def remarks(self) -> Iterator[str]:
+        """Doubts about orders and references, points, resolutions, accuracies that are not reached, limits."""
+        own, power = own_error(self), _power(self.expected_order or math.nan, "h")
+        for f, function in enumerate(self.functions):
+            name = self.about.subject(function)
+            if self.about.extrapolate and self.orders[f].high < (self.expected_order or -math.inf) - _ORDER_AMISS:
+                yield f"{name}: {_NOT_AS_ASSUMED.format(power)}"
+            if own and own.differ[f]:
+                off = own.by_next[f] - own.value[f]
+                less = f"{short(abs(off))} {'more' if off > 0 else 'less'}"
+                yield f"{name}: {_NOT_YET.format(short(own.value[f]), less, power)}"
+        if self.sampled and self.sampled.samples == 1 and np.isnan(self.sampled.error_stderr).any():
+            yield f"{self.about.subject()}: one path has no standard error: not resolved"
+        if quasi := self.quasi:
+            points = f"{quasi.scrambles} scrambles of {quasi.points} points in {quasi.dimensions} dimensions"
+            yield f"{self.about.subject()}: {points}; times the variance: of as many independent paths"
+        if self.unsampled and (resolution := _resolution(self.unsampled.noted)):
+            yield f"{self.about.subject()}: {resolution}"
+        if poor := not_reached(self):
+            yield f"{self.about.subject()}: {poor}"
+        if self.reference_shows_limit:
+            limit = f"the limit of {self.reference_scheme}" if self.reference_scheme else "the scheme's own limit"
+            root = short(math.sqrt(self.reference_step), ".2g")
+            yield f"{self.about.subject()}: eps < sqrt(h_ref) = {root}: the reference shows {limit}"
+
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[str]:
+        """Test functions, orders of the largest errors over eps, references, schemes without results."""
+        for name, formula in zip(readings[0].functions, readings[0].formulas, strict=True):
+            yield f"{name} = {readable(formula, readings[0].about.variables)}"
+        for one in cls.quantities_of_case(readings):
+            if one.name == "uniform_order":
+                yield f"{one.subject}, largest over eps: {order_text(one.value, one.low, one.high, one.expected)}"
+        yield from dict.fromkeys(_reference(reading) for reading in readings if reading.sampled)
+        for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
+            if schemes:
+                yield cannot_do(estimator, schemes)
+
 
 Record = WeakErrors
 
@@ -208,12 +436,12 @@ if TYPE_CHECKING:
 class Agreement(NamedTuple):
     """A sampled estimate beside the deterministic one; arrays (F, S), NaN where nothing is known."""
 
-    deviation: np.ndarray  #: sampled minus deterministic error, in standard errors
-    share: np.ndarray  #: the standard error over the deterministic error
+    deviation: Array  #: sampled minus deterministic error, in standard errors
+    share: Array  #: the standard error over the deterministic error
 
 
 def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement | None:
-    """How a sampled estimate compares with the one without sampling among `readings`; None if there is none."""
+    """Compare a sampled estimate with the one without sampling among `readings`; None if there is none."""
     whose = reading.about.case, reading.about.variant
     same = [one for one in readings if (one.about.case, one.about.variant) == whose]
     exact, bounds = next(((one, one.unsampled) for one in same if one.unsampled), (None, None))
@@ -236,9 +464,9 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
 class OwnError(NamedTuple):
     """The reference's own error, which all errors of a reading contain; arrays (F,)."""
 
-    value: np.ndarray  #: C h_ref^p by the smallest step, as it was added
-    by_next: np.ndarray  #: by the step after it, as if that were the smallest
-    differ: np.ndarray  #: whether the two differ, and by more than some of the standard errors
+    value: Array  #: C h_ref^p by the smallest step, as it was added
+    by_next: Array  #: by the step after it, as if that were the smallest
+    differ: Array  #: whether the two differ, and by more than some of the standard errors
 
 
 def own_error(reading: WeakErrors) -> OwnError | None:
@@ -257,7 +485,7 @@ def own_error(reading: WeakErrors) -> OwnError | None:
     without = sampled.error_without
     share = (reading.reference_step / reading.h[:-3:-1]) ** order  # of the two smallest steps, the smallest first
 
-    def by_both(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def by_both(errors: Array) -> tuple[Array, Array]:
         added = errors[..., -1] * share[0]
         return added, (errors[..., -2] - added) * share[1] / (1.0 - share[1])
 
@@ -316,33 +544,68 @@ def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of weak errors.
+# The rows of CSV and JSON: also those of fewer paths, and the agreement with deterministic errors.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: The columns of the rows of fewer paths.
+_OF_FEWER = (
+    *("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "expected_order"),
+    *("error", "error_stderr", "resolved", "samples", "cpu_seconds"),
+)
+
+
+def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
+    """A record per test function and step size; after them those of the first so many paths, where they are kept.
+
+    ``agreement`` is the error less the deterministic one, in standard errors.
+    """
+    for reading in readings:
+        near = agreement(reading, readings)
+        yield from rows_of(reading, {"agreement": (reading.row_axes, near.deviation)} if near else None)
+        if reading.prefixes and reading.sampled:
+            yield from _prefix_rows(reading, reading.prefixes, reading.sampled)
+
+
+def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, sampled: Sampled) -> Iterator[dict[str, Any]]:
+    """The rows of fewer paths than all; expectations and orders are known of all only."""
+    for n, samples in enumerate(prefixes.samples.tolist()):
+        fewer = replace(
+            reading,
+            error=prefixes.error[n],
+            resolved=prefixes.resolved[n],
+            sampled=replace(sampled, error_stderr=prefixes.error_stderr[n], samples=samples),
+            cpu_seconds=prefixes.cpu_seconds[n].item(),
+        )
+        if samples < sampled.samples:
+            yield from ({name: row[name] for name in _OF_FEWER if name in row} for row in rows_of(fewer))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Lines under the tables
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
-    """For each test function its order, errors without their sign, their distances from others, and expectations.
+def _power(order: float, base: str) -> str:
+    """``h``, ``h^2`` or ``(h_ref/h)^(3/2)``."""
+    return base if order == 1 else f"{base}^{fraction(order)}"
 
-    The distances from deterministic errors (``agreement``) are in standard errors.  ``uniform_order`` is that of the
-    largest error over eps.
-    """
-    for one in readings:
-        for f, function in enumerate(one.functions):
-            yield order(one.about, one.orders[f], function=function, expected=one.expected_order)
-            yield from at_steps("error", one.about, one.h, np.abs(one.error[f]), one.half[f], function)
-            limit = one.unsampled.limit[f] if one.unsampled else np.nan  # which a solver knows
-            for i, h in enumerate(one.h.tolist()):
-                told = one.expectation[f, i], one.expectation_half[f, i], function, h, limit
-                yield quantity("expectation", one.about, *told)
-        if near := agreement(one, readings):
-            exact = np.zeros(len(one.h))
-            for f, function in enumerate(one.functions):
-                yield from at_steps("agreement", one.about, one.h, np.abs(near.deviation[f]), exact, function)
-        if one.nonfinite is not None:
-            yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
-    for members in comparable_sweeps(readings).values():
-        about = members[0].about._replace(eps=None, variant=members[0].about.scheme)
-        for f, function in enumerate(members[0].functions):
-            largest = largest_over_eps(members, f)
-            found = order(about, largest.order, "uniform_order", function)
-            yield found._replace(lost=lost_among(largest.value + largest.stderr, "errors"))
+
+def _resolution(notes: dict[str, Any]) -> str:
+    """The short ones of the notes of a solver without sampling."""
+    texts = {key.replace("_", " "): json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
+    return ", ".join(f"{key} {text}" for key, text in texts.items() if len(text) <= 12)
+
+
+def _reference(reading: WeakErrors) -> str:
+    """The share of the errors of a record that its reference lacks."""
+    reference, differences = reading.reference_step, reading.differences
+    order = 2.0 if differences else reading.expected_order
+    where = f"the reference at h_ref = {power_of_two(reference)}"
+    if reading.reference_scheme:
+        return f"{where} is {reading.reference_scheme}: errors are not corrected for what it lacks"
+    if not order:
+        return f"{where}: errors are not corrected for what it lacks, as theory states no order"
+    share = f"{100 * (reference / reading.h.min()) ** order:.2g} %"
+    ratio = "h_ref/h" if order == 1 else _power(order, "(h_ref/h)")
+    error = f"the error of {differences.scheme} at the finest step" if differences else "the finest error"
+    return f"{where} lacks {ratio} = {share} of {error} (order {fraction(order)}), which is added to all errors"

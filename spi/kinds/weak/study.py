@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.loop import thread_count
 from spi.expressions import canonical, is_step, range_of
-from spi.kinds.plans import Plan
-from spi.schemes import driven, has_theory, weak_exponents
+from spi.kinds.plans import Plan, State
+from spi.schemes import weak_exponents
+from spi.schemes.theory import weak_order
 from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
@@ -24,7 +24,7 @@ from .results import WeakErrors, cannot_do
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme with each estimator that can do it, extrapolated or not."""
+    """The parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
     each = [
         Part(scheme, name, eps)
         for scheme, eps in case.runs
@@ -39,7 +39,7 @@ def parts(case: Any) -> list[Part]:
 
 
 def remarks(case: Any) -> Iterator[str]:
-    """What of a case will not be computed, or not as it was asked for."""
+    """Warnings: parts of a case that are left out or changed."""
     for name in case.estimators:
         if schemes := left_out(case, name):
             yield cannot_do(name, schemes)
@@ -53,19 +53,21 @@ def plan(case: Any, part: Part) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class WeakPlan(Plan):
-    """The head of every plan of weak errors of one scheme, extrapolated or not."""
+    """The base of all plans of weak errors of one scheme, extrapolated or not."""
+
+    record = WeakErrors
 
     #: Keys of the case that are for other estimators.
     of_others: ClassVar[frozenset[str]] = frozenset()
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Nothing of other estimators; its own, and the extrapolation, are told by the part."""
+        """Without the keys of other estimators; the part names its own, and the extrapolation."""
         without = {"estimators", "extrapolate", *self.of_others}
         return {key: value for key, value in super().deciding(number).items() if key not in without}
 
     @property
     def extrapolation(self) -> Extrapolation:
-        """How the values at the steps of the case make those of the results, whose steps are :attr:`h`."""
+        """The combination of values at the steps of the case into those of the results, at the steps :attr:`h`."""
         count = self.part.extrapolate
         exponents = weak_exponents(self.row, self.model, count) if count else None
         return Extrapolation.of(self.case.steps, exponents or ())
@@ -78,12 +80,7 @@ class WeakPlan(Plan):
     @property
     def expected_order(self) -> float | None:
         """The weak order of the scheme, after extrapolation; None where theory says nothing."""
-        if self.case.noise is not None:
-            return driven.weak_order(self.case.noise, self.row, self.model)
-        if not self.part.extrapolate:
-            return self.row.weak_order if has_theory(self.row, self.model) else None
-        exponents = weak_exponents(self.row, self.model, self.part.extrapolate + 1)
-        return exponents[-1] if exponents else None
+        return weak_order(self.row, self.model, self.part.extrapolate, self.case.noise)
 
     @property
     def reference_share(self) -> float:
@@ -100,17 +97,17 @@ class WeakPlan(Plan):
         """The errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
 
         That is **one** number for all steps, C h_ref^p, with C from the smallest step alone, since at large steps
-        errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors know of it.
+        errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors contain it.
         """
         share = self.reference_share
         return differences + share * differences[..., -1:] if share else differences
 
     def unseen(self, value: np.ndarray, stderr: np.ndarray, samples: np.ndarray | int) -> np.ndarray:
-        """Half the width of an interval (..., F) of what means over so many samples may lack, which none of them shows.
+        """(..., F) half the width of an interval for the part of means over `samples` that no sample shows.
 
-        Where all values are alike that is the share that could differ, by the rule of three, times how far two values
-        of the function can be apart; NaN where that is not known, and 0 where nothing is random.  Functions that are
-        constant but for jumps lack as much where few values differ.
+        Where all values are alike that is the share that could differ, by the rule of three, times the range of the
+        function; NaN where the range is infinite, and 0 where nothing is random.  Functions that are constant but for
+        jumps have the same where few values differ.
         """
         width = np.array([np.ptp(range_of(tree)) if self.is_random else 0.0 for tree in self.case.expressions])
         jumps = np.array([is_step(tree) for tree in self.case.expressions])
@@ -120,37 +117,32 @@ class WeakPlan(Plan):
         lacking = np.where(alike | jumps, bound, 0.0)
         return np.where(alike & ~np.isfinite(width), np.nan, lacking)
 
-    def weak_errors(self, seconds: float, **estimated: Any) -> WeakErrors:
-        """What the estimator estimated, and what all estimators state of a case; `seconds` is the wall-clock time."""
+    def whole(self, state: State) -> dict[str, Any]:
+        """Also the facts that all estimators state of a case."""
         case = self.case
-        return WeakErrors(
-            about=self.description(),
-            functions=tuple(case.functions),
-            h=self.h,
-            formulas=tuple(canonical(e) for e in case.expressions),
-            expected_order=self.expected_order,
-            reference_step=case.reference_step,
-            reference_scheme=case.reference_scheme,
-            panels=case.panels or ("errors",),
-            left_out=left_out(case, self.part.estimator),
-            wall_seconds=seconds,
-            threads=thread_count(),
-            **estimated,
-        )
+        return super().whole(state) | {
+            "functions": tuple(case.functions),
+            "h": self.h,
+            "formulas": tuple(canonical(e) for e in case.expressions),
+            "expected_order": self.expected_order,
+            "panels": case.panels or ("errors",),
+            "left_out": left_out(case, self.part.estimator),
+            "accuracy": None,
+        }
 
 
 _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 
 def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray | float) -> np.ndarray:
-    """The standard errors of errors by the jackknife, and by what they lack unseen, half the width of an interval."""
+    """The standard errors of errors by the jackknife, with the `unseen` part of them, see :meth:`WeakPlan.unseen`."""
     return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(int(np.count_nonzero(counts))))
 
 
 def sampled_errors(
     h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What is fitted to errors (F, S) by every estimator that samples: fields of WeakErrors, and of Sampled.
+    """The fits to errors (F, S) of every estimator that samples: fields of WeakErrors, and of Sampled.
 
     `without` is (groups, F, S), and `unseen` (F, S) as in :func:`stderr_of`.
     """

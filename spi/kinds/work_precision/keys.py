@@ -8,7 +8,9 @@ from spi.ensemble.protocol import Positive
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.keys import SampledCase
 from spi.specs.keys import condition, key_of, wrong
-from spi.statistics.claims import ORDER, STEPWISE
+from spi.statistics.claims import claimable
+
+from .results import WorkPrecision
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
 Repeats = Annotated[int, Ge(3), Le(1000)]
@@ -25,15 +27,16 @@ class Case(SampledCase):
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
+    distinct: ClassVar = ("targets",)
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
-    quantities: ClassVar = ORDER | STEPWISE
+    quantities: ClassVar = claimable(WorkPrecision)
 
     @property
     def along_paths(self) -> bool:  # type: ignore[override]
         """Strong errors are those of paths."""
         return not self.functions
 
-    @condition("functions", "estimators", "extrapolate")
+    @condition
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):

@@ -1,15 +1,19 @@
-"""What is stored of errors and the times of paths."""
+"""The record of errors and of the times of paths."""
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, at_steps, drifts, each_step, order
+from spi.printing.tables import Cell, Column, Grid, Own, Table
+from spi.printing.text import duration, readable
 from spi.storage.records import INTERVAL, Order
-from spi.storage.stored import Array, Stored, array, axis, fact
+from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
 
-from .work_points import WorkCurve, interval_of_median
+from ..weak.results import cannot_do
+from .work_points import Factor, WorkCurve, WorkPoint, cheapest, interval_of_median, work_for
 
 
 class WorkPrecision(Stored):
@@ -19,34 +23,51 @@ class WorkPrecision(Stored):
     """
 
     headline = ("order", "error")
+    row_axes, row_largest = ("h",), ("casimir",)
+    tables = (
+        Table(
+            "h",
+            [
+                Column("error", "error\n(95 % or bound)", resolved="resolved", missing="nan"),
+                Column("seconds_per_path", "time per\npath", form=duration, interval=""),
+                Column("ns_per_step", "ns per\nstep", form=".1f"),
+                Column("largest_drift", "Casimir\ndrift"),
+                Column("nonfinite", "di-\nverged", red=0),
+            ],
+        ),
+        Own(lambda title, readings: _requested(readings)),
+    )
 
-    h: Annotated[Array, axis("step size", "time")]
-    error: Annotated[Array, array("h", "error without its sign", "state or value")]
-    error_stderr: Annotated[Array | None, array("h", "standard error of the error", "state or value")] = None
-    error_bound: Annotated[Array | None, array("h", "bound of the numerical error, without sampling", "value")] = None
-    resolved: Annotated[Array, array("h", "whether the error stands clear of its standard error or bound")]
-    casimir_drift: Annotated[
-        Array | None,
-        array("h casimir", "largest change of a Casimir", formula="max over paths and n of |C(y_n) - C(y_0)|"),
-    ] = None
-    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)")] = None
-    ns_per_step: Annotated[Array, array("h", "time of a step and path, by the median", "ns")]
-    seconds_per_path: Annotated[Array, array("h", "processor time of a path, the median of the repeats", "s")]
-    seconds_per_path_low: Annotated[Array, array("h", "lower quartile of the processor time of a path", "s")]
-    seconds_per_path_high: Annotated[Array, array("h", "upper quartile of the processor time of a path", "s")]
+    h: Array = axis("step size", "time")
+    error: Array = array("h", "error without its sign", "state or value", claim="at most")
+    error_stderr: Array | None = array("h", "standard error of the error", "state or value", default=None)
+    error_bound: Array | None = array("h", "bound of the numerical error, without sampling", "value", default=None)
+    resolved: Array = array("h", "whether the error stands clear of its standard error or bound")
+    casimir_drift: Array | None = array(
+        "h casimir",
+        "largest change of a Casimir",
+        formula="max over paths and n of |C(y_n) - C(y_0)|",
+        claim=Claimed("at most", infinite=True),
+        default=None,
+    )
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    ns_per_step: Array = array("h", "time of a step and path, by the median", "ns")
+    seconds_per_path: Array = array("h", "processor time of a path, the median of the repeats", "s")
+    seconds_per_path_low: Array = array("h", "lower quartile of the processor time of a path", "s")
+    seconds_per_path_high: Array = array("h", "upper quartile of the processor time of a path", "s")
     order: Order
-    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
-    measure: Annotated[str, fact("kind of the errors, strong or weak", column=True)]
-    estimator: Annotated[str, fact("estimator of weak errors")] = ""
-    functions: Annotated[tuple[str, ...], fact("formula of the test function of weak errors")] = ()
-    samples: Annotated[int | None, fact("number of paths, where it is given beforehand", column=True)] = None
-    repeats: Annotated[int, fact("how often each step size is timed")]
-    targets: Annotated[tuple[float, ...], fact("errors for which the cheapest scheme is asked", "state or value")]
-    reference_step: Annotated[float, fact("step size of the reference", "time")]
-    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    left_out: Annotated[tuple[str, ...], fact("schemes of the case that no estimator of it can do")] = ()
-    note: Annotated[str, fact("what is to be said of the errors")] = ""
+    expected_order: float | None = fact("order that theory states", column=True, default=None)
+    measure: str = fact("kind of the errors, strong or weak", column=True)
+    estimator: str = fact("estimator of weak errors", default="")
+    functions: tuple[str, ...] = fact("formula of the test function of weak errors", default=())
+    samples: int | None = fact("number of paths, where it is given beforehand", column=True, default=None)
+    repeats: int = fact("how often each step size is timed")
+    targets: tuple[float, ...] = fact("errors for which the cheapest scheme is asked", "state or value")
+    reference_step: float = fact("step size of the reference", "time")
+    reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
+    reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
+    left_out: tuple[str, ...] = fact("schemes of the case that no estimator of it can do", default=())
+    note: str = fact("what is to be said of the errors", default="")
 
     def __post_init__(self) -> None:
         if self.error_stderr is None and self.error_bound is None:
@@ -57,13 +78,13 @@ class WorkPrecision(Stored):
         """Whether nothing was sampled."""
         return self.error_bound is not None
 
-    @property
-    def half(self) -> np.ndarray:
+    @derived("h", "half the interval of the error, or its bound", name="error_half")
+    def half(self) -> Array:
         """(S,) half the 95 % interval of the error, or the bound of its numerical error."""
         return INTERVAL * self.error_stderr if self.error_stderr is not None else np.asarray(self.error_bound)
 
-    @property
-    def largest_drift(self) -> np.ndarray | None:
+    @derived("h", "largest change of all Casimirs")
+    def largest_drift(self) -> Array | None:
         """(S,) of several Casimirs the largest drift; None where there is none."""
         known = self.casimir_drift is not None and self.casimir_drift.size > 0
         return self.casimir_drift.max(axis=1) if known and self.casimir_drift is not None else None
@@ -75,6 +96,17 @@ class WorkPrecision(Stored):
         low, high = interval_of_median(*times, self.repeats)
         return WorkCurve(self.h, self.error, self.half, self.resolved, self.seconds_per_path, low, high)
 
+    @classmethod
+    def remarks_of_case(cls, readings: Sequence["WorkPrecision"]) -> Iterator[str]:
+        """The meaning of errors and times, and schemes without results."""
+        first = readings[0]
+        functions = ", ".join(readable(function, first.about.variables) for function in first.functions)
+        yield f"{first.measure} error" + f" of the expectation of {functions}" * bool(functions)
+        time = f"processor core for one path to T = {first.about.final_time:g}, the median of {first.repeats} repeats"
+        yield f"time: of one {time}"
+        if first.left_out:
+            yield cannot_do("the estimators", first.left_out)
+
 
 def requested(readings: Iterable[WorkPrecision]) -> list[float]:
     """The errors that are asked for in a case, from small to large."""
@@ -85,16 +117,72 @@ Record = WorkPrecision
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a spec may expect of errors and times; not the times, which are others on every machine.
+# The table of requested errors: the cheapest scheme, and the times of the others as multiples of its time.
 # ---------------------------------------------------------------------------------------------------------------------
 
+_HEADING = 10  # characters of the label of a scheme over a column of factors
 
-def quantities(readings: Iterable[WorkPrecision]) -> Iterator[Quantity]:
-    """The fitted order; for each step size the error and, where it is known, Casimir drift and diverged paths."""
-    for one in readings:
-        yield order(one.about, one.order, expected=one.expected_order)
-        yield from at_steps("error", one.about, one.h, one.error, one.half)
-        if one.casimir_drift is not None:
-            yield from drifts(one.about, one.h, one.casimir_drift)
-        if one.nonfinite is not None:
-            yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
+#: The meaning of the marks of a factor.
+_MARKS = {
+    "tie": "tie: the 95 % interval of the factor contains 1",
+    "≤": "≤: the largest step that was run does already, or paths diverged at the next larger one",
+    "≥": "≥: so it is for the cheapest scheme",
+    "()": "( ): so it is for both, which leaves open which is cheaper",
+    "-": "-: not reached at the steps that were run",
+}
+
+
+def _requested(readings: Sequence[WorkPrecision]) -> Iterator[Grid | Cell]:
+    """The table, and the lines that explain its marks."""
+    labels = {reading.about.variant: reading.about.label for reading in readings}
+    headings = ["error", "cheapest", "h", "time", *map(_heading, labels.values())]
+    lines: list[list[Cell]] = []
+    marks: set[str] = set()
+    for target in reversed(requested(readings)):
+        best, point, cells = _fastest(target, readings)
+        marks.update(re.sub(r"[\d. ]", "", cell) for cell in cells.values())
+        marks.add("≤" * (point is not None and point.at_most))
+        factors = [Cell(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
+        texts = (_plainly(target), labels[best] if best else "none", *_needs(point))
+        lines.append([*map(Cell, texts), *factors])
+    title = "cheapest scheme for a requested error, times of the others as multiples"
+    yield Grid(title, headings, [lines], left=3)
+    yield from (Cell(text, "dim") for mark, text in _MARKS.items() if mark in marks)
+
+
+def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:
+    """For a requested error the cheapest scheme, its work point, and for each scheme the text of its factor."""
+    works = {reading.about.variant: work_for(target, reading.curve) for reading in readings}
+    best, factors = cheapest(works)
+    cells = dict.fromkeys(works, "-") | ({best: "1"} if best else {})
+    cells |= {variant: _factor(factor) for variant, factor in factors.items()}
+    return best, works[best] if best else None, cells
+
+
+def _needs(point: WorkPoint | None) -> tuple[str, str]:
+    """Step size and time of a work point."""
+    if point is None:
+        return "", ""
+    exponent = f"{math.log2(point.h):z.1f}".removesuffix(".0")
+    return f"2^{exponent}", "≤ " * point.at_most + duration(point.seconds)
+
+
+def _factor(factor: Factor) -> str:
+    """``2.3``, with what is to be known of its interval."""
+    digits = 2 if factor.value < 1.995 else 1 if factor.value < 9.95 else 0
+    value = f"{factor.value:.{digits}f}"
+    if factor.low == 0.0:
+        return f"({value})" if math.isinf(factor.high) else f"≤ {value}"
+    return f"tie {value}" if factor.tie else f"≥ {value}" if math.isinf(factor.high) else value
+
+
+def _plainly(x: float) -> str:
+    """``1e-3`` for 0.001, ``2.5e-2`` for 0.025."""
+    digits, _, exponent = f"{x:.2e}".partition("e")
+    return f"{float(digits):g}e{int(exponent)}" if int(exponent) else f"{float(digits):g}"
+
+
+def _heading(label: str) -> str:
+    """A label in lines of few characters."""
+    lines = textwrap.wrap(label.replace("order ", "order\xa0"), _HEADING, break_long_words=False)
+    return "\n".join(lines).replace("\xa0", " ")

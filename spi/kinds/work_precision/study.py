@@ -33,13 +33,13 @@ _PATH_STEPS = 2**20
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme, weak errors with the first estimator that can do it."""
-    found: list[Part] = []
+    """The parts of a case in their order: each scheme, weak errors with the first estimator that can do it."""
+    chosen: list[Part] = []
     for part in (weak if case.functions else strong).parts(case):
-        known = {one.variant for earlier in found for one in earlier.each()}
-        new = [one.extrapolate for one in part.each() if one.variant not in known]
-        found += [part._replace(extrapolate=new[0], also=tuple(new[1:]))] if new else []
-    return found
+        before = {each.variant for earlier in chosen for each in earlier.each()}
+        new = [each.extrapolate for each in part.each() if each.variant not in before]
+        chosen += [part._replace(extrapolate=new[0], also=tuple(new[1:]))] if new else []
+    return chosen
 
 
 def left_out(case: Any) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ def left_out(case: Any) -> tuple[str, ...]:
 
 
 def remarks(case: Any) -> Iterator[str]:
-    """What of a case will not be computed, or not as it was asked for."""
+    """Warnings: parts of a case that are left out or changed."""
     if schemes := left_out(case):
         yield cannot_do(joined(case.estimators), schemes)
     used = dict.fromkeys(part.estimator for part in parts(case))
@@ -63,9 +63,9 @@ def plan(case: Any, part: Part) -> "WorkPlan":
 
 
 class Times(NamedTuple):
-    """What is known besides the paths of the errors."""
+    """Times, and the results besides sums over paths of the errors."""
 
-    of_errors: Any  #: what the plan of the errors knows besides its paths
+    of_errors: Any  #: the `extra` of the plan of the errors
     times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
     timing_seconds: float  #: wall clock
 
@@ -76,15 +76,17 @@ class Times(NamedTuple):
 
 
 class _Job(NamedTuple):
-    """What is timed at one step size."""
+    """The work that is timed at one step size."""
 
     paths: int
-    run: Callable[[], Any]  #: integrates so many whole paths from 0 to T
+    run: Callable[[], Any]  #: integrates these paths from 0 to T
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkPlan(Plan):
     """Errors of one scheme, and then the time of a path at each step size."""
+
+    record = WorkPrecision
 
     errors: Any  #: the plan of the strong or weak errors
 
@@ -101,21 +103,21 @@ class WorkPlan(Plan):
     def cost(self) -> Cost:
         """The cost of the errors and of the times, which one thread measures."""
         errors, of_all = self.errors.cost(), 0.0
-        for one in self.by_level:
-            finest = np.maximum(self.path_steps, LANES * self.case.final_time / one.h)
-            of_all += float(finest.sum()) * sum(0.5**i for i in range(one.part.extrapolate + 1))
+        for plan in self.by_level:
+            finest = np.maximum(self.path_steps, LANES * self.case.final_time / plan.h)
+            of_all += float(finest.sum()) * sum(0.5**i for i in range(plan.part.extrapolate + 1))
         times = 1e-9 * typical_ns(self.row, self.model) * of_all * (self.case.repeats + 1)
         return errors._replace(seconds=errors.seconds + times * thread_count())
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """Of a path set what decides the errors."""
+        """See :meth:`Plan.deciding`; a path set belongs to the errors."""
         if number is None:
             return super().deciding(None)
         return {key: value for key, value in self.errors.deciding(number).items() if key != "repeats"}
 
     def initial_extra(self) -> Times:
         """No time has been measured."""
-        times = np.full((self.case.repeats, sum(len(one.h) for one in self.each)), np.nan)
+        times = np.full((self.case.repeats, sum(len(plan.h) for plan in self.each)), np.nan)
         return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
 
     def path_sets(self, extra: Times) -> Sequence[PathSet]:
@@ -126,24 +128,24 @@ class WorkPlan(Plan):
         """The sums over no paths."""
         return self.errors.empty(number)
 
-    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of the errors, see :class:`~spi.kinds.plans.Plan`."""
-        return self.errors.advance(chunks, known)
+        return self.errors.advance(chunks, started)
 
     def next_allocation(self, state: State) -> Times | None:
-        """Whatever the errors ask for."""
+        """The next allocation of the errors."""
         of_errors = self.errors.next_allocation(self._of_errors(state))
         return None if of_errors is None else state.extra._replace(of_errors=of_errors)
 
     def _of_errors(self, state: State) -> State:
-        """What is known of the errors."""
+        """The state of the errors."""
         own = State(self.errors)
         own.extra, own.tallies = state.extra.of_errors, state.tallies
         return own
 
     def kernel_calls(self) -> list[KernelCall]:
-        """Those of the errors, and as few steps of one block as can be, as they are timed."""
-        timed = [one._arguments(float(one.h[0]), 2**one.part.extrapolate, 1) for one in self.by_level]
+        """The kernels of the errors, and the fewest steps of one block that can be timed."""
+        timed = [plan._arguments(float(plan.h[0]), 2**plan.part.extrapolate, 1) for plan in self.by_level]
         return [*self.errors.kernel_calls(), *(KernelCall(integrate, arguments) for arguments in timed)]
 
     def finalise(self, state: State) -> Iterator[Times]:
@@ -153,7 +155,7 @@ class WorkPlan(Plan):
         if not len(left):
             return
         began = time.perf_counter()
-        jobs = [one.job(h) for one in self.by_level for h in one.h.tolist()]
+        jobs = [plan.job(h) for plan in self.by_level for h in plan.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
         for repeat in left:
             times = extra.times.copy()
@@ -165,11 +167,11 @@ class WorkPlan(Plan):
 
     @property
     def path_steps(self) -> int:
-        """How many steps of paths are timed at once: fewer where they would take more than about 0.1 s."""
+        """The steps of paths that are timed at once: fewer where they would take more than about 0.1 s."""
         return min(_PATH_STEPS, int(1e8 / typical_ns(self.row, self.model)))
 
     def job(self, h: float) -> _Job:
-        """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""
+        """Whole paths at step size h; weak errors need their ends only, strong ones an observer."""
         steps = round(self.case.final_time / h)
         blocks = max(1, self.path_steps // (LANES * steps))
         scheme, model, start, *others = self._arguments(h, steps, blocks)
@@ -180,7 +182,7 @@ class WorkPlan(Plan):
         return self.arguments_of_steps(h, steps, blocks, not self.case.functions, self.part.extrapolate + 1)
 
     def progress(self, state: State) -> Done:
-        """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
+        """The progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
         of_errors = self.errors.progress(self._of_errors(state))
         measured = int(np.isfinite(state.extra.times).all(axis=1).sum())
         if not measured:
@@ -189,20 +191,20 @@ class WorkPlan(Plan):
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def so_far(self, state: State) -> State | None:
-        """The state itself once all is there: errors without times tell nothing of this kind."""
+        """The state itself once it is complete: there are no results of errors without times."""
         return None if state.missing() or np.isnan(state.extra.times).any() else state
 
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
-        case, found = self.case, self.errors.results(self._of_errors(state))
-        of_errors = _of_strong(found) if isinstance(found, StrongErrors) else _of_weak(found)
-        times = state.extra.times[:, self.own_among(lambda one: len(one.h))]
+        case, errors = self.case, self.errors.results(self._of_errors(state))
+        of_errors = _of_strong(errors) if isinstance(errors, StrongErrors) else _of_weak(errors)
+        times = state.extra.times[:, self.own_among(lambda plan: len(plan.h))]
         low, median, high = np.quantile(times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(
-            about=found.about._replace(estimator=""),
-            **{name: getattr(found, name) for name in (*same, "wall_seconds")},
+            about=replace(errors.about, estimator=""),
+            **{name: getattr(errors, name) for name in (*same, "wall_seconds")},
             **of_errors,
             ns_per_step=1e9 * median / steps,
             seconds_per_path=median,
@@ -216,36 +218,36 @@ class WorkPlan(Plan):
 
 def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:
     """Processor seconds of one path of each job, on one thread, one job after the other."""
-    found = []
+    seconds = []
     with limited_threads(1):
         for job in jobs:
             began = time.process_time()
             job.run()
-            found.append((time.process_time() - began) / job.paths)
-    return found
+            seconds.append((time.process_time() - began) / job.paths)
+    return seconds
 
 
-def _of_strong(found: StrongErrors) -> dict[str, Any]:
+def _of_strong(errors: StrongErrors) -> dict[str, Any]:
     """The fields that strong errors have under the same names."""
     names = ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift", "order", "samples", "note")
-    return {"measure": "strong"} | {name: getattr(found, name) for name in names}
+    return {"measure": "strong"} | {name: getattr(errors, name) for name in names}
 
 
-def _of_weak(found: WeakErrors) -> dict[str, Any]:
+def _of_weak(errors: WeakErrors) -> dict[str, Any]:
     """The fields that weak errors have of their only test function."""
     fields: dict[str, Any] = {
         "measure": "weak",
-        "estimator": found.about.estimator,
-        "functions": found.formulas,
-        "error": np.abs(found.error[0]),
-        "resolved": found.resolved[0],
-        "nonfinite": found.nonfinite,
-        "order": found.orders[0],
-        "note": not_reached(found),
+        "estimator": errors.about.estimator,
+        "functions": errors.formulas,
+        "error": np.abs(errors.error[0]),
+        "resolved": errors.resolved[0],
+        "nonfinite": errors.nonfinite,
+        "order": errors.orders[0],
+        "note": not_reached(errors),
     }
-    if found.unsampled:
-        return fields | {"error_bound": found.unsampled.error_bound[0]}
-    sampled: Any = found.sampled
+    if errors.unsampled:
+        return fields | {"error_bound": errors.unsampled.error_bound[0]}
+    sampled: Any = errors.sampled
     return fields | {"error_stderr": sampled.error_stderr[0], "samples": sampled.samples}
 
 

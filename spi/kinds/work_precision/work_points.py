@@ -1,4 +1,4 @@
-"""What a requested error costs: the step size and the time at which a scheme reaches it."""
+"""The cost of a requested error: the step size and the time at which a scheme reaches it."""
 
 from typing import NamedTuple
 
@@ -18,21 +18,21 @@ class WorkCurve(NamedTuple):
 
 
 class WorkPoint(NamedTuple):
-    """What a scheme needs to reach a requested error."""
+    """The time and the step size at which a scheme reaches a requested error."""
 
     seconds: float  #: for one path
     low: float  #: its 95 % interval
     high: float
     h: float  #: the step size
-    at_most: bool = False  #: whether a larger step than those run might do, so that all of this is an upper bound
+    at_most: bool = False  #: whether a larger step than those run might do, so that the time is an upper bound
 
 
 class Factor(NamedTuple):
-    """How many times as long another scheme takes, with its 95 % interval."""
+    """The time of another scheme over that of the cheapest, with its 95 % interval."""
 
     value: float
-    low: float  #: 0 if the other might need less time than is known
-    high: float  #: infinite if the cheapest might
+    low: float  #: 0 where the time of the other is an upper bound
+    high: float  #: infinite where that of the cheapest is one
 
     @property
     def tie(self) -> bool:
@@ -46,9 +46,9 @@ def interval_of_median(
     """The 95 % interval of a median of times whose quartiles are `low` and `high`, all of shape (...).
 
     The median of n normal values has the standard deviation 1.253 n^(-1/2), and their quartiles are 1.349 apart: hence
-    the half width 1.82 n^(-1/2) ln(high / low) in logarithms, times 1 + 4/n because few values know their quartiles
-    badly (fitted to simulations; at n = 5 about 90 % are reached).  The interval contains the quartiles themselves, for
-    what slows a machine down lasts longer than one repeat.
+    the half width 1.82 n^(-1/2) ln(high / low) in logarithms, times 1 + 4/n because quartiles of few values are
+    uncertain (fitted to simulations; at n = 5 about 90 % are reached).  The interval contains the quartiles themselves,
+    for slow phases of a machine last longer than one repeat.
     """
     n = max(repeats, 1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -97,23 +97,23 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
     return WorkPoint(seconds, low, high, float(np.exp(weights @ np.log(curve.h[pair]))))
 
 
-def time_factor(one: WorkPoint, other: WorkPoint) -> Factor:
-    """How many times the time of the work point `one` the work point `other` takes.
+def time_factor(best: WorkPoint, other: WorkPoint) -> Factor:
+    """The time of the work point `other` over that of `best`.
 
     The two are taken for independent of one another: the logarithmic distances to the ends of their intervals are added
     in squares.  Where the time of `other` is an upper bound the factor may be anything below, and the other way round.
     """
-    value = other.seconds / one.seconds
+    value = other.seconds / best.seconds
     with np.errstate(divide="ignore", over="ignore"):
-        down = np.hypot(np.log(other.seconds / np.float64(other.low)), np.log(one.high / np.float64(one.seconds)))
-        up = np.hypot(np.log(other.high / np.float64(other.seconds)), np.log(one.seconds / np.float64(one.low)))
+        down = np.hypot(np.log(other.seconds / np.float64(other.low)), np.log(best.high / np.float64(best.seconds)))
+        up = np.hypot(np.log(other.high / np.float64(other.seconds)), np.log(best.seconds / np.float64(best.low)))
         low = 0.0 if other.at_most else float(value * np.exp(-down))
-        high = np.inf if one.at_most else float(value * np.exp(up))
+        high = np.inf if best.at_most else float(value * np.exp(up))
     return Factor(value, low, high)
 
 
 def cheapest(works: dict[str, WorkPoint | None]) -> tuple[str | None, dict[str, Factor]]:
-    """Which scheme needs the least time, and the :class:`Factor` of each of the others, from the cheapest on.
+    """The scheme that needs the least time, and the :class:`Factor` of each of the others, from the cheapest on.
 
     `works` are work points by name, None where a scheme does not reach the error.  Returns a name, None if no scheme
     reaches it, and a dictionary; the first of its factors says whether the cheapest is clear of the second.

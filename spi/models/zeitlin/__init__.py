@@ -1,7 +1,7 @@
 """The stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
 
 The vorticity omega(x) = sum_m omega_m exp(i m.x) on [0, 2 pi)^2 has the modes of ``tables.py``, and (the paper's
-Example expl-SE, for every N = 2M + 1)
+Example 4, for every N = 2M + 1)
 
     B_{m,n} = c sin(2 pi (m x n) / N) omega_{m+n},    H = 1/2 sum_{m != 0} |omega_m|^2 / |m|^2,
 

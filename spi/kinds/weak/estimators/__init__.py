@@ -1,8 +1,7 @@
 """The estimators of weak errors, one folder each: the only place that lists them.
 
-An estimator consists of two modules of its folder, imported when they are first needed: ``keys``, what it adds to a
-spec, what must hold there, what it is called and how it looks; and ``study``, with the plan by which a scheme is
-computed.
+An estimator consists of two modules of its folder, imported when they are first needed: ``keys``, its keys in a spec
+with their conditions, its label, marker and colour; and ``study``, the plan that computes a scheme.
 A new estimator is such a folder and a line in ESTIMATORS.
 """
 
@@ -28,9 +27,9 @@ class KeysModule(Protocol):
 
     # and perhaps
     # def can_do(case: Any, scheme: str) -> bool
-    # whether it can estimate the errors of a scheme of such a case; the others of its schemes are left out
+    # whether it can estimate the errors of a scheme of such a case; other schemes are left out
     # def remarks(case: Any) -> Iterator[str]
-    # what a person should know of such a case before it is run
+    # warnings about such a case before it is run
 
 
 class StudyModule(Protocol):
@@ -41,7 +40,7 @@ class StudyModule(Protocol):
 
     # and perhaps
     # def together(case: Any, part: Part) -> list[tuple[int, ...]]
-    # which of the levels of extrapolation of a case have their results from the same paths, if not all have
+    # the levels of extrapolation of a case, grouped by common paths, unless all have the same paths
 
 
 class Estimator(Folder):
@@ -58,12 +57,12 @@ class Estimator(Folder):
         return by_keys is None or bool(by_keys(case, scheme))
 
     def together(self, case: Any, part: Part) -> list[tuple[int, ...]]:
-        """The levels of extrapolation of a case, those together whose results come of the same paths of a part."""
+        """The levels of extrapolation of a case, grouped by common paths of a part."""
         by_study: Any = getattr(self.study, "together", None)
         return by_study(case, part) if by_study else [case.extrapolate]
 
     def remarks(self, case: Any) -> Iterator[str]:
-        """What a person should know of a case before it is run."""
+        """Warnings about a case before it is run."""
         by_keys: Any = getattr(self.keys, "remarks", None)
         yield from by_keys(case) if by_keys else ()
 
@@ -83,5 +82,5 @@ def left_out(case: Any, estimator: str) -> tuple[str, ...]:
 
 
 def label_of(name: str) -> str:
-    """What an estimator is called in figures; its name if it is not known."""
+    """The label of an estimator in figures; its name if there is no such estimator."""
     return ESTIMATORS[name].keys.LABEL if name in ESTIMATORS else name

@@ -1,4 +1,4 @@
-"""What the solvers without sampling add to a spec."""
+"""The keys of the solvers without sampling, and what these can solve."""
 
 import functools
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,7 @@ LOOK = ("*", "#000000")
 
 
 class Keys(BaseKeys):
-    """How exact it is to be."""
+    """The accuracy."""
 
     accuracy: key_of(
         Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
@@ -28,38 +28,38 @@ class Keys(BaseKeys):
 
 
 def can_do(case: Any, scheme: str) -> bool:
-    """Splitting schemes whose noise flows have increments of their own."""
+    """Whether a scheme is a splitting scheme whose noise flows have increments of their own."""
     return bool(case.row(scheme).solvable_without_sampling)
 
 
 def check(case: Any) -> None:
-    """What the solvers without sampling can do."""
+    """Raise the error about a case that the solvers without sampling cannot do."""
     if case.damping:
-        what = "follows paths on a Casimir surface, which they leave with damping"
+        reason = "follows paths on a Casimir surface, which they leave with damping"
     elif has_friction(case.model):
-        what = "knows no friction"
+        reason = "knows no friction"
     elif not can_solve(case.model):
         able = [name for name, cls in MODELS.items() if can_solve(cls)]
-        what = f"is for {' and '.join(able)}, also in YAML, whose Casimir surfaces are two-dimensional"
+        reason = f"is for {' and '.join(able)}, also in YAML, whose Casimir surfaces are two-dimensional"
     elif isinstance(case.initial, RandomState):
-        what = "follows one initial state, and here each path has its own"
+        reason = "follows one initial state, and here each path has its own"
     elif not any(case.row(s).solvable_without_sampling for s in case.schemes):
         rows = case.row(case.schemes[0]).composition
         without = " without loops and shared increments" if rows and (has_loops(rows) or has_shared(rows)) else ""
-        what = f"is for splitting schemes{without}, which '{case.schemes[0]}' is not"
+        reason = f"is for splitting schemes{without}, which '{case.schemes[0]}' is not"
     elif case.truncate_noise:
-        what = "has no truncate_noise"
+        reason = "has no truncate_noise"
     elif case.reference_scheme:
-        what = "has no reference_scheme"
+        reason = "has no reference_scheme"
     else:
         check_demands(case, "kolmogorov", multiscale=False)
         return
     rest = [name for name in ESTIMATORS if name != "kolmogorov"]
-    raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
+    raise wrong(f"has 'kolmogorov', which {reason}", f"use {' or '.join(rest)} instead", "estimators")
 
 
 def check_demands(case: Any, estimator: str, multiscale: bool) -> None:
-    """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
+    """Raise the error about schemes that cannot be solved, of the multiscale system about the limit, their control."""
     for name, need in _demands_of(case, multiscale):
         if need.obstacle:
             its = f" for '{name}'" if multiscale else ""
@@ -67,14 +67,14 @@ def check_demands(case: Any, estimator: str, multiscale: bool) -> None:
 
 
 def remarks(case: Any) -> Iterator[str]:
-    """That nothing can be known so exactly; whether a larger accuracy is reached is known afterwards."""
+    """A warning if the accuracy is below rounding errors; whether a larger one is reached only the results say."""
     least = max((need.least for _, need in _demands_of(case, multiscale=False)), default=0.0)
     if case.accuracy is not None and case.accuracy < least:
         yield f"accuracy {case.accuracy:g} will not be reached: rounding errors are about {least:.1g}"
 
 
 def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
-    """The schemes of a case that are solved without sampling, with what that takes."""
+    """The schemes of a case that are solved without sampling, with their demands."""
     for name in case.schemes:
         row = case.row(name)
         rows = row.composition
@@ -83,13 +83,13 @@ def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
 
 
 def demands_of(case: Any, rows: tuple, steps: Iterable[float]) -> Demands:
-    """What solving a composition of flows for a case takes; kept, because the layers of a file often ask the same."""
+    """The demands of a composition of flows for a case; cached, because the layers of a file often have the same."""
     return _demands(*question(case, rows, steps))
 
 
 def question(case: Any, rows: tuple, steps: Iterable[float]) -> tuple:
-    """All that the solvers are asked about a composition of flows, by which answers are kept: functions as texts."""
-    acting, texts = compositions(rows, case.model), tuple(canonical(one) for one in case.expressions)
+    """The arguments of the solvers about a composition of flows, hashable, so that results can be cached."""
+    acting, texts = compositions(rows, case.model), tuple(map(canonical, case.expressions))
     return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), texts, case.accuracy
 
 

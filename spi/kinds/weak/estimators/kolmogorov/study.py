@@ -15,13 +15,13 @@ from spi.exact.kolmogorov import Expectations, expectations
 from spi.expressions import functions_of
 from spi.kinds.plans import Cost, Done, State
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Order, Part
+from spi.storage.records import Order
 
-from ...results import Unsampled, WeakErrors
+from ...results import Unsampled
 from ...study import WeakPlan
 from .keys import demands_of, question
 
-_CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
+_CLEAR = 20.0  # multiples of its numerical error from which on a weak error counts as resolved
 
 
 class Solution(NamedTuple):
@@ -40,12 +40,7 @@ class Solution(NamedTuple):
 
     def plus(self, later: "Solution") -> "Solution":
         """There is only one."""
-        raise TypeError("a solution without sampling is found at once")
-
-
-def plan(case: Any, part: Part) -> "KolmogorovPlan":
-    """The plan for one scheme of a case."""
-    return KolmogorovPlan(case=case, part=part)
+        raise TypeError("a solution without sampling is computed at once")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,26 +63,26 @@ class KolmogorovPlan(WeakPlan):
         return (PathSet(1, 1),)
 
     def empty(self, number: int) -> Solution:
-        """Nothing is known."""
+        """No solution."""
         per_function = np.zeros(len(self.case.functions))
         per_point = np.zeros((len(per_function), len(self.case.steps)))
         return Solution(0, 0.0, 0.0, per_point, per_point, per_function, per_function, per_point, per_point, "")
 
-    def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
         began, cpu_began = time.perf_counter(), time.process_time()
-        found = solution(self.case, self.row.composition, self.case.steps)
-        untimed = {name: value for name, value in found.notes.items() if not name.startswith("seconds")}
+        exact = solution(self.case, self.row.composition, self.case.steps)
+        untimed = {name: value for name, value in exact.notes.items() if not name.startswith("seconds")}
         solved = Solution(
             paths=1,
             seconds=time.perf_counter() - began,
             cpu_seconds=time.process_time() - cpu_began,
-            value=found.value,
-            value_bound=found.value_bound,
-            limit=found.limit,
-            limit_bound=found.limit_bound,
-            error=found.weak_error,
-            error_bound=found.weak_error_bound,
+            value=exact.value,
+            value_bound=exact.value_bound,
+            limit=exact.limit,
+            limit_bound=exact.limit_bound,
+            error=exact.weak_error,
+            error_bound=exact.weak_error_bound,
             notes=json.dumps(untimed, default=lambda value: value.tolist()),
         )
         yield [(chunks[0], solved)]
@@ -96,29 +91,28 @@ class KolmogorovPlan(WeakPlan):
         """0 or 1 of 1; no standard error."""
         return Done(state.tally().paths, 1, float("nan"))
 
-    def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state."""
-        found, combine = state.total(), self.extrapolation
-        error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
+    def estimates(self, solved: Solution) -> dict[str, Any]:
+        """The weak errors and expectations."""
+        combine = self.extrapolation
+        error, bound = combine.combined(solved.error), combine.combined_bounds(solved.error_bound)
         h, resolved = self.h, np.abs(error) >= _CLEAR * bound
         unsampled = Unsampled(
             error_bound=bound,
-            expectation_bound=combine.combined_bounds(found.value_bound),
-            limit=found.limit,
-            limit_bound=found.limit_bound,
-            notes=found.notes,
+            expectation_bound=combine.combined_bounds(solved.value_bound),
+            limit=solved.limit,
+            limit_bound=solved.limit_bound,
+            notes=solved.notes,
         )
         each = zip(error, bound, resolved, strict=True)
-        return self.weak_errors(
-            state.seconds,
-            error=error,
-            resolved=resolved,
-            expectation=combine.combined(found.value),
-            orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
-            unsampled=unsampled,
-            accuracy=self.case.accuracy,
-            cpu_seconds=found.cpu_seconds,
-        )
+        return {
+            "error": error,
+            "resolved": resolved,
+            "expectation": combine.combined(solved.value),
+            "orders": tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
+            "unsampled": unsampled,
+            "accuracy": self.case.accuracy,
+            "cpu_seconds": solved.cpu_seconds,
+        }
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
@@ -135,7 +129,7 @@ def _solution(
 
 
 def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
-    """The slope between the two finest steps; its interval is one and a half times what the slope before differs.
+    """The slope between the two finest steps; half its interval is 1.5 times the difference from the slope before.
 
     Where the error is C h^p + D h^q, slopes tend to p by at least a factor of 2 each time h is halved.
     """
@@ -146,3 +140,6 @@ def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
         trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
     half = 1.5 * abs(slope[-1] - slope[-2]) + trust
     return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))
+
+
+plan = KolmogorovPlan.of

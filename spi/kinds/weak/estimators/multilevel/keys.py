@@ -1,4 +1,4 @@
-"""What the multilevel estimator adds to a spec."""
+"""The keys of the multilevel estimator."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ LOOK = ("D", "#D55E00")
 
 
 class Keys(BaseKeys):
-    """What it aims at, and what it may take."""
+    """A target or a budget."""
 
     standard_error: key_of(
         Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
@@ -27,11 +27,11 @@ class Keys(BaseKeys):
 
 
 def check(case: Any) -> None:
-    """It needs an aim or a budget, has references of its own, and its control must be solvable."""
+    """Raise the error about a case without target and budget, with a reference scheme, or an unsolvable control."""
     need(case, "multilevel", "standard_error", "seconds")
     if case.reference_scheme:
-        what = "has 'multilevel', which has references of its own, and reference_scheme is set"
-        raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+        mistake = "has 'multilevel', which has references of its own, and reference_scheme is set"
+        raise wrong(mistake, "use plain or leave out reference_scheme", "estimators")
     check_areas(case, case.reference_step, "reference_step")  # each level draws its own
     if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
         check_demands(case, "multilevel", multiscale=True)

@@ -31,7 +31,7 @@ from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.scheme_protocol import needs_areas, tosses
-from spi.kinds.blocks import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, HALVES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -44,17 +44,15 @@ from spi.storage.records import Part
 from ...results import Differences, History, Sampled, WeakErrors
 from ...study import WeakPlan, sampled_errors, stderr_of
 from .sums import (
-    DIFFERENCE,
     EQUAL,
     PILOT,
     PRODUCT,
     SHARES,
-    VALUE,
     Combination,
     Decisions,
     Errors,
     LevelSums,
-    Totals,
+    LevelTotals,
     control_of,
     expectations,
     levels_of,
@@ -83,12 +81,14 @@ from .sums import (
 
 _OF_STEPS = "error", "without", "unseen"  # fields of errors that have an axis of steps
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
-_LONGEST = 1e9  # seconds of work that a target may ask for
+_LONGEST = 1e9  # seconds of work for a target, at most
 
 
 @dataclass(frozen=True, kw_only=True)
 class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
+
+    sums = LevelTotals
 
     of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
@@ -111,7 +111,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     @property
     def combination(self) -> Combination:
-        """How differences make errors."""
+        """The combination of the differences of levels into errors."""
         below = [round(np.log2(h / self.case.reference_step)) for h in self.case.steps]
         return Combination(self.extrapolation, np.array(below))
 
@@ -124,7 +124,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
-        steps = sum(len(one.h) for one in self.by_level)
+        steps = sum(len(plan.h) for plan in self.by_level)
         return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
 
     @property
@@ -136,30 +136,25 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """(levels,) the samples that the current allocation wants."""
         return extra.targets * LANES
 
-    def empty(self, number: int) -> Totals:
-        """The totals over no samples."""
-        sums = np.zeros((POWERS, 4 if self.control else 2, len(self.case.functions), GROUPS))
-        return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        return {"quantity": 4 if self.control else 2, "function": len(self.case.functions)}
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, np.ndarray]:
         """The quantities of some blocks of samples, with a control the product as well."""
-        quantities = super().rows(number, first, blocks, end)
-        if not self.control:
-            return quantities
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
-
-    def added(self, sums: Totals, rows: np.ndarray, at: slice, first: int, end: int) -> Totals:
-        """The totals with the quantities `at`, of which the first is that of block `first`."""
-        lost = ~np.isfinite(rows[at, :PRODUCT]).all(axis=(1, 2))
-        return super().added(sums._replace(nonfinite=sums.nonfinite + int(lost.sum())), rows, at, first, end)
+        quantities = super().observe(number, first, blocks, end)["sums"]
+        lost = np.logical_not(np.isfinite(quantities[:, :PRODUCT]).all(axis=(1, 2)))
+        if self.control:
+            with np.errstate(invalid="ignore", over="ignore"):
+                quantities = np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
+        return {"sums": quantities, "nonfinite": lost}
 
     def next_allocation(self, state: State) -> Decisions | None:
-        """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
+        """The next allocation; before the first the expectations of the control, where there is one."""
         extra = state.extra
         if self.control and np.isnan(extra.known).any():
             steps = self.case.reference_step * 2.0 ** np.arange(self.base, -1, -1)
@@ -176,20 +171,20 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         return extra._replace(targets=targets, allocations=extra.allocations + 1)
 
     def chosen(self, levels: LevelSums) -> np.ndarray:
-        """(levels,) bool, which levels make the errors, by the sums of the pilot: all."""
+        """(levels,) bool, the levels whose sum is the error, by the sums of the pilot: all."""
         return levels.used
 
     def level_sums(self, state: State) -> LevelSums:
-        """The sums of all levels: over all paths that are wanted, or those that are there."""
+        """The sums of all levels, over the paths that are computed."""
         totals = [state.so_far(j) for j in range(len(self.levels))]
-        cpu_seconds = np.array([one.cpu_seconds for one in totals])
+        cpu_seconds = np.array([level.cpu_seconds for level in totals])
         cpu_seconds[-1] += state.extra.cpu_seconds
         return LevelSums(
-            blocks=np.array([one.paths // LANES for one in totals]),
-            sums=np.array([one.sums for one in totals]),
-            nonfinite=np.array([one.nonfinite for one in totals]),
+            blocks=np.array([level.paths // LANES for level in totals]),
+            sums=np.array([level.sums for level in totals]),
+            nonfinite=np.array([level.nonfinite for level in totals]),
             cpu_seconds=cpu_seconds,
-            known=state.extra.known,
+            control=state.extra.known,
             used=state.extra.used,
         )
 
@@ -211,9 +206,9 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
         The least work by which all errors have the variance s^2 is R^2 / s^2, and takes (work / R) n samples of each
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
-        square of what of the level is in the error at the largest step, with the extrapolation in which that is most.
+        square of the weight of the level in the error at the largest step, the largest over levels of extrapolation.
         """
-        shares = np.abs([one.completed(one.combination.shares().T)[:, 0] for one in self.each]).max(axis=0)
+        shares = np.abs([plan.completed(plan.combination.shares().T)[:, 0] for plan in self.each]).max(axis=0)
         variance = variance * np.append(shares**2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
@@ -238,39 +233,39 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
 
     def errors(self, levels: LevelSums) -> Errors:
-        """The errors that the differences of the levels make."""
+        """The errors, sums of the differences of the levels."""
         mean, without = levels.averages()
         combine = self.combination.errors
-        each = np.eye(self.base)[..., np.newaxis]  # of each level how much of it is in each error
+        each = np.eye(self.base)[..., np.newaxis]  # to find the weight of each level in each error
         shares = np.abs(self.completed(combine(each)))[:, 0]
         lacking = shares[:, np.newaxis] * self.unseen_levels(levels)[:-1, :, np.newaxis]
         unseen = np.where(shares[:, np.newaxis] > 0, lacking, 0.0).sum(axis=0)
         return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL, unseen)
 
     def unseen_levels(self, levels: LevelSums) -> np.ndarray:
-        """(levels, F) what the mean of each level lacks unseen, see :meth:`WeakPlan.unseen`."""
+        """(levels, F) the unseen part of the mean of each level, see :meth:`WeakPlan.unseen`."""
         mean, without = levels.averages()
         return self.unseen(mean, jackknife_stderr(mean, without, EQUAL), levels.samples[:, np.newaxis])
 
     def least_variance(self, levels: LevelSums) -> np.ndarray:
-        """(levels, F) the variance that a level has if as much of it differs as may do so unseen."""
+        """(levels, F) the variance of a level whose unseen part is as large as it may be."""
         return np.nan_to_num(self.unseen_levels(levels) ** 2 / zero_share_bound(levels.samples[:, np.newaxis]))
 
     def all_errors(self, levels: LevelSums) -> Errors:
-        """Those of all levels of extrapolation behind one another, fewest first, as the decisions keep them."""
-        each = [one.errors(levels) for one in self.by_level]
-        error, without, unseen = (np.concatenate([getattr(one, name) for one in each], -1) for name in _OF_STEPS)
+        """The errors of all levels of extrapolation behind one another, fewest first, as in the history."""
+        each = [plan.errors(levels) for plan in self.by_level]
+        error, without, unseen = (np.concatenate([getattr(e, name) for e in each], -1) for name in _OF_STEPS)
         return Errors(error, without, EQUAL, unseen)
 
     def so_far(self, state: State) -> State | None:
-        """The state of whole rounds of groups, once each level has one and the control is known."""
+        """The state of whole rounds of groups, once each level has one and the control is solved."""
         if self.control and np.isnan(state.extra.known).any():
             return None
-        found = state.of(self)
+        rounds = state.of(self)
         for number, tally in state.tallies.items():
             short = {i: sums for i, sums in tally.short.items() if sums.paths % (ROUND * LANES) == 0}
-            found.tallies[number] = tally._replace(short=short)
-        return found if self.level_sums(found).blocks.min() >= ROUND else None
+            rounds.tallies[number] = tally._replace(short=short)
+        return rounds if self.level_sums(rounds).blocks.min() >= ROUND else None
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
@@ -279,26 +274,24 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda one: len(one.h))
+        errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda plan: len(plan.h))
         fields, sampled = sampled_errors(self.h, *errors)
         expectation, of_expectation = expectations(self, levels)
-        cpu_seconds = float(levels.cpu_seconds.sum())
-        work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
-        return self.weak_errors(
-            state.seconds,
-            **fields,
-            expectation=expectation,
-            sampled=Sampled(**sampled, **of_expectation, **work),
-            levels=levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
-            history=History(
+        samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
+        estimated = fields | {
+            "expectation": expectation,
+            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=1e9 * cpu_seconds / steps),
+            "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
+            "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
                 error=extra.history_error[..., own],
                 error_stderr=extra.history_error_stderr[..., own],
                 cpu_seconds=extra.history_cpu_seconds,
             ),
-            cpu_seconds=cpu_seconds,
-            accuracy=self.case.accuracy if self.control else None,
-        )
+            "cpu_seconds": cpu_seconds,
+            "accuracy": self.case.accuracy if self.control else None,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
 
     @property
     def coarse(self) -> np.ndarray:
@@ -316,19 +309,19 @@ _WHOLE, _FIRST_HALF, _SECOND_HALF = range(3)
 
 
 def together(case: Any, part: Part) -> list[tuple[int, ...]]:
-    """One set of levels serves all levels of extrapolation, except those that are found by differences."""
+    """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
     alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
     others = tuple(n for n in case.extrapolate if n not in alone)
     return [*((n,) for n in alone), *[others] * bool(others)]
 
 
 def plan(case: Any, part: Part) -> MultilevelPlan:
-    """The plan for one scheme of a case: by differences where that is better."""
+    """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
     return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
 
 
 def can_compare(case: Any, part: Part) -> bool:
-    """Whether the errors of a scheme are found by differences to the scheme of weak order 2."""
+    """Whether the errors of a scheme are estimated by differences to the scheme of weak order 2."""
     row = case.row(part.scheme, part.eps)
     same_limit = exact_flows(case.model) and has_theory(row, case.model) and not row.multiscale
     if flows_lacking(case.model):  # there is no such scheme
@@ -379,14 +372,14 @@ class DifferencesPlan(MultilevelPlan):
         return super().initial_extra()._replace(used=used)
 
     def chosen(self, levels: LevelSums) -> np.ndarray:
-        """Which levels make the errors: of each difference the whole, or both halves where these take less work."""
+        """(levels,) bool: of each difference the whole, or both halves where these take less work."""
         variance, cost = levels.moments().variance.max(axis=1), self.seconds_per_block
         whole, *halves = np.sqrt(variance * cost)[self.base + 1 :].reshape(-1, len(self.case.steps))
         symmetrised = np.sum(halves, axis=0) < whole if halves else np.zeros(len(whole), bool)
         return np.concatenate([levels.used[: self.base + 1], ~symmetrised, *[symmetrised] * len(halves)])
 
     def kernel_calls(self) -> list[KernelCall]:
-        """Those of all schemes."""
+        """The kernels of all schemes."""
         own = [self._own_paths(self.base + 1), *[self._own_paths(len(self.levels) - 1)] * bool(self.turned)]
         calls = [call for times in own for call in self.calls_of_a_step(times, self.levels[-1].stream)]
         return [*self.order2.kernel_calls(), *calls]
@@ -419,7 +412,7 @@ class DifferencesPlan(MultilevelPlan):
         return root + float(of_differences), np.append(per_root, each.ravel() / of_differences)
 
     def errors(self, levels: LevelSums) -> Errors:
-        """Those of the scheme of weak order 2, with the differences added."""
+        """The errors of the scheme of weak order 2, with the differences added."""
         own, differences = self._divided(levels)
         base, averages = self.order2.errors(own), differences.averages()
         mean, without = (self._of_steps(values, differences.used) for values in averages)
@@ -429,7 +422,7 @@ class DifferencesPlan(MultilevelPlan):
         )
 
     def _of_steps(self, values: np.ndarray, used: np.ndarray) -> np.ndarray:
-        """(..., S, F): of the difference at each step what its levels (..., differences, F) in use add up to."""
+        """(..., S, F): at each step the sum over those levels (..., differences, F) of its difference in use."""
         values = np.where(used[:, np.newaxis], values, 0.0)
         return values.reshape(*values.shape[:-2], -1, len(self.case.steps), values.shape[-1]).sum(axis=-3)
 
@@ -453,18 +446,17 @@ class DifferencesPlan(MultilevelPlan):
             "samples": int(levels.samples.sum()),
             "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
         }
-        return self.weak_errors(
-            state.seconds,
-            **fields,
-            expectation=order2.expectation + table.mean,
-            sampled=Sampled(**sampled),
+        estimated = fields | {
+            "expectation": order2.expectation + table.mean,
+            "sampled": Sampled(**sampled),
             **{name: getattr(order2, name) for name in ("levels", "history")},
-            differences=table,
-            cpu_seconds=cpu_seconds,
-        )
+            "differences": table,
+            "cpu_seconds": cpu_seconds,
+        }
+        return WeakErrors(**(self.whole(state) | estimated))
 
     def _table(self, own: LevelSums, differences: LevelSums) -> Differences:
-        """The differences at each step; where halves are in use, what one with the sum of their variances would be."""
+        """The differences at each step; two halves in use are stated as one with the sum of their variances."""
         used, moments = differences.used, differences.moments()
         each = np.where(used, (differences.samples, differences.nonfinite, differences.cpu_seconds), 0.0)
         samples, nonfinite, seconds = each.reshape(3, -1, len(self.h)).sum(axis=1)
@@ -472,7 +464,7 @@ class DifferencesPlan(MultilevelPlan):
         symmetrised = ~whole.used
         with_z = differences.only(slice(-len(self.h), None)) if symmetrised.any() else whole  # the whole or second half
         variance = self._of_steps(moments.variance / differences.samples[:, np.newaxis], used) * samples[:, np.newaxis]
-        consistency = [self._consistency(own, one) for one in (with_z, whole)]
+        consistency = [self._consistency(own, each) for each in (with_z, whole)]
         kurtosis = np.where(used[:, np.newaxis], moments.kurtosis, 0.0).reshape(-1, *variance.shape).max(axis=0)
         return Differences(
             scheme=ORDER_2,
@@ -534,12 +526,12 @@ def _difference(case: Any, h: float, kind: int, sides: int) -> Sample:
 
 
 def _turned(case: Any, record: Any) -> Splitting | None:
-    """The scheme whose flows act in reversed order, None where halves are no use or none is known."""
+    """The scheme whose flows act in reversed order, None where halves do not pay or there is no such scheme."""
     short = case.seconds is not None and case.seconds < _WORTH_SECONDS
     usable = isinstance(record, Splitting) and not tosses(record) and not short
     return Splitting(in_reversed_order(record.stages)) if usable else None
 
 
 def _sides(record: Any) -> tuple[int, ...]:
-    """What the paths of a scheme do with its coins: as tossed, and turned if there are any."""
+    """The reversals of the paths of a scheme: coins as tossed, and turned if there are any."""
     return _BOTH_SIDES if tosses(record) else _BOTH_SIDES[:1]

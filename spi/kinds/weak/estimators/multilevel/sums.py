@@ -7,12 +7,13 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, grid
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
-from spi.kinds.blocks import Sample
+from spi.kinds.blocks import DIFFERENCE, POWERS, VALUE, Sample, two_steps
 from spi.numerics.rng import LANES, LEVELS
 from spi.schemes.asymptotic import AsymptoticPreserving
+from spi.statistics.accumulators import Array, Sums, counted, moments
 from spi.statistics.estimators import (
     GROUPS,
     PARTS,
@@ -25,7 +26,6 @@ from spi.statistics.estimators import (
     standard_deviation,
 )
 from spi.statistics.intervals import student_factor
-from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
@@ -33,13 +33,12 @@ from ...study import stderr_of
 from ..kolmogorov.study import solution
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has.
+# The paths of a multilevel estimator: the steps, reversals and schemes of a sample of each level.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: The quantities of which a level has sums: DIFFERENCE, at the coarse step minus at the fine step; VALUE, at the fine
-#: step; CONTROL, the difference of the control, and the PRODUCT of the two only with a control.  The last level, which
-#: has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
-DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
+#: Further quantities of a level with a control: the difference of the control, and the product of the two.  The last
+#: level, which has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
+CONTROL, PRODUCT = 2, 3
 
 
 def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Sample, ...]:
@@ -56,17 +55,15 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
     """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
-    if antithetic:
-        shape = {"doublings": (1, 1, 0, 0), "reversals": (AS_TOSSED, COINS_TURNED, AS_TOSSED, PAIRS_REVERSED)}
-        return shape, [[0.5, 0.5, -0.5, -0.5], [0.0, 0.0, 0.5, 0.5]]
     if limit is not None:
-        shape = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
-        return shape, [[1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, -1.0]]
-    return {"doublings": (1, 0)}, [[1.0, -1.0], [0.0, 1.0]]
+        shape: dict[str, Any] = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
+        return shape, [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
+    shape, difference = two_steps(antithetic)
+    return shape, [difference, [max(weight, 0.0) for weight in difference]]
 
 
 def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The same for the last level."""
+    """The paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if antithetic:
         return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
     if limit is not None:
@@ -86,11 +83,11 @@ def _level(
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a multilevel estimator has decided: how many samples each level gets, and what came of earlier allocations.
+# The decisions of a multilevel estimator: the samples of each level, and the errors after earlier allocations.
 # ---------------------------------------------------------------------------------------------------------------------
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
-SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
+SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, one for each allocation
 
 
 class Errors(NamedTuple):
@@ -98,18 +95,18 @@ class Errors(NamedTuple):
 
     error: np.ndarray  #: (F, S)
     without: np.ndarray  #: (GROUPS, F, S)
-    counts: np.ndarray  #: (GROUPS,) as good as the paths of each group
-    unseen: np.ndarray  #: (F, S) what they lack unseen, half the width of an interval
+    counts: np.ndarray  #: (GROUPS,) proportional to the paths of each group
+    unseen: np.ndarray  #: (F, S) their unseen part, half the width of an interval
 
 
 class Decisions(NamedTuple):
-    """What is known besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
+    """Results besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
 
     seconds: float  #: wall clock
     cpu_seconds: float
-    allocations: int  #: how many have been made
+    allocations: int  #: number of allocations made
     targets: np.ndarray  #: (levels,) blocks that the current allocation wants
-    used: np.ndarray  #: (levels,) bool, which levels are in the errors, chosen after the pilot where there is a choice
+    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error, chosen after the pilot
     known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
     control_bound: float  #: the largest estimate of their numerical error
     history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
@@ -118,7 +115,7 @@ class Decisions(NamedTuple):
 
     @classmethod
     def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Decisions":
-        """The pilot is wanted, and the expectations of the control, if there is one, are not known."""
+        """The pilot is wanted, and the expectations of the control, if there is one, are not computed."""
         return cls(
             seconds=0.0,
             cpu_seconds=0.0,
@@ -150,7 +147,7 @@ class Decisions(NamedTuple):
         """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
         began, cpu_began = time.perf_counter(), time.process_time()
         exact = solution(case, control, steps)
-        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
+        differences = (exact.weak_error[:, 1:] - exact.weak_error[:, :-1]).T[::-1]
         return self._replace(
             seconds=self.seconds + time.perf_counter() - began,
             cpu_seconds=self.cpu_seconds + time.process_time() - cpu_began,
@@ -160,36 +157,29 @@ class Decisions(NamedTuple):
 
 
 def control_of(case: Any, record: Any) -> tuple | None:
-    """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
+    """The rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
     solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
     return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
 
 
 EQUAL = np.full(GROUPS, PARTS)  #: all groups of a level are equally large, so any equal counts will do
 
-_CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
+_CLEAR = 4.0  # standard errors from which on a mean difference counts for the rate of means
 
 
-class Totals(NamedTuple):
-    """The sums over some samples of one level, for F test functions."""
+class LevelTotals(Sums):
+    """Sums over some samples of one level, each of which is all paths of the level, for F test functions."""
 
-    paths: int  #: samples, each of them all paths of the level
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    sums: np.ndarray  #: (powers, quantities, F, GROUPS), the quantities as in levels.py
-    nonfinite: int
-
-    def plus(self, later: "Totals") -> "Totals":
-        """These samples and some later ones."""
-        return sum_of_fields(self, later)
+    sums: Array = moments("quantity function", POWERS)  #: the quantities as in :data:`DIFFERENCE` and so on
+    nonfinite: Array = counted()
 
 
 class Moments(NamedTuple):
-    """Of each level, all (levels, F)."""
+    """Moments of each level, all (levels, F)."""
 
-    mean: np.ndarray  #: of what is averaged, which with a control is Y - beta (Y_0 - E Y_0)
-    stderr: np.ndarray  #: of the same
-    variance: np.ndarray  #: of the same
+    mean: np.ndarray  #: of Y, with a control of Y - beta (Y_0 - E Y_0)
+    stderr: np.ndarray  #: of that mean
+    variance: np.ndarray  #: of a sample of the same
     kurtosis: np.ndarray  #: of the difference Y itself, at the last level of the value
 
 
@@ -200,11 +190,11 @@ class LevelSums(NamedTuple):
     sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
     nonfinite: np.ndarray  #: (levels,)
     cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
-    known: np.ndarray  #: (levels, F) expectations of the control
-    used: np.ndarray  #: (levels,) bool, which of them are in the errors
+    control: np.ndarray  #: (levels, F) its expectations
+    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error
 
     def only(self, levels: slice) -> "LevelSums":
-        """Those of some levels."""
+        """The totals of some levels."""
         return LevelSums(*(values[levels] for values in self))
 
     @property
@@ -230,14 +220,14 @@ class LevelSums(NamedTuple):
             return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
     def averages(self) -> tuple[np.ndarray, np.ndarray]:
-        """Means of what is averaged at each level, (levels, F), and leave-one-out values (groups, levels, F)."""
+        """The means of :class:`Moments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
         beta, means, withouts = self.beta(), [], []
         for j, (sums, blocks) in enumerate(zip(self.sums, self.blocks, strict=True)):
             mean, without = mean_over_paths(sums[0, DIFFERENCE], _counts(blocks))
             if self.controlled:
                 of_control, control_without = mean_over_paths(sums[0, CONTROL], _counts(blocks))
-                mean = mean - beta[j] * (of_control - self.known[j])
-                without = without - beta[j] * (control_without - self.known[j])
+                mean = mean - beta[j] * (of_control - self.control[j])
+                without = without - beta[j] * (control_without - self.control[j])
             means.append(mean)
             withouts.append(without)
         return np.array(means), np.stack(withouts, axis=1)
@@ -255,30 +245,30 @@ class LevelSums(NamedTuple):
             return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
-        """Giles' check |a - b - d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
+        """Giles' check |a - b + d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
 
-        d is the mean difference of a level, b the mean at its fine step, a that at its coarse step from the level
-        above.
+        b is the mean at the fine step of a level, d = b - a the mean difference, and a the mean at the coarse step from
+        the level above.
         """
         moments = self.moments()
         with np.errstate(invalid="ignore", divide="ignore"):
             fine, square = self.means_of_powers()[VALUE][:2]
             sd_fine = np.sqrt(np.maximum(square - fine**2, 0.0) / self.samples.reshape(-1, 1))
-            off = fine[1:] - fine[:-1] - moments.mean[:-1]
+            off = fine[1:] - fine[:-1] + moments.mean[:-1]
             return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + moments.stderr[:-1]))
 
     def variance_rates(self, h: np.ndarray) -> tuple[Order, ...]:
         """The rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
         rates = []
         for f, beta in enumerate(self.beta().T):
-            each = [mean_over_paths(one[:2, :, f], _counts(n)) for one, n in zip(self.sums, self.blocks, strict=True)]
-            value = np.array([_variance(mean, factor) for (mean, _), factor in zip(each, beta, strict=True)])
-            withouts = [_variance(np.moveaxis(one, 0, -1), factor) for (_, one), factor in zip(each, beta, strict=True)]
+            each = [mean_over_paths(s[:2, :, f], _counts(n)) for s, n in zip(self.sums, self.blocks, strict=True)]
+            value = np.array([_variance(mean, b) for (mean, _), b in zip(each, beta, strict=True)])
+            withouts = [_variance(np.moveaxis(without, 0, -1), b) for (_, without), b in zip(each, beta, strict=True)]
             rates.append(fit_order(h, value, np.array(withouts).T, EQUAL, value > 0))
         return tuple(rates)
 
     def table(self, h: np.ndarray, antithetic: bool, control_bound: float) -> LevelTable:
-        """Giles' table of the levels that are differences, and how fast means and variances fall with the steps h."""
+        """Giles' table of the levels that are differences, and the rates of means and variances in the steps h."""
         differences, moments = self.only(slice(-1)), self.moments()
         mean, without = differences.averages()
         clear = (np.abs(mean) > _CLEAR * moments.stderr[:-1]).T
@@ -286,7 +276,7 @@ class LevelSums(NamedTuple):
         each = zip(np.abs(mean).T, np.abs(without).transpose(2, 0, 1), clear, strict=True)
         return LevelTable(
             h=h,
-            mean=mean.T,
+            mean=0.0 - mean.T,  # of the coarse step minus the fine one
             variance=moments.variance[:-1].T,
             kurtosis=moments.kurtosis[:-1].T,
             consistency=self.consistency().T,
@@ -316,30 +306,30 @@ def _variance(m: np.ndarray, beta: np.ndarray) -> np.ndarray:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# How the levels of a multilevel estimator make errors, extrapolated or not, and expectations.
+# Errors, extrapolated or not, and expectations from the levels of a multilevel estimator.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Combination(NamedTuple):
     """Errors at S steps as sums of the differences of levels.
 
-    With d_l = E phi at 2^(l+1) h_ref minus E phi at 2^l h_ref the error of the step 2^k h_ref, measured against h_ref,
-    is d_0 + ... + d_(k-1).  An extrapolated error is R(h) - R(h_ref), R(h) = sum_i w_i E phi(y_{2^i h}), hence another
-    sum of the same differences.
+    With d_l = E phi at 2^l h_ref minus E phi at 2^(l+1) h_ref the error of the step 2^k h_ref, measured against h_ref,
+    is -(d_0 + ... + d_(k-1)).  An extrapolated error is R(h) - R(h_ref), R(h) = sum_i w_i E phi(y_{2^i h}), hence
+    another sum of the same differences.
     """
 
     extrapolation: Extrapolation
-    below: np.ndarray  #: for each step of the case how many levels lie between it and the reference step
+    below: np.ndarray  #: for each step of the case the number of levels between it and the reference step
 
     def errors(self, differences: np.ndarray) -> np.ndarray:
-        """The errors (..., F, S) against the reference that differences (..., levels, F) of the levels make."""
-        sums = np.moveaxis(np.cumsum(differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
+        """The errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
+        sums = np.moveaxis(np.cumsum(0.0 - differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])
         return errors - (sums[..., :count] * weights[1:]).sum(axis=-1, keepdims=True) if count else errors
 
     def shares(self) -> np.ndarray:
-        """(S, levels) how much of each difference is in the error at each step; 1 or 0 without extrapolation."""
+        """(S, levels) the weights of the differences in the error at each step; 1 or 0 without extrapolation."""
         level = np.arange(self.below.max())
         return self.extrapolation.combined((level[:, np.newaxis] < self.below) * 1.0).T - self._of_reference()
 
@@ -349,7 +339,7 @@ class Combination(NamedTuple):
         return whole, whole - self.shares()
 
     def _of_reference(self) -> np.ndarray:
-        """(levels,) how much of each difference is in R(h_ref) - E phi(y_{h_ref})."""
+        """(levels,) the weights of the differences in R(h_ref) - E phi(y_{h_ref})."""
         return np.array([self.extrapolation.weights[level + 1 :].sum() for level in range(self.below.max())])
 
 
@@ -366,7 +356,7 @@ def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]
     largest = differences[:, :1]
     if p.part.extrapolate:
         to_reference, to_steps = p.combination.shares_above()
-        largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+        largest = (to_reference * (0.0 - moments.mean[:-1].T)).sum(axis=1, keepdims=True)
         spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
     else:
         above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one

@@ -1,4 +1,4 @@
-"""What plain Monte Carlo adds to a spec."""
+"""The keys of plain Monte Carlo."""
 
 from typing import Any
 
@@ -11,11 +11,11 @@ LOOK = ("o", "#0072B2")
 
 
 class Keys(BaseKeys):
-    """How many paths there are."""
+    """The number of paths."""
 
     samples: key_of(Samples | None, "number of Brownian paths") = None
 
 
 def check(case: Any) -> None:
-    """There must be a number of paths."""
+    """Raise the error about a case without a number of paths."""
     need(case, "plain", "samples")

@@ -1,22 +1,21 @@
 """Plain Monte Carlo, as in the paper: E phi(y_h) - E phi(y_ref) on common Brownian paths.
 
-Any number of paths; only sums over groups of them are kept.  Results for the first so many paths come from the same
+Any number of paths; only sums over groups of them are stored.  Results for prefixes of the paths come from the same
 run.  With extrapolation the values of phi at h, 2h, ... are combined path by path, and those at h_ref, 2 h_ref, ...
 likewise, before anything is summed up.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Self
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import add_reports, nested_grid
-from spi.ensemble.scheme_protocol import REPORT
+from spi.ensemble.loop import Grid
 from spi.kinds.blocks import BlocksPlan, values_of_blocks
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import State, reference_grid
 from spi.numerics.rng import LANES
-from spi.schemes import typical_ns
+from spi.statistics.accumulators import Array, Sums, added, counted, moments, reports
 from spi.statistics.estimators import (
     GROUPS,
     group_counts,
@@ -25,66 +24,40 @@ from spi.statistics.estimators import (
     standard_deviation,
     with_powers,
 )
-from spi.statistics.tallies import sum_of_fields
-from spi.storage.records import Part
 
-from ...results import Prefixes, Sampled, WeakErrors
+from ...results import Prefixes, Sampled
 from ...study import WeakPlan, sampled_errors, stderr_of
 
-_BATCH_BYTES = 64e6
 
+class PlainSums(Sums):
+    """Sums over some paths, of F test functions at L step sizes, from the largest to the reference.
 
-class Totals(NamedTuple):
-    """What is known of some paths.
-
-    Of F test functions at L step sizes, the reference first and then from small to large; with extrapolation there are
-    more step sizes of paths than of values.  Where the paths serve several levels of extrapolation, they have L step
-    sizes together, those of one level behind those of another.
+    With extrapolation there are more step sizes of paths than of values.  Where the paths serve several levels of
+    extrapolation, they have L step sizes together, those of one level behind those of another.
     """
 
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    values: np.ndarray  #: (2, L, F, GROUPS) sums of phi and of its square
-    differences: np.ndarray  #: (1, L, F, GROUPS) sums of phi minus phi at the reference
-    nonfinite: np.ndarray  #: (L,)
-    report: np.ndarray  #: (step sizes of paths, len(REPORT))
-    prefix_differences: np.ndarray  #: (prefixes, 1, L, F, GROUPS) differences of those that are among the first paths
-    prefix_cpu_seconds: np.ndarray  #: (prefixes,)
-
-    def plus(self, later: "Totals") -> "Totals":
-        """These paths and some later ones."""
-        return sum_of_fields(self, later)._replace(report=add_reports(self.report, later.report[np.newaxis]))
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute, a row for each."""
-
-    values: np.ndarray  #: (blocks, L, F, LANES)
-    report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
-
-
-def plan(case: Any, part: Part) -> "PlainPlan":
-    """The plan for one scheme of a case."""
-    return PlainPlan.of(case, part)
+    values: Array = moments("level function")  #: of phi
+    differences: Array = moments("level function", 1)  #: of phi minus phi at the reference
+    nonfinite: Array = counted("level")
+    report: Array = reports("step")
+    prefix_differences: Array = added("prefix one level function group")  #: of those among the first paths
+    prefix_cpu_seconds: Array = added("prefix")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
+    sums = PlainSums
+
     of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
 
-    @classmethod
-    def of(cls, case: Any, part: Part) -> Self:
-        """The plan for one scheme of a case."""
-        reference = case.reference_record(part.eps)
+    @cached_property
+    def grid(self) -> Grid:
+        """The step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
+        case, part = self.case, self.part
         of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
-        steps = sorted({*case.steps, *of_reference}, reverse=True)
-        schemes = [case.row(part.scheme, part.eps).record, reference]
-        terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
-        times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
-        return cls(case=case, part=part, grid=times, samples=case.samples)
+        return reference_grid(case, part, sorted({*case.steps, *of_reference}, reverse=True))
 
     @property
     def prefixes(self) -> tuple[int, ...]:
@@ -94,116 +67,85 @@ class PlainPlan(WeakPlan, BlocksPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(L, F): step sizes of the results, references included, and test functions."""
-        return sum(1 + len(one.h) for one in self.by_level), len(self.case.functions)
+        return sum(1 + len(plan.h) for plan in self.by_level), len(self.case.functions)
 
     @property
     def own(self) -> slice:
-        """Where the step sizes of this level of extrapolation and their reference stand among all."""
-        return self.own_among(lambda one: 1 + len(one.h))
+        """The places of the step sizes of this level of extrapolation and of their reference among all."""
+        return self.own_among(lambda plan: 1 + len(plan.h))
 
-    def cost(self) -> Cost:
-        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
-        steps = int(self.steps.sum()) * self.blocks * LANES
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        levels, functions = self.shape
+        axes = {"level": levels, "function": functions, "step": len(self.steps)}
+        return axes | {"prefix": len(self.prefixes), "one": 1, "group": GROUPS}
 
-    def empty(self, number: int) -> Totals:
-        """The totals over no paths."""
-        levels, prefixes, paths = self.shape[0], len(self.prefixes), len(self.grid.doublings)
-        return Totals(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            values=np.zeros((2, *self.shape, GROUPS)),
-            differences=np.zeros((1, *self.shape, GROUPS)),
-            nonfinite=np.zeros(levels, np.int64),
-            report=np.zeros((paths, len(REPORT))),
-            prefix_differences=np.zeros((prefixes, 1, *self.shape, GROUPS)),
-            prefix_cpu_seconds=np.zeros(prefixes),
-        )
-
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        levels, functions = max(len(self.grid.doublings), self.shape[0]), self.shape[1]
-        return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """The values of the test functions at the end of some blocks."""
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
+        """The values of the test functions at the end of some blocks, extrapolated or not."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
-        return Rows(np.concatenate([one._extrapolated(values) for one in self.by_level], axis=1), report)
-
-    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
-        """The totals with the rows `at`, of which the first is that of block `first`."""
-        values = rows.values[at]
+        values = np.concatenate([plan._extrapolated(values) for plan in self.by_level], axis=1)
         with np.errstate(invalid="ignore", over="ignore"):
-            differences = np.concatenate([v - v[:, -1:] for v in (values[:, one.own] for one in self.by_level)], axis=1)
-        lanes = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
-        lost = ~np.isfinite(values).all(axis=2) & lanes
+            of_levels = [v - v[:, -1:] for v in (values[:, plan.own] for plan in self.by_level)]
+        lost = np.logical_not(np.isfinite(values).all(axis=2))
+        differences = np.concatenate(of_levels, axis=1)
+        return {"values": values, "differences": differences, "nonfinite": lost, "report": report}
+
+    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
+        """The sums with the contributions `at`, also those over the first paths alone."""
         of_prefixes = sums.prefix_differences.copy()
         for i, samples in enumerate(self.prefixes):
             if first * LANES < samples:
-                of_prefixes[i] = with_powers(sums.prefix_differences[i], differences, first, min(samples, end))
-        return sums._replace(
-            values=with_powers(sums.values, values, first, end),
-            differences=with_powers(sums.differences, differences, first, end),
-            nonfinite=sums.nonfinite + lost.sum(axis=(0, 2)),
-            report=add_reports(sums.report, rows.report[at]),
-            prefix_differences=of_prefixes,
-        )
+                rows = contributions["differences"][at]
+                of_prefixes[i] = with_powers(of_prefixes[i], rows, first, min(samples, end))
+        return super().added(sums._replace(prefix_differences=of_prefixes), contributions, at, first, end)
 
-    def timed(self, sums: Totals, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Totals:
-        """The totals with the time that some blocks took, shared out to the first so many paths."""
+    def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
+        """The sums with the time that some blocks took, shared out to the prefixes."""
         shares = np.clip((np.array(self.prefixes) / LANES - first) / blocks, 0.0, 1.0)
-        return sums._replace(
-            seconds=sums.seconds + seconds,
-            cpu_seconds=sums.cpu_seconds + cpu_seconds,
-            prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds,
-        )
+        timed = super().timed(sums, first, blocks, seconds, cpu_seconds)
+        return timed._replace(prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds)
 
-    def progress(self, state: State) -> Done:
-        """Paths done, all paths, and the standard error at the largest step (of the first function)."""
-        known = state.so_far()
-        if not known.paths:
-            return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
-        errors = self.errors(known.differences[:, self.own], counts)
-        return Done(known.paths, self.samples, float(stderr_of(*errors)[0, 0]))
+    def stderr(self, sums: Any) -> float:
+        """The standard error of the error at the largest step (of the first function)."""
+        errors = self.errors(sums.differences[:, self.own], group_counts(sums.paths))
+        return float(stderr_of(*errors)[0, 0])
 
     def so_far(self, state: State) -> State | None:
         """The state of the first paths, without those prefixes that have more."""
-        found = super().so_far(state)
-        plan: Any = found and found.plan
-        if found is None or all(samples <= plan.samples for samples in self.prefixes):
-            return found
-        return found.of(replace(plan, case=plan.case.model_copy(update={"prefixes": None})))
+        shorter = super().so_far(state)
+        if shorter is None:
+            return None
+        plan: Any = shorter.plan
+        if all(samples <= plan.samples for samples in self.prefixes):
+            return shorter
+        return shorter.of(replace(plan, case=plan.case.model_copy(update={"prefixes": None})))
 
-    def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state."""
-        totals, counts = self._of_own(state.total()), group_counts(self.samples)
-        mean, without = mean_over_paths(totals.values[0], counts)
+    def estimates(self, sums: PlainSums) -> dict[str, Any]:
+        """The weak errors and expectations."""
+        own, counts = self._of_own(sums), group_counts(self.samples)
+        mean, without = mean_over_paths(own.values[0], counts)
         expectation = _by_step(mean)
-        fields, sampled = sampled_errors(self.h, *self.errors(totals.differences, counts))
+        fields, sampled = sampled_errors(self.h, *self.errors(own.differences, counts))
         spread = jackknife_stderr(expectation, _by_step(without), counts)
         lacking = self._unseen(expectation, spread, self.samples)
-        return self.weak_errors(
-            state.seconds,
-            **fields,
-            expectation=expectation,
-            nonfinite=totals.nonfinite[:-1],
-            prefixes=self._of_prefixes(totals) if self.prefixes else None,
-            sampled=Sampled(
+        return fields | {
+            "expectation": expectation,
+            "nonfinite": own.nonfinite[:-1],
+            "prefixes": self._of_prefixes(own) if self.prefixes else None,
+            "sampled": Sampled(
                 **sampled,
                 expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
                 reference=mean[-1],
-                sd=standard_deviation(*totals.values[:, 0].sum(axis=-1) / self.samples),
+                sd=standard_deviation(*own.values[:, 0].sum(axis=-1) / self.samples),
                 samples=self.samples,
-                ns_per_step=float(1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples)),
+                ns_per_step=float(1e9 * own.cpu_seconds / (self.steps.sum() * self.samples)),
             ),
-            cpu_seconds=totals.cpu_seconds,
-            reference_nonfinite=int(totals.nonfinite[-1]),
-        )
+            "cpu_seconds": own.cpu_seconds,
+            "reference_nonfinite": int(own.nonfinite[-1]),
+        }
 
     def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, ...]:
-        """What :func:`stderr_of` asks for: errors (F, S), from the largest step to the smallest, and so on."""
+        """The arguments of :func:`stderr_of`: errors (F, S), from the largest step to the smallest, and so on."""
         mean, without = map(_by_step, mean_over_paths(differences[0], counts))
         unseen = self._unseen(mean, jackknife_stderr(mean, without, counts), int(counts.sum()))
         return self.completed(mean), self.completed(without), counts, self.completed(unseen)
@@ -213,7 +155,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         weights = np.abs(self.extrapolation.weights).sum()
         return weights * self.unseen(value.T, stderr.T, samples).T
 
-    def _of_own(self, totals: Totals) -> Totals:
+    def _of_own(self, totals: PlainSums) -> PlainSums:
         """The totals without the step sizes of other levels of extrapolation."""
         own = self.own
         return totals._replace(
@@ -234,14 +176,14 @@ class PlainPlan(WeakPlan, BlocksPlan):
             each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights))
             return np.sum(list(each), axis=0)
 
-    def _of_prefixes(self, totals: Totals) -> Prefixes:
-        """What the first so many paths give."""
+    def _of_prefixes(self, totals: PlainSums) -> Prefixes:
+        """The errors from the first paths alone, prefix by prefix."""
         errors, stderrs = [], []
         for samples, differences in zip(self.prefixes, totals.prefix_differences, strict=True):
             counts = group_counts(samples)
-            found = self.errors(differences, counts)
-            errors.append(found[0])
-            stderrs.append(stderr_of(*found))
+            estimated = self.errors(differences, counts)
+            errors.append(estimated[0])
+            stderrs.append(stderr_of(*estimated))
         return Prefixes(
             samples=np.array(self.prefixes, np.int64),
             error=np.array(errors),
@@ -253,3 +195,6 @@ class PlainPlan(WeakPlan, BlocksPlan):
 def _by_step(x: np.ndarray) -> np.ndarray:
     """(..., L, F) as (..., F, S): without the reference."""
     return np.moveaxis(x, -1, -2)[..., :-1]
+
+
+plan = PlainPlan.of

@@ -1,4 +1,4 @@
-"""What randomised quasi-Monte Carlo adds to a spec."""
+"""The conditions of randomised quasi-Monte Carlo."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ class Keys(BaseKeys):
 
 
 def check(case: Any) -> None:
-    """The number of paths must be a power of two, and there must not be too many dimensions."""
+    """Raise the error about a number of paths that is no power of two, or too many dimensions."""
     need(case, "quasi", "samples")
     if case.samples < LEAST_PATHS or case.samples & (case.samples - 1):
         right = f"must be a power of two for the estimator 'quasi', {LEAST_PATHS} or more"
@@ -26,5 +26,5 @@ def check(case: Any) -> None:
     for scheme in case.schemes:
         dimensions = dimensions_of(case.row(scheme).record, case.reference_record(None), case.model, steps)[1]
         if dimensions > MOST_DIMENSIONS:
-            what = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
-            raise wrong(what, f"{right} {MOST_DIMENSIONS} or fewer, or plain", "estimators")
+            mistake = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
+            raise wrong(mistake, f"{right} {MOST_DIMENSIONS} or fewer, or plain", "estimators")

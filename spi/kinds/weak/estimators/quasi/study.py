@@ -3,26 +3,19 @@
 The jackknife groups of paths are the independent scrambles, so that all standard errors are those over scrambles.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from spi.ensemble.given import Points, dimensions_of, points_of
-from spi.kinds.plans import State
 from spi.numerics.rng import POINTS
 from spi.numerics.sobol import SCRAMBLES
 from spi.statistics.estimators import standard_deviation
-from spi.storage.records import Part
 
-from ...results import Quasi, WeakErrors
+from ...results import Quasi
 from ..plain.study import PlainPlan
-
-
-def plan(case: Any, part: Part) -> "QuasiPlan":
-    """The plan for one scheme of a case."""
-    return QuasiPlan.of(case, part)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +26,7 @@ class QuasiPlan(PlainPlan):
 
     @property
     def prefixes(self) -> tuple[int, ...]:
-        """None: a number of points that is no power of two is no fair one."""
+        """None: points are evenly spread only in powers of two."""
         return ()
 
     @cached_property
@@ -41,13 +34,12 @@ class QuasiPlan(PlainPlan):
         """The points in the place of independent increments."""
         return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid)
 
-    def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state."""
-        found, values = super().results(state), self._of_own(state.total()).values[:, :-1].sum(axis=-1)
+    def estimates(self, sums: Any) -> dict[str, Any]:
+        """The weak errors, and the gain over independent paths."""
+        estimated, values = super().estimates(sums), self._of_own(sums).values[:, :-1].sum(axis=-1)
         sd = standard_deviation(*values / self.samples).T
-        sampled: Any = found.sampled
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = sd**2 / (self.samples * sampled.expectation_stderr**2)
+            gain = sd**2 / (self.samples * estimated["sampled"].expectation_stderr ** 2)
         steps, reference = self.grid.reference_steps, self.grid.reference_scheme
         quasi = Quasi(
             gain=gain,
@@ -55,4 +47,7 @@ class QuasiPlan(PlainPlan):
             points=self.samples // SCRAMBLES,
             dimensions=dimensions_of(self.scheme, reference, self.model, steps)[1],
         )
-        return replace(found, quasi=quasi)
+        return estimated | {"quasi": quasi}
+
+
+plan = QuasiPlan.of

@@ -1,0 +1,284 @@
+"""One table for every kind of experiment: what stands in its columns is declared by the record of a result.
+
+    tables = (Table("h", [Column("error", "strong error (95 %)", resolved="resolved"), Column("casimir_drift")]),)
+
+A :class:`Table` has a line for each place along some axes and, for each scheme, the fields of its columns with their
+95 % intervals.  It becomes a :class:`Grid` of texts, which is printed, or shown in a report.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import groupby, takewhile, zip_longest
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..storage.stored import Estimate, Stored, last
+from .text import LABEL, angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+
+class Cell(NamedTuple):
+    """A text with its style, as ``rich`` names it."""
+
+    text: str
+    style: str = ""
+
+
+_MANY = 8  # columns
+
+
+class Grid(NamedTuple):
+    """A table of texts."""
+
+    title: str
+    headings: Sequence[str]
+    sections: Sequence[Sequence[Sequence[Cell]]]  #: the lines of each scheme
+    left: int  #: so many columns are left-justified; the first of them, of labels, may wrap
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The texts of all lines."""
+        return [[cell.text for cell in row] for section in self.sections for row in section]
+
+    def styles(self, heading: str = "") -> set[str]:
+        """The styles of the cells in the columns of this heading, or of all."""
+        chosen = [i for i, one in enumerate(self.headings) if one == heading or not heading]
+        return {row[i].style for section in self.sections for row in section for i in chosen}
+
+    def as_rich(self) -> "RichTable":
+        """As it is printed."""
+        from rich.text import Text
+
+        table = new_table(self.title, self.headings, self.left, labels=0)
+        for section in self.sections:
+            for row in section:
+                table.add_row(*(Text(cell.text, style=cell.style) for cell in row))
+            if len(section) > 1:
+                table.add_section()
+        if len(self.headings) > _MANY:
+            table.padding = 0  # else it is too wide
+        return table
+
+
+def unbroken(heading: str) -> str:
+    """A heading without the breaks that make its column narrow."""
+    return re.sub(r"-\n(?=[a-z])", "", heading).replace("-\n", "-").replace("\n", " ")
+
+
+class Column(NamedTuple):
+    """A column of a table, or one for each place along a further axis."""
+
+    #: A field or derived property of the record, by its name in files; or a function of the record and all records of
+    #: the case that gives texts or numbers over the first axes of the table, None for none.
+    field: str | Callable[[Any, Sequence[Any]], Any]
+    heading: str  #: with {} for the place along the further axis
+    over: str = ""  #: the further axis
+    among: Sequence[str] = ()  #: the places along it that have columns, where any of them are there
+    form: str | Callable[[Any], str] = ".1e"  #: of a number without ±, and of ends
+    interval: str = "±"  #: "[]" shows it by its ends, as is one that is not symmetric; "" not at all
+    resolved: str = ""  #: the field with whether a number is resolved; else it stands in brackets
+    missing: str = "-"  #: the text for NaN
+    red: float = math.inf  #: numbers, without their sign, above this are worrying
+    why: str = ""  #: what such a number means
+
+    def parts(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, Estimate]:
+        """The numbers by heading; along axes that the table lacks the last time or the largest number."""
+        if callable(self.field):
+            values = self.field(record, readings)
+            array = np.asarray(values, object)
+            numbers = None if values is None else Estimate(tuple(axes[: array.ndim]), array, array, array)
+        else:
+            numbers = record.estimate(self.field)
+        if numbers is None:
+            return {}
+        for axis in [axis for axis in numbers.axes if axis not in (*axes, self.over)]:
+            numbers = numbers.without(axis, last if axis in ("t", "n") else _largest)
+        if not self.over:
+            return {self.heading: numbers}
+        names = places(record, self.over, [numbers]) if numbers.value.size else []
+        return {
+            self.heading.format(name): numbers.without(self.over, partial(np.take, indices=i))
+            for i, name in enumerate(names)
+            if name in self.among or not {*names} & {*self.among}
+        }
+
+    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> Cell:
+        """The cell at a place, given by its number along each axis."""
+        place = tuple(at[axis] for axis in numbers.axes)
+        if any(i >= size for i, size in zip(place, numbers.value.shape, strict=True)):
+            return Cell("-")
+        value = numbers.value[place]
+        if isinstance(value, str):
+            return Cell(value)
+        ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
+        text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
+        if self.resolved and not record.get(self.resolved)[place]:
+            return Cell(f"({text})", "dim")
+        return Cell(text, "bold red" if abs(value) > self.red else "")
+
+
+def _largest(values: np.ndarray, axis: int) -> np.ndarray:
+    return values.max(axis) if values.shape[axis] else np.full(np.delete(values.shape, axis), np.nan)
+
+
+class Table(NamedTuple):
+    """A table with a line for each place along some axes."""
+
+    axes: str  #: their names, separated by spaces
+    columns: Sequence[Column]
+    title: str = ""  #: in place of that of the case
+    lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
+    of: Callable[[Sequence[Any]], Sequence[Any]] = list  #: the records that it shows, of those of a case
+
+    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
+        """The table of the records of a case, and what its brackets and its large numbers mean."""
+        if (grid := self.grid(title, readings)) is None:
+            return
+        yield grid
+        if "dim" in grid.styles():
+            yield Cell("( ): not resolved", "dim")
+        for column in self.columns:
+            if column.why and "bold red" in grid.styles(column.heading):
+                yield Cell(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
+
+    def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
+        """The table of the records of a case, without columns in which there is nothing; None if none is left."""
+        axes, readings = self.axes.split(), self.of(readings)
+        columns: dict[str, Column] = {}
+        parts: list[dict[str, Estimate]] = [{} for _ in readings]
+        for column in self.columns:
+            for record, own in zip(readings, parts, strict=True):
+                own |= (more := column.parts(record, readings, axes))
+                columns |= dict.fromkeys(more, column)
+        sections = [
+            list(self._section(record, own, axes, columns)) for record, own in zip(readings, parts, strict=True) if own
+        ]
+        rows = [row for section in sections for row in section]
+        headings = ["scheme", *(_heading(axis, readings) for axis in axes), *columns]
+        shown = [i for i in range(len(headings)) if not i or any(row[i].text not in ("", "-") for row in rows)]
+        if shown[-1] <= len(axes):
+            return None
+        sections = [[[row[i] for i in shown] for row in section] for section in sections]
+        left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
+        return Grid(self.title or title, [headings[i] for i in shown], sections, sum(i < left for i in shown))
+
+    def _section(
+        self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
+    ) -> Iterator[list[Cell]]:
+        """The lines of one scheme, with labels where they differ from those of the line above."""
+        names = {axis: places(record, axis, parts.values()) for axis in axes}
+        lines = list(np.ndindex(*map(len, names.values())) if self.lines is None else self.lines(record))
+        schemes, whole = record.about.parts(), record.about.subject()
+        if len(lines) < len(schemes):
+            schemes = [whole if len(whole) <= LABEL else ",\n".join(schemes)]
+        before: list[str] = []
+        for scheme, place in zip_longest(schemes, lines, fillvalue=""):
+            at = dict(zip(axes, place, strict=True))
+            labels = [names[axis][i] for axis, i in at.items()]
+            same = next((i for i, label in enumerate(labels) if before[i : i + 1] != [label]), len(labels))
+            before = labels
+            cells = [columns[name].cell(record, parts[name], at) if name in parts else Cell("") for name in columns]
+            yield [Cell(scheme), *[Cell("")] * same, *map(Cell, labels[same:]), *cells]
+
+
+class Own(NamedTuple):
+    """A table of a kind's own."""
+
+    items: Callable[[str, Sequence[Any]], Iterator[Grid | Cell]]  #: as :meth:`Table.items`
+
+
+#: How the places along an axis are called in tables, and its heading if that is not the name of the axis.
+_PLACES: dict[str, Callable[[Any], str]] = {"h": power_of_two, "level": power_of_two, "t": "{:.5g}".format}
+_HEADINGS = {"level": "larger\nstep", "casimir": "Cas-\nimir"}
+_LEFT = ("scheme", "function", "h", "level", "casimir")  # whose columns are left-justified
+
+
+def places(record: Stored, axis: str, numbers: Iterable[Estimate]) -> list[str]:
+    """The names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
+    if (values := record.get(axis)) is None:
+        count = max((one.value.shape[one.axes.index(axis)] for one in numbers if axis in one.axes), default=0)
+        return [f"C{i}" for i in range(1, count + 1)] if count > 1 else [""]
+    label = record.by_name[axis].meaning.label
+    form = label.format if label else _PLACES.get(axis, "{:g}".format)
+    names = [value if isinstance(value, str) else form(value) for value in values]
+    return [""] if names == ["phi"] else names
+
+
+def _heading(axis: str, readings: Sequence[Any]) -> str:
+    return readings[0].word if axis == "value" else _HEADINGS.get(axis, axis)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# A case: its tables and the lines under them
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def printed(title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
+    """The tables of the records of a case, the lines on each record, and those on the case."""
+    for table in readings[0].tables:
+        yield from table.items(title, readings)
+    for record in readings:
+        yield from map(Cell, _lines(record))
+    yield from map(Cell, readings[0].remarks_of_case(readings))
+
+
+def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
+    """Print tables and lines, however long, with an empty line behind each table and block of lines."""
+    for is_table, members in groupby(items, lambda item: isinstance(item, Grid)):
+        for item in members:
+            if isinstance(item, Grid):
+                print_whole(console, item.as_rich())
+                console.print()
+            else:
+                console.print(item.text, style=item.style or None, markup=False, soft_wrap=True)
+        if not is_table:
+            console.print()
+
+
+def _lines(record: Stored) -> Iterator[str]:
+    """The common lines on a record, after its label, and its own."""
+    for number, line in enumerate(_common(record)):
+        yield f"    {line}" if number else f"{record.about.subject()}: {line}"
+    yield from record.remarks()
+
+
+def _common(record: Any) -> Iterator[str]:
+    """Order, paths, angles of flows and solvers of equations, of records that have such fields."""
+    if (order := getattr(record, "order", None)) is not None:
+        few = math.isfinite(order.order) and order.points < len(record.h)
+        through = f", through the finest {order.points} of {len(record.h)}" * few
+        yield order_text(order.order, order.low, order.high, record.expected_order) + through
+    if note := getattr(record, "note", ""):
+        yield note
+    if hasattr(record, "step") and hasattr(record, "samples"):
+        lost = f", {record.nonfinite} of them diverged" * bool(record.nonfinite)
+        paths = f"{record.samples} paths until t = {record.t[-1]:g} with h = {record.step:g}{lost}"
+        yield f"{paths}, {record.ns_per_step:.1f} ns per step and path"
+    if count := getattr(record, "reference_nonfinite", 0):
+        yield f"{count} reference paths diverged (NaN or infinity)"
+    angle: Any = getattr(record, "largest_angle", None)
+    if angle is not None and np.ndim(angle) < 2 and (note := angle_note(float(np.max(angle)))):
+        yield note
+    yield from _accepted(record)
+    solver: Any = getattr(record, "solver", None)
+    if hasattr(solver, "solves") and np.ndim(solver.solves) < 2:
+        solves, iterations, failures = (each.sum() for each in (solver.solves, solver.iterations, solver.failures))
+        mean, residual = iterations / solves if solves else 0.0, short(solver.largest_residual.max(initial=0))
+        yield f"solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {residual}"
+
+
+def _accepted(record: Any) -> Iterator[str]:
+    """The shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
+    acceptance = getattr(record, "acceptance", None)
+    if acceptance is None or np.ndim(acceptance.noise_accepted) > 1:
+        return
+    shares = np.atleast_1d(acceptance.noise_accepted), np.atleast_1d(acceptance.drift_accepted)
+    for i, (noise, drift) in enumerate(zip(*shares, strict=True)):
+        where = f"h = {record.h[i]:g}: " if np.ndim(acceptance.noise_accepted) else ""
+        yield f"{where}accepted: {noise:.1%} of the noise flows, {drift:.1%} of the steps of the drift"

@@ -1,0 +1,94 @@
+"""Tables, rows and figures of every kind, from records that its schema fills: what holds of all of them."""
+
+import copy
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from filled_results import filled, panels_of
+from helpers import printed
+
+from spi.kinds import KINDS
+from spi.printing import as_csv, as_json
+from spi.report import views
+from spi.storage.records import Results
+
+
+def results_of(kind, **others):
+    groups = filled(kind, **others), filled(kind, "midpoint", **others)
+    return Results({"kind": kind, "title": "The title"}, groups)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rows_are_plain_values_in_json_and_csv(kind):
+    """Every array of the record is there under its own name or that of its record."""
+    rows = views.rows(results_of(kind))
+    assert rows and all(type(value) in (str, float, int, bool) for row in rows for value in row.values())
+    back = json.loads(as_json(rows), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert [list(row) for row in back] == [list(row) for row in rows]
+    table = list(csv.DictReader(io.StringIO(as_csv(rows))))
+    assert len(table) == len(rows) and set(table[0]) == {key for row in rows for key in row}
+    for text, row in zip(table, rows, strict=True):
+        assert all(float(text[key]) == value for key, value in row.items() if type(value) is float)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_table_names_title_and_schemes_and_cuts_nothing(kind):
+    text = printed(results_of(kind))
+    assert "The title" in text and "…" not in text and "\x1b" not in text
+    assert kind == "answer" or ("splitting" in text and "midpoint" in text)  # the program chose the scheme
+
+
+@pytest.mark.parametrize(("kind", "panel"), [(kind, panel) for kind in KINDS for panel in panels_of(kind) or [None]])
+def test_every_panel_shows_something(kind, panel):
+    fig = views.figure(results_of(kind, **({"panels": (panel,)} if panel else {})))
+    assert any(ax.lines or ax.collections or ax.patches or ax.images or ax.texts for ax in fig.axes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_views_change_nothing(kind):
+    results = results_of(kind)
+    before = copy.deepcopy(results)
+    printed(results), views.rows(results), views.figure(results)
+    for group, other in zip(results.groups, before.groups, strict=True):
+        assert group.attributes == other.attributes
+        for name, (_, values) in group.variables.items():
+            np.testing.assert_array_equal(values, other.variables[name][1])
+
+
+#: What is lost, with what is known of it, where all paths diverge.
+LOST = {
+    "strong": ("error", "error_stderr", "error_final", "error_final_stderr", "casimir_drift"),
+    "trajectory": ("y", "hamiltonian", "casimirs"),
+    "weak": ("error", "error_stderr", "prefix_error", "prefix_error_stderr", "history_error", "history_error_stderr"),
+    "work_precision": ("error", "error_stderr", "casimir_drift"),
+    "stability": ("error", "error_stderr", "largest_norm", "casimir_worst", "casimir_median"),
+    "equilibrium": ("casimir_mean", "casimir_rms", "casimir_worst", "casimir_one", "mean", "law_distance"),
+    "statistics": ("mean", "mean_stderr", "variance", "variance_stderr"),
+    "lyapunov": ("exponent", "exponent_stderr", "total", "total_stderr"),
+    "answer": ("value", "stderr", "half"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_lost_is_shown_all_the_same(kind):
+    for value in (math.nan, math.inf)[: 1 if kind == "lyapunov" else 2]:
+        results = results_of(kind)
+        for group in results.groups:
+            for name in {*LOST[kind], "resolved"} & group.variables.keys():
+                group.variables[name][1][...] = False if name == "resolved" else value
+        as_json(views.rows(results))
+        assert str(value) in (text := printed(results)) or "not finite" in text or kind == "lyapunov"
+        views.figure(results).draw_without_rendering()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_cannot_be_drawn_is_said(kind):
+    with pytest.raises(ValueError, match="no scheme"):
+        views.figure(Results({"kind": kind, "title": ""}, ()))
+    if panels_of(kind):
+        with pytest.raises(ValueError, match=r"'nothing' is not a known panel; known|no panel that could be drawn"):
+            views.figure(results_of(kind, panels=("nothing",)))
