@@ -168,7 +168,7 @@ def test_panels_declared_by_a_field():
     np.testing.assert_allclose(line.high - line.low, 2 * record.exponent_half[1])
     assert line.band and line.look["marker"] == ""  # a single curve
     bare, _ = panels.CurvePanel("exponent", "t", "number").expand([record, record], looks)
-    assert bare.y == "Lyapunov exponent" and bare.series[0].look["marker"]
+    assert bare.y == r"Lyapunov exponent of $\lambda_{1}$" and bare.series[0].look["marker"]
 
 
 def test_a_quantity_that_is_one_number_is_a_fact_beside_others():
