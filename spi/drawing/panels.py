@@ -1,8 +1,8 @@
 """Panels that a kind declares, drawn from its records: a field, what it is drawn over, and what stands beside it.
 
     PANELS = {
-        "mean": [CurvePanel("mean", over="t", facet="function", label=r"\\mathrm{{E}}\\,{f}", reference="reference")],
-        "histogram": [HistogramPanel("histogram.density", low="bin_low", width="bin_width")],
+        "mean": [CurvePanel("mean", over="t", facet="function", label="mean of ${f}$", reference="reference")],
+        "histogram": [HistogramPanel("histogram.density", "bin_low", "bin_width", at=lambda record: -1)],
     }
     draw = Figures(PANELS, facts=("samples", "step"))
 
@@ -22,7 +22,8 @@ from ..storage.records import INTERVAL, Order
 from ..storage.stored import Described, Stored
 from . import layout, plots, style
 
-_LINES = 4  # shades of one colour that are told apart
+_LINES = 4  # shades of one colour that can be told apart
+_UNITS = ("s", "ns", "rad")  # that stand on an axis; others, as "state", are those of the system
 
 Records = Sequence[Any]
 Looks = style.Looks
@@ -35,8 +36,7 @@ class Values(NamedTuple):
     name: str
     values: plots.Array
     axes: tuple[str, ...]
-    text: str
-    unit: str
+    text: str  #: with its unit, if that is one
 
     def beside(self, suffix: str) -> plots.Array | None:
         """The field whose name has a suffix, as ``_stderr``; None if there is none."""
@@ -67,8 +67,9 @@ def values_of(record: Any, field: str, axes: str = "") -> Values | None:
         return None
     meaning = next((one.meaning for one in owner.described if one.name == name), None)
     names = tuple(axes.split()) or outer + (meaning.axes if meaning else ())
-    text, unit = (meaning.text, meaning.unit) if meaning else (name.replace("_", " "), "")
-    return Values(owner, name, np.asarray(values, float), names, text, unit)
+    text = meaning.text if meaning else name.replace("_", " ")
+    unit = f" ({meaning.unit})" if meaning and meaning.unit in _UNITS else ""
+    return Values(owner, name, np.asarray(values, float), names, text + unit)
 
 
 def axis_of(record: Described, name: str) -> plots.Array | None:
@@ -209,10 +210,8 @@ class CurvePanel(NamedTuple):
             value = np.where(np.isnan(value), np.inf, value)
         band = self.over in ("t", "lag") if self.band is None else self.band
         alone = schemes == 1 and self.over in ("t", "lag")  # a single curve needs no markers, which look like data
-        look, text = (
-            scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look,
-            style.label(record.about),
-        )
+        look = scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look
+        text = style.label(record.about)
         rows = plots.spread(len(value), _LINES) if self.lines else [0]
         for i, row in enumerate(rows):
             mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
@@ -245,17 +244,12 @@ class CurvePanel(NamedTuple):
                 return [(float(values), self.reference_name)], []
             if values.ndim and there.any():
                 look = plots.THEORY if there.all() else _SOMETIMES
-                return [], [
-                    plots.series(
-                        np.asarray(axis_of(record, self.over))[there], values[there], look, self.reference_name
-                    )
-                ]
+                x = np.asarray(axis_of(record, self.over))[there]
+                return [], [plots.series(x, values[there], look, self.reference_name)]
         return [], []
 
 
-def _shades(
-    own: Callable[[Axes], list[plots.Entry]] | None, record: Any, axis: str
-) -> Callable[[Axes], list[plots.Entry]]:
+def _shades(own: plots.Draw | None, record: Any, axis: str) -> plots.Draw:
     """The drawing of `own`, and entries for the places along an axis whose lines differ in shade."""
     values = np.asarray(axis_of(record, axis))
     rows = plots.spread(len(values), _LINES)

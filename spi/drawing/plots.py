@@ -203,8 +203,10 @@ def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
     if log:
         far = (top / bottom) ** 3
         return np.where(np.isfinite(y) & (y > 0), np.clip(y, bottom / far, top * far), np.nan)
-    far = _OUT * (top - bottom)
-    return np.where(np.isfinite(y), np.clip(y, bottom - far, top + far), np.nan)
+    far, half = _OUT * (top - bottom), (top - bottom) / 2
+    near = (y >= bottom - half) & (y <= top + half)
+    beside = np.convolve(near, [1, 0, 1])[1:-1] > 0  # on its way out of the panel, or in
+    return np.where(np.isfinite(y) & (near | beside), np.clip(y, bottom - far, top + far), np.nan)
 
 
 def _lost(line: Series, inside: Array) -> int | None:
@@ -322,7 +324,7 @@ def step_axis(ax: Axes, h: Array) -> None:
 
 def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
     """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
-    low, high = xlim or (x[x > 0].min(initial=np.inf), x.max(initial=0.0))
+    low, high = xlim or (min(x[x > 0], default=0.0), max(x, default=0.0))
     if low < high < _SHORT * low:
         ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"${style.number(x)}$"))
@@ -339,7 +341,7 @@ def _scaled(ax: Axes, label: str) -> str:
     if -3 < exponent < 4:
         return label
     ax.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
-    return rf"{label}  in  $10^{{{exponent}}}$"
+    return rf"{label} in $10^{{{exponent}}}$"
 
 
 class Places(NamedTuple):

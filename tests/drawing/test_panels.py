@@ -133,6 +133,12 @@ def test_a_dense_line_is_marked_where_it_leaves_and_where_it_ends():
     assert len(line_of(ax, "a").get_markevery() * [0]) < 10
 
 
+def test_a_line_far_outside_is_drawn_on_its_way_out_and_in():
+    y = np.array([2.0, 1e9, -1e9, 1e9, 3.0, np.nan, 2.0])
+    _, ax = drawn(plots.Series(np.arange(7.0), y, LOOK, "a"), ylim=(1.0, 4.0))
+    np.testing.assert_array_equal(line_of(ax, "a").get_ydata(), [2, 304, np.nan, 304, 3, np.nan, 2])
+
+
 @pytest.mark.parametrize(("exponent", "named"), [(-15, True), (0, False), (7, True)])
 def test_tiny_and_huge_values_have_their_power_in_the_label(exponent, named):
     _, ax = drawn(plots.series(H, H * 10.0**exponent, LOOK, "a"), y="$C$")
@@ -162,7 +168,7 @@ def test_panels_declared_by_a_field():
     np.testing.assert_allclose(line.high - line.low, 2 * record.exponent_half[1])
     assert line.band and line.look["marker"] == ""  # a single curve
     bare, _ = panels.CurvePanel("exponent", "t", "number").expand([record, record], looks)
-    assert bare.y == "Lyapunov exponent" and bare.series[0].look["marker"]
+    assert bare.y == r"Lyapunov exponent of $\lambda_{1}$" and bare.series[0].look["marker"]
 
 
 def test_a_quantity_that_is_one_number_is_a_fact_beside_others():

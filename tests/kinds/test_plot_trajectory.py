@@ -85,7 +85,7 @@ def test_changes_of_casimirs_at_their_own_scale():
     (ax,) = views.figure(trajectories(*bloch("one", ("casimir_errors",)))).axes
     low, high = ax.get_ylim()
     assert -1e-13 < low < 0 < high < 1e-13
-    assert ax.get_ylabel() == "$C$$(y)-$$C$$(y_0)$  in  $10^{-14}$"
+    assert ax.get_ylabel() == "$C$$(y)-$$C$$(y_0)$ in $10^{-14}$"
     ax.figure.draw_without_rendering()
     ticks = [float(text.get_text().replace("\N{MINUS SIGN}", "-")) for text in ax.get_yticklabels()]
     np.testing.assert_allclose(ticks, 1e14 * ax.get_yticks(), atol=1e-3)
@@ -147,7 +147,6 @@ def test_what_is_undefined_for_a_while_is_a_gap():
     for name in ("H", "C2"):
         assert f"splitting, noise first (slpI): {name} is not defined at {times} t = {T[lost][0]:g}\n" in text
     assert "C1 is" not in text
-    assert text.count("diverged") == 1  # the heading of a column
 
 
 def test_components_an_axes_per_scheme():

@@ -169,7 +169,8 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path, capsys):
         assert re.search(rf"^{name}: order .*\(expected 1/2\)", text.getvalue(), re.MULTILINE)
     assert [verdict.claim.scheme for verdict in views.verdicts(results)] == ["mine", "mine"]
     (ax,) = views.figure(results).axes
-    assert len({container.lines[0].get_color() for container in ax.containers}) == len(ax.containers) == 2
+    drawn = [line for line in ax.lines if line.get_label() in ("mine", "splitting")]
+    assert len({line.get_color() for line in drawn}) == len(drawn) == 2
     print_schemes(SCHEMES)
     print_experiments("experiments", headings([experiment.path])[0])
     listed = capsys.readouterr().out

@@ -501,6 +501,11 @@ def test_records_have_the_worst_verdict_of_each_quantity():
     assert not any("claim" in key for row in views.rows(STRONG) for key in row)
 
 
+def test_verdicts_stay_out_of_figures():
+    plain, judged = ([text.get_text() for text in views.figure(results).texts] for results in (STRONG, JUDGED))
+    assert plain == judged
+
+
 def test_a_lost_path_breaks_a_bound():
     t, y = np.arange(3.0), np.ones((3, 1))
     casimirs = np.array([[1.0], [1.0], [math.nan]])
