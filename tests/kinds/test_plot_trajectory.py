@@ -160,7 +160,7 @@ def test_what_is_undefined_for_a_while_is_a_gap():
     for name in ("H", "C2"):
         assert f"splitting, noise first (slpI): {name} is not defined at {times} t = {T[lost][0]:g}\n" in text
     assert "C1 is" not in text
-    assert text.count("diverged") == 1  # the heading of a column
+    assert "diverged" not in text  # an empty column
 
 
 def test_far_values_leave_and_come_back():
