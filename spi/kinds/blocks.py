@@ -336,11 +336,3 @@ def reported(report: np.ndarray) -> dict[str, Any]:
         "acceptance": Acceptance(noise_accepted=shares[0], drift_accepted=shares[1]) if shares else None,
         "largest_angle": columns.get("largest_angle"),
     }
-
-
-def acceptance_note(acceptance: Acceptance | None, i: int = -1) -> str:
-    """The shares accepted at step size number i, as a text; "" where no flow was judged."""
-    if acceptance is None:
-        return ""
-    noise, drift = (float(np.ravel(each)[i]) for each in (acceptance.noise_accepted, acceptance.drift_accepted))
-    return f"accepted: {noise:.1%} of the noise flows, {drift:.1%} of the steps of the drift"
