@@ -53,9 +53,7 @@ def index(entries: list[dict[str, str]]) -> dict[str, Any]:
         for word in sorted(contained[i] - IGNORED):
             often = text[word]
             weight = 2.2 * often / (often + 1.2 * (0.25 + 0.75 * text.total() / mean))
-            weight += TITLE * (word in title) / math.sqrt(len(title - IGNORED)) + HEADING * (
-                not section and word in headings[page]
-            )
+            weight += in_title * (word in title) + HEADING * (not section and word in headings[page])
             rare = math.log(1 + (len(entries) - holders[word] + 0.5) / (holders[word] + 0.5))
             weights[word].append([i, round(rare * weight * factor, 2)])
     weights |= {word: weights[known] for word, known in SYNONYMS.items() if known in weights}
