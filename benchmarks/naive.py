@@ -1,4 +1,4 @@
-"""Splitting (eq. slpI) and Euler-Maruyama as one writes them first: path after path, np.random.normal, math.sin.
+"""Splitting (eq. (18) of the paper) and Euler-Maruyama as one writes them first: a path at a time, np.random, math.sin.
 
 Every step is a function of the increments, so that it can be compared with the package's; see generic.py for the
 schemes that are not written out here.  The Itô corrections are worked out by hand.

@@ -11,8 +11,9 @@ from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
-#: What a word in a title, and one in a heading of the page, counts in times of the text.
-TITLE, HEADING = 6.0, 1.5
+#: What a word in a title of one word (in one of n by the root of n less), and one in a heading of the page, counts in
+#: times of the text.
+TITLE, HEADING = 9.0, 1.5
 #: A section counts less than a page with the same words, and lists of everything less than pages about one thing.
 SECTION, LIST = 0.8, 0.4
 LISTS = ("gallery.html", "reference/")
@@ -46,12 +47,13 @@ def index(entries: list[dict[str, str]]) -> dict[str, Any]:
     weights: dict[str, list[list[float]]] = defaultdict(list)
     for i, (entry, text) in enumerate(zip(entries, texts, strict=True)):
         page, _, section = entry["location"].partition("#")
-        title = titles[entry["location"]]
+        title = titles[entry["location"]] - IGNORED
+        in_title = TITLE / math.sqrt(max(1, len(title)))
         factor = (SECTION if section else 1.0) * (LIST if page.startswith(LISTS) else 1.0)
         for word in sorted(contained[i] - IGNORED):
             often = text[word]
             weight = 2.2 * often / (often + 1.2 * (0.25 + 0.75 * text.total() / mean))
-            weight += TITLE * (word in title) + HEADING * (not section and word in headings[page])
+            weight += in_title * (word in title) + HEADING * (not section and word in headings[page])
             rare = math.log(1 + (len(entries) - holders[word] + 0.5) / (holders[word] + 0.5))
             weights[word].append([i, round(rare * weight * factor, 2)])
     weights |= {word: weights[known] for word, known in SYNONYMS.items() if known in weights}
