@@ -86,6 +86,7 @@ class Column(NamedTuple):
     missing: str = "-"  #: the text for NaN
     red: float = math.inf  #: numbers, without their sign, above this are worrying
     why: str = ""  #: what such a number means
+    always: bool = False  #: whether the column stands even if no number in it is finite
 
     def parts(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, Estimate]:
         """The numbers by heading; along axes that the table lacks the last time or the largest number."""
@@ -161,7 +162,8 @@ class Table(NamedTuple):
         ]
         rows = [row for section in sections for row in section]
         headings = ["scheme", *(_heading(axis, readings) for axis in axes), *columns]
-        shown = [i for i in range(len(headings)) if not i or any(row[i].text not in ("", "-") for row in rows)]
+        nothing = [("", "-")] * (1 + len(axes)) + [("",) if column.always else ("", "-") for column in columns.values()]
+        shown = [i for i, empty in enumerate(nothing) if not i or any(row[i].text not in empty for row in rows)]
         if shown[-1] <= len(axes):
             return None
         sections = [[[row[i] for i in shown] for row in section] for section in sections]

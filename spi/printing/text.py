@@ -97,7 +97,7 @@ _FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 def with_interval(value: float, half: float) -> str:
     """``0.4003 ± 0.0008``: the half width with one digit, or two after a leading 1, the value to the same place.
 
-    Numbers below 1e-3 or from 1e5 on have a power of ten, ``(3.42 ± 0.07)e-7``.  Of a value with more than seven good
+    Numbers below 1e-3 or from 1e5 on have a power of ten, ``3.42e-7 ± 0.07e-7``.  Of a value with more than seven good
     digits seven, ``0.06612345 ± 2e-13``.
     """
     if not math.isfinite(value):
@@ -111,7 +111,7 @@ def with_interval(value: float, half: float) -> str:
         return f"{short(value, '.6e')} ± {short(half, '.0e')}"
     if not _FIXED[0] <= 10.0**scale < _FIXED[1]:
         digits = max(scale - place, 0)
-        return f"({value / 10.0**scale:z.{digits}f} ± {half / 10.0**scale:.{digits}f})e{scale}"
+        return f"{value / 10.0**scale:z.{digits}f}e{scale} ± {half / 10.0**scale:.{digits}f}e{scale}"
     digits = max(-place, 0)
     return f"{round(value, -place):z.{digits}f} ± {round(half, -place):.{digits}f}"
 

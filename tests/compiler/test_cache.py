@@ -34,7 +34,7 @@ KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel
         ("specs/cases.py", False, False),
         ("storage/results.py", False, False),
         ("drawing/style.py", False, False),
-        ("kinds/strong/table.py", False, False),
+        ("kinds/strong/results.py", False, False),
         ("kinds/strong/keys.py", False, False),
         ("kinds/stability/figure.py", False, False),
         ("running/run.py", False, False),

@@ -71,7 +71,7 @@ def run(folder, program):
 EDITS = {
     False: (  # a label, a docstring, an estimator, a definition in YAML
         ("schemes/table.py", 'label="splitting"', 'label="Lie-Trotter"'),
-        ("kinds/strong/table.py", '"""Tables of strong errors."""', '"""Strong errors as tables."""'),
+        ("kinds/strong/results.py", '"""The record of strong errors."""', '"""Strong errors, stored."""'),
         ("statistics/estimators.py", "\nGROUPS = 64", "\nGROUPS = 32"),
         ("systems/definition.py", '"""', '"""Edited: '),
     ),

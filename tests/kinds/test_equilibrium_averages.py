@@ -150,7 +150,7 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     text = printed(results)
     assert "means over time" in text and "bias (95 %)" in text and "heat capacity" not in text
     assert "autocorrelation times, fewer than 50; run longer" in text
-    assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
+    assert "paths of time" in text and "for an accuracy of 0.0010" in text
     fig = views.figure(results)
     assert all(r"\overline" in ax.get_ylabel() and "reference" in ax.get_ylabel() for ax in fig.axes[-2:])
     told = {one.name: one for one in quantities([reading])}

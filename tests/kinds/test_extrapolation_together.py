@@ -100,5 +100,5 @@ def test_all_of_them_are_in_the_file_of_a_run(tmp_path):
         for estimator in ("multilevel", "plain")
         for variant in (SYMMETRIC, f"{SYMMETRIC}_extrapolated_1")
     ]
-    assert printed(storage.read(path)).count(": levels") == 1
+    assert printed(storage.read(path)).count("\nlevels ") == 1
     assert verify(path, None).sound

@@ -120,7 +120,7 @@ def test_printed_stability():
     results = stability(*(stability_group(scheme) for scheme in SCHEMES))
     text = printed(results)
     explicit, implicit, splitting = (lines_of(text, name) for name in ("Euler-Maruyama", "midpoint", "splitting"))
-    assert explicit[2] == ["1", ">=", "2^0", "none", "none", "5.2e-1", "1"]
+    assert explicit[2] == ["1", ">=", "2^0", "none", "none", "0.52", "1"]
     assert explicit[3] == ["3", "2^-1", "none", "none", "inf", "3"]
     assert implicit[0] == ["0.1", ">=", "2^0", ">=", "2^0", ">=", "2^0", "1.0e-14", "0", "%", "3.0", "<", "pi/4"]
     assert implicit[3] == ["3", ">=", "2^0", "2^-3", "2^-7", "1.2e-5", "13", "%", "3.3-20.0", "3"]

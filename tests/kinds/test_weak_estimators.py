@@ -13,7 +13,12 @@ from test_kinds import SPEC
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.specs.keys import Keys
 
-WEAK = SPEC.replace("energy", "weak").replace("samples: 70", "functions: {phi: y1^2}\nestimators: [guess]\nper_step: 3")
+WEAK = (
+    SPEC.replace("KIND", "weak")
+    .replace("step: 2^-3", "steps: [2^-2, 2^-3]\nreference_step: 2^-4")
+    .replace("samples: 70", "estimators: [guess]\nper_step: 3")
+    .replace("{a: y1^2, b: y3}", "{phi: y1^2}")
+)
 LINE = '    "guess": Estimator("spi.kinds.weak.estimators.guess"),\n'
 
 

@@ -77,7 +77,7 @@ def test_printed_table():
     assert "…" not in text and max(map(len, text.splitlines())) <= 100
     assert "Work and precision" in text and "strong noise" in text
     first = next(line for line in text.splitlines() if line.startswith("midpoint"))
-    assert first.split()[1:6] == ["2^-3", "1.23e-1", "±", "0.03e-1", "493"]
+    assert first.split()[1:6] == ["2^-3", "0.123", "±", "0.003", "493"]
     lost = [line for line in text.splitlines() if re.search(r"\(\d.*\)|\(inf\)", line) and "2^-" in line]
     assert len(lost) == 4 and "(inf)" in lost[0] and "512" in lost[0] and "(1.4e-8 ± 1.0e-8)" in lost[-1]
     assert "splitting, weak order 2: order 2.010 [1.990, 2.030] (expected 2)" in text

@@ -104,7 +104,7 @@ class Statistics(Stored):
         Table(
             "function t",
             [
-                Column("mean", "mean (95 %)", form=".4g"),
+                Column("mean", "mean (95 %)", form=".4g", always=True),
                 Column("some", "finite\nshare", form=".7g"),
                 Column("difference", "difference\n(95 %)"),
                 Column("deviations", "in std.\nerrors", form=decimal),
