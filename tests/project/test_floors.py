@@ -40,7 +40,7 @@ THIRD_PARTY = {
     "sympy": ["systems.*"],
     "mpmath": ["systems.*"],
     "matplotlib": ["drawing.*", "kinds.*.figure*"],
-    "rich": ["printing.*", "kinds.*.table*", "report.*", "api.*", "cli.*"],
+    "rich": ["printing.*", "api.*", "cli.*"],
     "jinja2": ["report.*"],
     "xarray": ["api.*"],
     "pandas": ["api.*", "printing.*", "report.*"],
