@@ -270,14 +270,17 @@ def formula(text: str, variables: tuple[str, ...] = ()) -> str:
     """A test function, the text of an expression, in mathtext; `variables` are the system's names of y1, y2, ..."""
     text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
     text = re.sub(r"\by(\d+)", lambda match: _component(int(match.group(1)), variables), text)
-    text = re.sub(r"\bC(\d+)\b", r"C_{\1}", text)
+    text = re.sub(r"(?<![\\{\w])([A-Za-z])(\d+)\b", r"\1_{\2}", text)
     text = re.sub(r"(?<![\\{\w])([A-Za-z]{2,}(_[A-Za-z]+)*)", lambda match: _word(match.group(1)), text)
     text = text.replace("<=", r"\leq ").replace(">=", r"\geq ")
     return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
 
 
+_COMMANDS = ("cos", "cosh", "exp", "log", "max", "min", "pi", "sin", "sinh", "tan", "tanh")  # of mathtext
+
+
 def _word(name: str) -> str:
-    return r"\mathrm{" + name.replace("_", r"\ ") + "}"
+    return f"\\{name} " if name in _COMMANDS else r"\mathrm{" + name.replace("_", r"\ ") + "}"
 
 
 @cache
@@ -318,8 +321,11 @@ def _component(number: int, variables: tuple[str, ...]) -> str:
     """A component of the state by its number, from 1 on, in mathtext."""
     if number > len(variables):
         return f"y_{{{number}}}"
-    name = variables[number - 1].replace("_", r"\_")
-    return rf"\mathrm{{{name}}}"
+    name = variables[number - 1]
+    indexed = re.fullmatch(r"([A-Za-z])_?(\d+)", name)
+    if indexed:
+        return f"{indexed[1]}_{{{indexed[2]}}}"
+    return name if len(name) == 1 else r"\mathrm{" + name.replace("_", r"\_") + "}"
 
 
 def _constant(value: float) -> str:

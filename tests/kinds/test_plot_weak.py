@@ -46,7 +46,7 @@ def test_errors_of_three_estimators():
     assert exact.get_marker() in ("", "None") and exact.get_color() == SCHEMES["splitting"].look[1]
     np.testing.assert_array_equal(np.sort(exact.get_ydata()), np.sort(0.5 * H))
     text = fig.texts[1].get_text()
-    assert r"\varphi(y)=\mathrm{sin}(2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
+    assert r"\varphi(y)=\sin (2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
 
 
 def test_negative_errors_and_the_sampling_floor():
@@ -229,8 +229,8 @@ def test_panels_that_cannot_be_drawn():
 
 
 def test_formulas():
-    assert style.formula("3.141592653589793*y12^10 - exp(0.25*y1)") == r"\pi\,y_{12}^{10} - \mathrm{exp}(0.25\,y_{1})"
-    assert style.formula("2*y2^2 - y1", ("q_1", "P6")) == r"2\,\mathrm{P6}^{2} - \mathrm{q\_1}"
+    assert style.formula("3.141592653589793*y12^10 - exp(0.25*y1)") == r"\pi\,y_{12}^{10} - \exp (0.25\,y_{1})"
+    assert style.formula("2*y2^2 - y1", ("q_1", "P6")) == r"2\,P_{6}^{2} - q_{1}"
     assert style.maths("y3^2") == "$y_{3}^{2}$" and style.maths("y1 <= 1/2") == r"$y_{1} \leq  1/2$"
     assert style.maths("maximum of y3") == "maximum of $y_{3}$" and style.maths("a $ b_") == r"a \$ b_"
 
@@ -240,6 +240,6 @@ def test_components_have_the_names_of_the_system():
     results = weak(weak_group("splitting", "multilevel", variables=("P1", "P2", "G3")))
     fig, text = views.figure(results), printed(results)
     titles = " ".join(map(title, fig.axes))
-    assert r"\mathrm{P1}" in titles and "y_{1}" not in titles
+    assert "P_{1}" in titles and "y_{1}" not in titles
     assert "P1" in text and "y1" not in text
     assert [style.count(n) for n in (500, 10**6, 12345)] == ["500", "$10^{6}$", "12345"]
