@@ -57,7 +57,7 @@ def test_all_code_runs(name, tmp_path, monkeypatch, capsys):
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_the_examples_of_the_integrator_run(capsys):
     names = run(cells(DOCS / "integrator.md"), "integrator.md")
-    assert abs(np.ptp((names["y"] ** 2).sum(axis=1))) < 1 and len(capsys.readouterr().out.splitlines()) == 12
+    assert abs(np.ptp((names["y"] ** 2).sum(axis=1))) < 1 and len(capsys.readouterr().out.splitlines()) == 13
     assert np.std(names["other"] - names["one"]) < 0.1 * np.std(names["one"])
     assert names["corrected"].var() < names["y1"].var()
 

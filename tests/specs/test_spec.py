@@ -244,7 +244,7 @@ def test_garbage_is_an_error_of_a_line_for_each_mistake(tmp_path_factory, text):
 #: those that need another layer later, then conditions between keys.
 MISTAKES = [
     ("title:", "titel:", "1: titel: is not a known key; did you mean 'title'?", 0),
-    ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3", 2),
+    ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3", 1),
     ("final_time: 1", "final_time: -1", "8: final_time: is '-1'; must be greater than 0", 1),
     ("euler_maruyama", "euler_mar", "11: schemes: entry 1 is 'euler_mar'; did you mean 'euler_maruyama'?", 3),
     ("samples: 10", "samples: 1/2", None, 1),
