@@ -31,4 +31,6 @@ def group_of(record, case, scheme, told, **fields):
     whose = {"case": case, "variant": part.variant, "scheme": scheme, "parameters": parameters}
     timed = {"wall_seconds": 12.5, "threads": 4}
     own = {name: value for name, value in timed.items() if name in record.__dataclass_fields__}
-    return record(about=Description(**(about | whose)), **(own | fields | known)).group()
+    group = record(about=Description(**(about | whose)), **(own | fields | known)).group()
+    group.variables.update({name: (axes, values.copy()) for name, (axes, values) in group.variables.items()})
+    return group  # with arrays of its own, which tests change
