@@ -57,7 +57,7 @@ _LISTS = {"models/__init__.py", "models/zeitlin/resolution.py"} | {
 }
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "curves", "figure", "keys", "results", "table"}
+_SHOWING = {"claims", "curves", "figure", "keys", "results"}
 
 
 def sources(*rooms):

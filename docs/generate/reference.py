@@ -39,7 +39,9 @@ EXIT_CODES = {
     options.FAILED: "failed",
     options.INVALID: "wrong usage, or an invalid spec",
     options.STOPPED: "stopped; run the same command again to resume",
-    options.CLAIM_FAILED: "done, but a claim failed, or recomputed results differ",
+    options.CLAIM_FAILED: (
+        "done, but a claim is contradicted, or not confirmed with `--confirmed`, or recomputed results differ"
+    ),
 }
 #: What a bare number under ``expect`` means.
 SENSES = {"equal": "this number", "at most": "at most this number", "at least": "at least this number"}

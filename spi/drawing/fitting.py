@@ -1,4 +1,4 @@
-"""The texts of a figure fitted into a column of a paper, and the height that its panels then need."""
+"""The texts of a figure fitted into the room they have, and the height that panels in a column of a paper need."""
 
 import re
 from collections.abc import Sequence
@@ -28,15 +28,18 @@ _SETTLED: WeakSet[Figure] = WeakSet()  #: figures whose panels have their places
 
 
 def settle(fig: Figure) -> None:
-    """Give all panels their places; in a paper also break long texts, leave out labels of ticks, choose the height."""
+    """Give all panels their places, and break titles that are too long there.
+
+    In a paper also break other long texts, leave out labels of ticks, choose the height.
+    """
     engine = fig.get_layout_engine()
     if engine is None or fig in _SETTLED:
         return
     engine.execute(fig)
-    if page.current().width is None:
-        return
     for ax in fig.axes:
         _break_titles(ax)
+    if page.current().width is None:
+        return
     _break_legends(fig)
     engine.execute(fig)
     for ax in fig.axes:

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..storage.records import INTERVAL, Order
-from ..storage.stored import Described, Stored
+from ..storage.stored import Described, Stored, interval_ends
 from . import layout, plots, style
 
 _LINES = 4  # shades of one colour that can be told apart
@@ -47,12 +47,8 @@ class Values(NamedTuple):
         """The ends of the 95 % intervals, half as wide as `factor` standard errors or as `own`; () without any."""
         low, high, half, stderr = (self.beside(suffix) for suffix in ("_low", "_high", "_half", "_stderr"))
         if own is not None:
-            half = own(record)
-        elif low is not None and high is not None:
-            return low, high
-        elif half is None and stderr is not None:
-            half = factor * stderr
-        return () if half is None else (self.values - half, self.values + half)
+            return interval_ends(self.values, None, None, own(record), None, factor) or ()
+        return interval_ends(self.values, low, high, half, stderr, factor) or ()
 
 
 def values_of(record: Any, field: str, axes: str = "") -> Values | None:

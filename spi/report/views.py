@@ -170,8 +170,7 @@ def figure(
         heading = f"{title} ({unfinished})" if unfinished else title
         over = wholes(read)
         drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
-        if page.current().width is not None:
-            fitting.settle(drawn)
+        fitting.settle(drawn)
         return drawn
 
 

@@ -37,6 +37,7 @@ from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
 from typing import (
+    Annotated,
     Any,
     ClassVar,
     Generic,
@@ -234,7 +235,9 @@ class Described:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls)
+        hints = get_type_hints(cls, include_extras=True)
+        if wrong := [name for name, hint in hints.items() if get_origin(hint) is Annotated]:
+            raise TypeError(f"{cls.__name__}.{wrong[0]}: describe it by its default, as in `error: Array = array(...)`")
         own: Any = cls  # mypy does not see that it is a dataclass by now
         cls.described = tuple(
             _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
@@ -505,15 +508,10 @@ class Stored(Described):
         axes, numbers = self.by_name[name].axes, np.asarray(value)
         low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
         half = self.get(f"{name}_bound") if half is None else half
-        if half is None and stderr is not None:
-            half = np.where(np.asarray(stderr) == 0, 0.0, self.interval * np.asarray(stderr))
-        with np.errstate(invalid="ignore", over="ignore"):
-            if low is None or high is None:
-                if half is None:
-                    return Estimate(axes, numbers, numbers, numbers)
-                low, high = numbers - half, numbers + half
-            certain = np.isinf(numbers)  # as that paths diverged
-            return Estimate(axes, numbers, np.where(certain, numbers, low), np.where(certain, numbers, high))
+        if (ends := interval_ends(numbers, low, high, half, stderr, self.interval)) is None:
+            return Estimate(axes, numbers, numbers, numbers)
+        certain = np.isinf(numbers)  # as that paths diverged
+        return Estimate(axes, numbers, *(np.where(certain, numbers, end) for end in ends))
 
     def along(self, name: str, numbers: "Estimate", default: Any) -> Array:
         """A field or derived property over the axes of `numbers`, the last along others; `default` if there is none."""
@@ -539,6 +537,18 @@ class Stored(Described):
     def remarks_of_case(cls, readings: Any) -> Iterator[str]:
         """Lines on all records of a case."""
         yield from ()
+
+
+def interval_ends(
+    values: Array, low: Array | None, high: Array | None, half: Array | None, stderr: Array | None, factor: float
+) -> tuple[Array, Array] | None:
+    """The ends of 95 % intervals: those given, else by half the widths, else `factor` standard errors; None without."""
+    if low is not None and high is not None:
+        return low, high
+    with np.errstate(invalid="ignore", over="ignore"):
+        if half is None and stderr is not None:
+            half = np.where(np.asarray(stderr) == 0, 0.0, factor * np.asarray(stderr))
+        return None if half is None else (values - half, values + half)
 
 
 R = TypeVar("R", bound=Stored)

@@ -11,7 +11,7 @@ from matplotlib.path import Path
 from strong_results import strong_group
 from view_helpers import bars_of, edge, legend_texts, line_of, points_of, title
 
-from spi.drawing import layout, page, panels, plots, style
+from spi.drawing import fitting, layout, page, panels, plots, style
 from spi.kinds.lyapunov.results import Exponents
 from spi.storage.stored import Description
 
@@ -73,6 +73,20 @@ def test_no_figure_is_much_higher_than_wide(groups):
 def test_letters_where_there_are_several_panels():
     assert [ax.get_title("left").strip() for ax in arranged(3).axes] == ["(a)", "(b)", "(c)"]
     assert arranged(1).axes[0].get_title("left") == ""
+
+
+def test_a_title_without_room_beside_the_notes_at_lines_is_broken():
+    noted = plots.Plot([plots.series(H, H, LOOK, "a", note="25.7 times as fast")], y="error", log=True)
+    titled = noted._replace(title="splitting, weak order 2, $h=2^{-3}$: accuracy and error")
+    with page.applied():
+        fig = layout.arranged("A", [([], [[noted, titled]])], [])
+        text = fig.axes[1]._left_title
+        fig.draw_without_rendering()
+        assert text.get_window_extent().x1 > fig.bbox.x1
+        fitting.settle(fig)
+        fig.draw_without_rendering()
+    assert text.get_window_extent().x1 < fig.bbox.x1
+    assert text.get_text() == "(b)  splitting, weak order 2, $h=2^{-3}$: accuracy and\nerror"
 
 
 def test_as_many_panels_in_a_row_as_a_column_of_a_paper_has_room_for():

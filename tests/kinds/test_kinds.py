@@ -53,7 +53,9 @@ def test_every_kind_has_all_of_its_modules(name, spread):
 
 def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
     """Its numbers are those of ``statistics``; its table, rows, claims, figure and report follow."""
-    assert Path(spread_kind.__file__).read_text(encoding="utf-8").count("\n") <= 60
+    source = Path(spread_kind.__file__).read_text(encoding="utf-8")
+    assert source.count("\n") <= 60
+    assert source in Path(__file__).parents[2].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
     experiment = runs.load(spread)
     assert runs.cost(experiment).path_steps == 128 * 8
     file = runs.run(experiment, tmp_path)

@@ -168,14 +168,6 @@ class Statistics(Stored):
         return student_of_paths(self.samples, LEAST_GROUPS)
 
     @property
-    def mean_ends(self) -> tuple[Array, Array]:
-        """(F, T) the ends of the 95 % intervals of the means."""
-        if self.mean_low is not None and self.mean_high is not None:
-            return self.mean_low, self.mean_high
-        half = self.interval * self.mean_stderr
-        return self.mean - half, self.mean + half
-
-    @property
     def finite_share(self) -> Array:
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
@@ -214,7 +206,7 @@ class Statistics(Stored):
         """(F,) not of every function there is."""
         return np.zeros(len(self.functions), bool) if self.since is None else ~np.isnan(self.since)
 
-    @derived("function", "why no claim passes about what is at the last time")
+    @derived("function", "why no claim about the last time is confirmed")
     def lost(self) -> Array:
         """(F,) texts, empty of functions with a mean there."""
         return np.where(np.isfinite(self.mean[:, -1]), "", "not finite at the last time")

@@ -18,7 +18,7 @@ from spi.ensemble.loop import Grid, integrate, limited_threads
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
-from spi.kinds.plans import State, each_scheme, reference_grid
+from spi.kinds.plans import Done, State, each_scheme, reference_grid
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.theory import strong_order
@@ -122,11 +122,16 @@ class StrongPlan(BlocksPlan):
         plan: Any = shorter.plan
         return shorter.of(replace(plan, timed_steps=False))
 
-    def stderr(self, sums: StrongSums) -> float:
-        """The standard error at the final time of the largest step."""
-        counts = group_counts(sums.paths)
-        value, without = root_mean_square(sums.squares[:, self.steps[0] - 1], counts)
-        return float(jackknife_stderr(value, without, counts))
+    def progress(self, state: State) -> Done:
+        """Paths done, all paths, and the standard error at the final time of the largest step."""
+        tally = state.tally()
+        if not tally.paths:
+            return Done(0, self.samples, float("nan"))
+        # of one time alone: sums over all of them are large, and this is asked after each batch
+        squares = np.sum([sums.squares[:, self.steps[0] - 1] for sums in tally.each], axis=0)
+        counts = group_counts(tally.paths)
+        value, without = root_mean_square(squares, counts)
+        return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def whole(self, state: State) -> dict[str, Any]:
         """Also the times of steps."""
