@@ -28,8 +28,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from spi import storage
-from spi.models.zeitlin.fields import vorticity
-from spi.models.zeitlin.resolution import cell, ratios
+from spi.models.zeitlin.fields import cell, ratios, vorticity
 from spi.report import views
 
 POINTS = 256  # of the grid, a side

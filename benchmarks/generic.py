@@ -26,9 +26,8 @@ from spi.ensemble.scheme_protocol import needs_areas, substeps
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
-from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
-from spi.schemes.isospectral import IsospectralMidpoint
-from spi.schemes.midpoint import Midpoint
+from spi.schemes.explicit import EulerMaruyama, RenormalisedEulerMaruyama
+from spi.schemes.midpoint import IsospectralMidpoint, Midpoint
 from spi.schemes.munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, add_ito_hessians
 from spi.schemes.splitting import Splitting
 from spi.schemes.stages import acting_flows, apart, has_shared, indices_of, needs_coins

@@ -12,7 +12,7 @@ import argparse
 
 import numpy as np
 
-from spi.ensemble.given import points_of
+from spi.ensemble.increments import points_of
 from spi.ensemble.loop import grid, integrated, paths_of
 from spi.models import RigidBody
 from spi.numerics.rng import LANES, POINTS

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.given import points_of
+from spi.ensemble.increments import points_of
 from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.blocks import Sample, values_of_blocks
 from spi.kinds.weak import study as weak

@@ -52,9 +52,7 @@ def __dir__():
 
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
-_LISTS = {"models/__init__.py", "models/zeitlin/resolution.py"} | {
-    f"schemes/{name}.py" for name in ("__init__", "entries", "table", "costs", "theory")
-}
+_LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py"}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
 _SHOWING = {"claims", "curves", "figure", "keys", "results"}

@@ -266,13 +266,6 @@ def symmetric_drift(model, h, y):
     return drift(model, h / 2, y, range(last - 1, -1, -1))
 
 
-def strang(model, h, halves, y):
-    """[noise 1/2, drift 1 symmetric, noise 1/2 backwards], with the increments `halves` over the two halves."""
-    chosen = noise_lines(model)
-    y = symmetric_drift(model, h, noise(model, halves[0], y, chosen))
-    return noise(model, halves[1], y, chosen[::-1])
-
-
 def symmetric(model, h, halves, y):
     """`splitting_symmetric`: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]."""
     chosen, count = noise_lines(model), len(lines(model.n))

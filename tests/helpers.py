@@ -29,7 +29,7 @@ from spi.ensemble.observer import STATES, last_states_only
 from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
 from spi.ensemble.scheme_protocol import REPORT, advance, judges, memory_size, needs_areas, substeps, work_size
 from spi.models import RigidBody
-from spi.models.damped import Damped
+from spi.models.delegation import Damped
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.report import views

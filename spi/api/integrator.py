@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..ensemble.drivers import Driver
-from ..ensemble.given import Given, draw_noise, draw_paths, empty_noise
-from ..ensemble.increments import brownian
+from ..ensemble.increments import Given, brownian, draw_noise, draw_paths, empty_noise
 from ..ensemble.loop import add_reports, empty_report, integrate, limited_threads, move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises

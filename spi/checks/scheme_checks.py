@@ -6,10 +6,9 @@ from scipy.linalg import hadamard
 from ..compiler.inlining import uncompiled
 from ..ensemble.areas import areas_length
 from ..ensemble.fields import add_ito_correction, drift_field, noise_field
-from ..ensemble.increments import first_lane, row_length
+from ..ensemble.increments import first_lane, kept_of_steps, row_length
 from ..ensemble.protocol import dimension, noise_indices, noises, strengths
 from ..ensemble.scheme_protocol import REPORT, advance, memory_size, substeps, work_size
-from ..ensemble.steppers import kept_of_steps
 from ..numerics.rng import LANES
 
 _STEPS = (2.0**-14, 2.0**-16)

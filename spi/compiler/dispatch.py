@@ -12,14 +12,15 @@ There are six decorators: :func:`kernel`, :func:`device`, :func:`intrinsic`, :fu
 import collections
 import contextlib
 import functools
+import hashlib
 import inspect
+import linecache
 from typing import NamedTuple
 
 from numba import njit, types
 from numba.extending import lower_builtin, overload, type_callable
 
 from . import instructions
-from .generated import function_of
 from .inlining import ALONE, TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
@@ -30,6 +31,35 @@ OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.
 INLINED = {**OPTIONS, **TO_INLINE, "forceinline": True}
+
+
+def function_of(lines, names):
+    """The function that a Python text defines: the line with its ``def``, and those of its body, without their indent.
+
+    `names` are the globals of the function.  The text is registered with ``linecache``, so that tracebacks and messages
+    of the compiler can show its lines.
+    """
+    text = "\n    ".join(lines) + "\n"
+    name = lines[0].removeprefix("def ").partition("(")[0]
+    place = f"<{name} made by {__name__}, {hashlib.sha256(text.encode()).hexdigest()[:8]}>"
+    linecache.cache[place] = (len(text), None, text.splitlines(keepends=True), place)
+    scope = dict(names)
+    exec(compile(text, place, "exec"), scope)
+    return scope[name]
+
+
+def calling(function, *unused):
+    """A bare function that calls `function` without its own first parameters, those named `unused`.
+
+    As a method of a record, ``flow = calling(drift_flow, "part")``, it says that the record has no part in it.
+    """
+    names = list(inspect.signature(function).parameters)
+    return _call(function, [*unused, *names], names)
+
+
+def _call(function, parameters, arguments):
+    head = f"def call({', '.join(parameters)}):"
+    return function_of([head, f"return called({', '.join(arguments)})"], {"called": function})
 
 
 def kernel(function=None, *, parallel=False):
@@ -49,19 +79,27 @@ def device(function=None, *, inline=True, by_type=False):
     the function is compiled by itself, so that it rounds as in kernels, and stored in the cache on disk, except within
     :func:`~.inlining.uncompiled`; ``__wrapped__`` is the bare function.
 
-    With ``by_type=True`` the decorated function returns the function that takes its place, a bare one.  It is given
-    the arguments or, in compiled code, their Numba types, see ``records.py``.
+    With ``by_type=True`` the decorated function returns the function that takes its place, a bare or a decorated one,
+    or None where nothing is to be done.  It is given the arguments or, in compiled code, their Numba types, see
+    ``records.py``.
     """
     if function is None:
         return functools.partial(device, inline=inline, by_type=by_type)
     options = {**INLINED, "forceinline": inline}
     if by_type:
 
+        def bare(*arguments):
+            choice, names = function(*arguments), [f"a{i}" for i in range(len(arguments))]
+            if choice is None:
+                return function_of([f"def nothing({', '.join(names)}):", "pass"], {})
+            return _call(choice, names, names) if hasattr(choice, "__wrapped__") else choice
+
         @functools.wraps(function)
         def chosen(*arguments):
-            return function(*arguments)(*arguments)
+            choice = function(*arguments)
+            return None if choice is None else choice(*arguments)
 
-        overload(chosen, jit_options=options, strict=False)(lambda *types_of_arguments: function(*types_of_arguments))
+        overload(chosen, jit_options=options, strict=False)(lambda *types_of_arguments: bare(*types_of_arguments))
         return chosen
     by_itself = njit(**OPTIONS, **ALONE)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache

@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, method, number, trait, unrolled
+from ..compiler.dispatch import device, number, trait, unrolled
+from ..compiler.records import is_none
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
 from .lanes import aligned
@@ -132,62 +133,37 @@ def most_terms(model):
     return (TAILS // max(noises(model), 1) - 1) // 2
 
 
-# Areas in rows of increments, in the loop over time.  `layout` is NoAreas or Areas.
-
-
-@method
-def areas_length(layout, model):
-    """The length of the areas of a block, in floats."""
-
-
-@method
-def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
-    """Draw the areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
-
-
-@method
-def join_areas(layout, model, dW, first):
-    """Put the areas of the step of which `dW` holds the second half and `first` the first into `dW`."""
-
-
-@method
-def copy_areas(layout, model, dW, copied):
-    """Copy the areas of `dW` to `copied`."""
-
-
-class NoAreas(NamedTuple):
-    """No scheme needs areas, or all noises commute: kernels contain nothing about them."""
-
-    def areas_length(layout, model):
-        return 0
-
-    def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
-        pass
-
-    def join_areas(layout, model, dW, first):
-        pass
-
-    def copy_areas(layout, model, dW, copied):
-        pass
+# Areas in rows of increments, in the loop over time.  `areas` is None where no scheme needs any, or all noises commute:
+# then kernels contain nothing about them.
 
 
 class Areas(NamedTuple):
     """A scheme needs the areas."""
 
-    def areas_length(layout, model):
-        return area_count(model) * LANES
 
-    def draw_areas(layout, model, increments, noise, draw, block, h, terms, words):
-        if terms != 0:
-            draw_fourier_areas(model, increments, noise, draw, block, h, terms, words)
-        else:
-            increments[:STEPS_PER_DRAW, increments.shape[1] - area_count(model) * LANES :] = 0.0
+@device(by_type=True)
+def areas_length(areas, model):
+    """The length of the areas of a block, in floats."""
+    return (lambda areas, model: 0) if is_none(areas) else (lambda areas, model: area_count(model) * LANES)
 
-    def join_areas(layout, model, dW, first):
-        join_area(model, dW, first)
 
-    def copy_areas(layout, model, dW, copied):
-        copy_area(model, dW, copied)
+@device(by_type=True)
+def draw_areas(areas, model, increments, noise, draw, block, h, terms, words):
+    """Draw the areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
+    return None if is_none(areas) else _draw_areas
+
+
+def _draw_areas(areas, model, increments, noise, draw, block, h, terms, words):
+    if terms != 0:
+        draw_fourier_areas(model, increments, noise, draw, block, h, terms, words)
+    else:
+        increments[:STEPS_PER_DRAW, increments.shape[1] - area_count(model) * LANES :] = 0.0
+
+
+@device(by_type=True)
+def join_areas(areas, model, dW, first):
+    """Put the areas of the step of which `dW` holds the second half and `first` the first into `dW`."""
+    return None if is_none(areas) else (lambda areas, model, dW, first: join_area(model, dW, first))
 
 
 @unrolled(area_indices)
@@ -199,6 +175,12 @@ def join_area(index, model, dW, first):
         turned = first[i + lane] * dW[j + lane] - first[j + lane] * dW[i + lane]
         late[lane] = early[lane] + late[lane] + 0.5 * turned
     return dW
+
+
+@device(by_type=True)
+def copy_areas(areas, model, dW, copied):
+    """Copy the areas of `dW` to `copied`."""
+    return None if is_none(areas) else (lambda areas, model, dW, copied: copy_area(model, dW, copied))
 
 
 @unrolled(area_indices)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..compiler.dispatch import kernel
 from ..numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
-from .given import Given, draw_all_coins, draw_paths
+from .increments import Given, draw_all_coins, draw_paths
 from .protocol import Positive, noises
 from .scheme_protocol import substeps, tosses
 

@@ -129,7 +129,7 @@ def add_lie_bracket(model, value, c, v, w):
     """value + c [v, w], where [v, w] is the gradient of w . B(y) v and B is linear in y."""
     if answers(lie_bracket, class_of(model)):
         return lambda model, value, c, v, w: add_scaled(value, c, lie_bracket(model, v, w))
-    return _add_bracket_components
+    return add_bracket_component
 
 
 @unrolled(component_indices)
@@ -137,10 +137,6 @@ def add_bracket_component(index, model, value, c, v, w):
     """value + c [v, w]_i e_i, where [v, w]_i = w . B(e_i) v."""
     e = unit(component_indices(model), number(index))
     return add_scaled(value, c * dot(w, structure(model, e, v)), e)
-
-
-def _add_bracket_components(model, value, c, v, w):
-    return add_bracket_component(model, value, c, v, w)
 
 
 @device(by_type=True)

@@ -1,21 +1,25 @@
-"""Random numbers of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
+"""The noise of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
 
-A row of increments has those over a whole step, and behind them, where a scheme needs sub-steps, those over its
-halves, quarters, ..., see :func:`first_lane`, and last, where a scheme needs them, Lévy areas, see ``areas.py``.
+They come from a stream of keyed random numbers, from arrays, or from Sobol' points.  A row of increments has those over
+a whole step, and behind them, where a scheme needs sub-steps, those over its halves, quarters, ..., see
+:func:`first_lane`, and last, where a scheme needs them, Lévy areas, see ``areas.py``.
+
+This file has more than 600 lines because the three kinds of noise fill the same rows.
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, method, number
-from ..compiler.records import field
+from ..compiler.dispatch import INDICES, device, kernel, number
+from ..compiler.records import class_of, field, is_none
 from ..numerics.rng import (
     BRIDGES,
     BROWNIAN,
     COINS,
     LANES,
+    PARTS,
     STEPS_PER_DRAW,
     STEPS_PER_TOSS,
     UNIFORMS,
@@ -24,9 +28,11 @@ from ..numerics.rng import (
     read_coins,
     toss,
 )
-from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
+from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
+from .areas import Areas, areas_length, channels, copy_areas, draw_areas, join_areas
 from .lanes import aligned
-from .protocol import noises
+from .protocol import area_pairs, noise_indices, noises
+from .scheme_protocol import judges, needs_areas, substeps, tosses
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Streams of keyed random numbers, and the methods that every noise has whose numbers the loop over time makes itself.
@@ -68,90 +74,109 @@ def brownian(seed):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Rows of coins in kernels, where a scheme tosses them, and of uniform numbers, where it judges flows.  `layout` is one
-# of NoCoins, Coins and Uniforms.
+# Rows of coins in kernels, where a scheme tosses them, and of uniform numbers, where it judges flows.  `layout` is
+# Coins, Uniforms, or None: then kernels contain nothing about coins.
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-@method
-def coins_length(layout, model):
-    """The length of a row of coins, in floats."""
-
-
-@method
-def draw_coins(layout, noise, n, block, bits, coins, row):
-    """Put the coins of step n into a row; `bits`, those of STEPS_PER_TOSS steps, stay from one step to the next."""
-
-
-@method
-def copy_coins(layout, coins, source, target):
-    """Copy the coins of row `source` to row `target`."""
-
-
-@method
-def turn_coins(layout, coins, source, target):
-    """Put the opposite coins of row `source` into row `target`; uniform numbers are copied."""
-
-
-@device
-def toss_and_read(noise, n, block, bits, row):
-    """Put the coins of step n into `row`; `bits` are tossed at the first of STEPS_PER_TOSS steps."""
-    if n % STEPS_PER_TOSS == 0:
-        toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
-    read_coins(bits, n, row)
-
-
-class NoCoins(NamedTuple):
-    """No scheme tosses coins: kernels contain nothing about them."""
-
-    def coins_length(layout, model):
-        return LANES
-
-    def draw_coins(layout, noise, n, block, bits, coins, row):
-        pass
-
-    def copy_coins(layout, coins, source, target):
-        pass
-
-    def turn_coins(layout, coins, source, target):
-        pass
 
 
 class Coins(NamedTuple):
     """A scheme tosses coins."""
 
-    def coins_length(layout, model):
-        return LANES
-
-    def draw_coins(layout, noise, n, block, bits, coins, row):
-        toss_and_read(noise, n, block, bits, coins[row])
-
-    def copy_coins(layout, coins, source, target):
-        for lane in range(LANES):
-            coins[target, lane] = coins[source, lane]
-
-    def turn_coins(layout, coins, source, target):
-        for lane in range(LANES):
-            coins[target, lane] = -coins[source, lane]
-
 
 class Uniforms(NamedTuple):
     """A scheme judges flows: behind the coins stand uniform numbers, one for each noise and one for the drift."""
 
-    def coins_length(layout, model):
-        return (1 + 4 * (noises(model) // 4 + 1)) * LANES
 
-    def draw_coins(layout, noise, n, block, bits, coins, row):
-        toss_and_read(noise, n, block, bits, coins[row])
-        draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
+@device(by_type=True)
+def coins_length(layout, model):
+    """The length of a row of coins, in floats."""
+    if class_of(layout) is Uniforms:
+        return lambda layout, model: (1 + 4 * (noises(model) // 4 + 1)) * LANES
+    return lambda layout, model: LANES
 
-    def copy_coins(layout, coins, source, target):
-        for i in range(coins.shape[1]):
-            coins[target, i] = coins[source, i]
 
-    def turn_coins(layout, coins, source, target):
-        for i in range(coins.shape[1]):
-            coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]
+@device
+def toss_and_read(layout, noise, n, block, bits, coins, row):
+    """Put the coins of step n into a row; `bits` are tossed at the first of STEPS_PER_TOSS steps and then stay."""
+    if n % STEPS_PER_TOSS == 0:
+        toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
+    read_coins(bits, n, coins[row])
+
+
+@device
+def toss_and_draw(layout, noise, n, block, bits, coins, row):
+    """Put also the uniform numbers of step n into a row."""
+    toss_and_read(layout, noise, n, block, bits, coins, row)
+    draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
+
+
+@device(by_type=True)
+def copy_coins(layout, coins, source, target):
+    """Copy the coins of row `source` to row `target`."""
+    return None if is_none(layout) else _copy_coins
+
+
+def _copy_coins(layout, coins, source, target):
+    for i in range(coins.shape[1]):
+        coins[target, i] = coins[source, i]
+
+
+@device(by_type=True)
+def turn_coins(layout, coins, source, target):
+    """Put the opposite coins of row `source` into row `target`; uniform numbers are copied."""
+    return None if is_none(layout) else _turn_coins
+
+
+def _turn_coins(layout, coins, source, target):
+    for i in range(coins.shape[1]):
+        coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Rows of increments in the loop over time.  Where no scheme needs sub-steps, which is so for nearly all, kernels
+# contain nothing about them; likewise for areas.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Kept(NamedTuple):
+    """The parts of a row besides the increments over the step, a constant of compiled code."""
+
+    substeps: NamedTuple  #: one of INDICES: the number of sub-steps into which it is resolved
+    areas: Any  #: ``areas.Areas``, None without
+    coins: Any  #: Coins or Uniforms, None without
+
+
+@device(by_type=True)
+def kept_of_steps(reference_scheme, scheme, model):
+    """The :class:`Kept` of the rows that serve the scheme and the one that makes the reference, if there is one."""
+    schemes = [each for each in (reference_scheme, scheme) if not is_none(each)]
+    areas = bool(area_pairs(model)) and any(map(needs_areas, schemes))
+    coins = Coins() if areas or any(map(tosses, schemes)) else None
+    coins = Uniforms() if any(map(judges, schemes)) else coins
+    layout = Kept(INDICES[max(map(substeps, schemes))](), Areas() if areas else None, coins)
+    return lambda reference_scheme, scheme, model: layout
+
+
+@device
+def row_length(layout, model):
+    """The length in floats of a row: increments of a block over a step and its sub-steps, and areas."""
+    return (2 * number(layout.substeps) - 1) * noises(model) * LANES + areas_length(layout.areas, model)
+
+
+def is_divided(layout):
+    """Whether steps are resolved into sub-steps."""
+    return number(field(layout, "substeps")) > 1
+
+
+def _where_divided(body):
+    """Decorator: ``body(layout, ...)``, or nothing where there are no sub-steps, without a branch."""
+
+    @device(by_type=True)
+    @functools.wraps(body)
+    def chosen(layout, *arguments):
+        return body if is_divided(layout) else None
+
+    return chosen
 
 
 @device
@@ -177,14 +202,14 @@ def draw_channels(model, increments, noise, draw, block, scale, words, stride):
         draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride)
 
 
-@device
-def draw_bridges(model, increments, noise, draw, block, scale, words, normals, finest):
-    """Draw increments over the halves, quarters, ..., `finest` sub-steps at last, given those over whole steps.
+@_where_divided
+def draw_bridges(layout, model, increments, noise, draw, block, scale, words):
+    """Draw increments over the halves, quarters, ..., the finest sub-steps at last, given those over whole steps.
 
     Lévy's construction: given the increment dW over a time t, that over its first half is dW/2 + sqrt(t)/2 Z with a
     standard normal Z.  Bridge number n + part, of a stream of its own, halves sub-step `part` of n.
-    `normals` (STEPS_PER_DRAW * LANES) is scratch.
     """
+    normals, finest = aligned(STEPS_PER_DRAW * LANES), number(layout.substeps)
     for k in channels(model):
         stream = noise.stream + np.uint64(BRIDGES)
         n = 1
@@ -218,14 +243,14 @@ def add_first_half(model, dW, first):
             dW[lane] = first[lane] + dW[lane]
 
 
-@device
-def join_halves(model, dW, first, finest):
+@_where_divided
+def join_halves(layout, model, dW, first):
     """The sub-steps of a step from those of its halves, of which dW holds the second: half as many of each half.
 
     Increments over the whole step stay those of the second half; :func:`add_first_half` comes after.
     """
     for k in channels(model):
-        n = finest
+        n = number(layout.substeps)
         while n > 1:
             for part in range(n // 2):
                 source = first_lane(model, k, n // 2, part)
@@ -237,11 +262,11 @@ def join_halves(model, dW, first, finest):
 
 
 @device
-def turn_around(model, dW, turned, finest):
+def turn_around(layout, model, dW, turned):
     """The increments of the path run through backwards: sub-steps in reversed order."""
     for k in channels(model):
         n = 1
-        while n <= finest:
+        while n <= number(layout.substeps):
             for part in range(n):
                 source, target = first_lane(model, k, n, part), first_lane(model, k, n, n - 1 - part)
                 for lane in range(LANES):
@@ -256,12 +281,12 @@ def clip(model, dW, clipped, bound):
             clipped[lane] = min(max(dW[lane], -bound), bound)
 
 
-@device
-def clip_substeps(model, dW, clipped, h, finest):
+@_where_divided
+def clip_substeps(layout, model, dW, clipped, h):
     """Clip the increments over sub-steps, each by the bound for its own length."""
     for k in channels(model):
         n = 2
-        while n <= finest:
+        while n <= number(layout.substeps):
             bound = truncation_bound(h / n)
             for part in range(n):
                 begin = first_lane(model, k, n, part)
@@ -270,95 +295,373 @@ def clip_substeps(model, dW, clipped, h, finest):
             n = 2 * n
 
 
-# Rows of increments in the loop over time.  Where no scheme needs sub-steps, which is so for nearly all, kernels
-# contain nothing about them; likewise for areas.
-
-
-class Kept(NamedTuple):
-    """The parts of a row besides the increments over the step, a constant of compiled code."""
-
-    substeps: NamedTuple  #: one of INDICES: the number of sub-steps into which it is resolved
-    areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
-    coins: NamedTuple  #: NoCoins, Coins or Uniforms
-
-
 @device
-def row_length(layout, model):
-    """The length in floats of a row: increments of a block over a step and its sub-steps, and areas."""
-    return (2 * number(layout.substeps) - 1) * noises(model) * LANES + areas_length(layout.areas, model)
-
-
-def _unless_one(plain):
-    """Decorator: `plain` takes the place of ``body(layout, ...)`` where there are no sub-steps, without a branch."""
-
-    def decorate(body):
-        @device(by_type=True)
-        @functools.wraps(body)
-        def chosen(layout, *arguments):
-            return plain if number(field(layout, "substeps")) == 1 else body
-
-        return chosen
-
-    return decorate
-
-
-def _draw_steps(layout, model, increments, noise, draw, block, h, terms, words):
-    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(layout, model))
-    draw_areas(layout.areas, model, increments, noise, draw, block, h, terms, words)
-
-
-@_unless_one(_draw_steps)
 def draw_steps(layout, model, increments, noise, draw, block, h, terms, words):
     """Draw increments of the next STEPS_PER_DRAW steps of size h and of their sub-steps, and areas of `terms` terms."""
     draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(layout, model))
     draw_areas(layout.areas, model, increments, noise, draw, block, h, terms, words)
-    normals = aligned(STEPS_PER_DRAW * LANES)
-    draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(layout.substeps))
+    draw_bridges(layout, model, increments, noise, draw, block, np.sqrt(h), words)
 
 
-def _keep(layout, model, dW, first):
+@device(by_type=True)
+def keep(layout, model, dW, first):
+    """Store a step as the first half of a larger one."""
+    return _keep_row if is_divided(layout) else _keep_first_half
+
+
+def _keep_row(layout, model, dW, first):
+    first[:] = dW
+
+
+def _keep_first_half(layout, model, dW, first):
     keep_first_half(model, dW, first)
     copy_areas(layout.areas, model, dW, first)
 
 
-@_unless_one(_keep)
-def keep(layout, model, dW, first):
-    """Store a step as the first half of a larger one."""
-    first[:] = dW
-
-
-def _join(layout, model, dW, first):
-    join_areas(layout.areas, model, dW, first)
-    add_first_half(model, dW, first)
-
-
-@_unless_one(_join)
+@device
 def join(layout, model, dW, first):
     """Put the step of which `dW` holds the second half and `first` the first into `dW`."""
     join_areas(layout.areas, model, dW, first)
-    join_halves(model, dW, first, number(layout.substeps))
+    join_halves(layout, model, dW, first)
     add_first_half(model, dW, first)
 
 
-def _same_row(layout, model, dW, row, turned):
-    return row
-
-
-@_unless_one(_same_row)
+@device(by_type=True)
 def reversed_row(layout, model, dW, row, turned):
     """The number of a row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
-    turn_around(model, dW[row], dW[turned], number(layout.substeps))
+    return _reversed_row if is_divided(layout) else (lambda layout, model, dW, row, turned: row)
+
+
+def _reversed_row(layout, model, dW, row, turned):
+    turn_around(layout, model, dW[row], dW[turned])
     return turned
 
 
-def _truncate(layout, model, dW, clipped, h):
-    clip(model, dW, clipped, truncation_bound(h))
-    copy_areas(layout.areas, model, dW, clipped)
-
-
-@_unless_one(_truncate)
+@device
 def truncate(layout, model, dW, clipped, h):
     """Put the clipped increments of a step of size h into `clipped`, which may be `dW`; areas stay as they are."""
     clip(model, dW, clipped, truncation_bound(h))
     copy_areas(layout.areas, model, dW, clipped)
-    clip_substeps(model, dW, clipped, h, number(layout.substeps))
+    clip_substeps(layout, model, dW, clipped, h)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Noise from arrays, and a stream's noise as arrays.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Given(NamedTuple):
+    """The noise of some paths as arrays; of increments over n sub-steps of each step.
+
+    Where a scheme needs no areas or coins their arrays have no steps.
+    """
+
+    dW: np.ndarray  #: (n * steps, paths, noises)
+    areas: np.ndarray  #: (steps, paths, pairs): Lévy areas of ``protocol.area_pairs``
+    coins: np.ndarray  #: (steps, paths) of 1.0 or -1.0
+    first: int = 0  #: the number of the first of these steps
+
+    def pieces(self, *arguments):
+        """All steps at once."""
+        return in_one_call(self, *arguments)
+
+
+def empty_noise(scheme, model, steps, paths):
+    """A :class:`Given` of zeros, with areas and coins where the scheme needs them."""
+    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
+    areas = np.zeros((steps, paths, pairs)) if pairs else np.zeros((0, 0, 0))
+    coins = np.zeros((steps, paths)) if pairs or tosses(scheme) else np.zeros((0, 0))
+    return Given(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
+
+
+@device(by_type=True)
+def noise_of_steps(layout, model, rows, noise, draw, block, h, terms, words):
+    """Put the noise of the next STEPS_PER_DRAW steps of size h into as many rows of increments."""
+    return {Given: copy_steps, Points: place_points}.get(class_of(noise), draw_steps)
+
+
+@device(by_type=True)
+def coins_of_step(layout, noise, n, block, bits, coins, row):
+    """Put the coins of step n into a row; `bits`, where they are drawn, stay from one step to the next."""
+    if class_of(noise) is Given:
+        return copy_coins_of
+    if class_of(layout) is Coins:
+        return coins_of_points if class_of(noise) is Points else toss_and_read
+    return None if is_none(layout) else toss_and_draw
+
+
+@device(inline=False)
+def copy_steps(layout, model, rows, noise, draw, block, h, terms, words):
+    """Copy the increments and areas of STEPS_PER_DRAW steps; lanes without a path get those of the last one."""
+    finest = number(layout.substeps)
+    paths, steps = noise.dW.shape[1], noise.dW.shape[0] // finest
+    for drawn in range(STEPS_PER_DRAW):
+        n, row = STEPS_PER_DRAW * np.int64(draw) + drawn - noise.first, rows[drawn]
+        if n >= steps:
+            break
+        for lane in range(LANES):
+            path = min(np.int64(block) * LANES + lane, paths - 1)
+            for k in channels(model):
+                for part in range(finest):
+                    row[first_lane(model, k, finest, part) + lane] = noise.dW[n * finest + part, path, k]
+            if len(noise.areas) > 0:
+                for p in range(noise.areas.shape[2]):
+                    row[len(row) - (noise.areas.shape[2] - p) * LANES + lane] = noise.areas[n, path, p]
+        if finest > 1:
+            _add_up_substeps(model, row, finest)
+
+
+@device(by_type=True)
+def words_length(noise):
+    """The words of scratch for noise; with points, the normals of a block come behind the words all noises need."""
+    if class_of(noise) is Points:
+        return lambda noise: STEPS_PER_DRAW * LANES + scratch_of_points(noise)
+    return lambda noise: STEPS_PER_DRAW * LANES
+
+
+@device(inline=False)
+def place_points(layout, model, rows, noise, draw, block, h, terms, words):
+    """Put the increments of STEPS_PER_DRAW steps of paths along points into `rows`, and keyed areas."""
+    finest, count = number(layout.substeps), noise.increments // (len(noise.starts) - 1)
+    room = words[STEPS_PER_DRAW * LANES :]
+    if draw == 0:
+        draw_block(noise, np.int64(block), words, room)
+    normals = room.view(np.float64)
+    for drawn in range(STEPS_PER_DRAW):
+        n, row = (STEPS_PER_DRAW * np.int64(draw) + drawn) * finest, rows[drawn]
+        if n + 1 >= len(noise.starts):
+            break
+        for place, k in enumerate(channels(model)):
+            for part in range(finest):
+                increments_of_points(noise, n + part, place, count, normals, row[first_lane(model, k, finest, part) :])
+        if finest > 1:
+            _add_up_substeps(model, row, finest)
+    draw_areas(layout.areas, model, rows, noise, draw, block, h, terms, words)
+
+
+@device
+def _add_up_substeps(model, row, finest):
+    """Add up the increments over larger sub-steps and over the step from those over the finest ones."""
+    size = finest // 2
+    while size > 0:
+        for part in range(size):
+            for k in channels(model):
+                whole, half = first_lane(model, k, size, part), first_lane(model, k, 2 * size, 2 * part)
+                other = first_lane(model, k, 2 * size, 2 * part + 1)
+                for lane in range(LANES):
+                    row[whole + lane] = row[half + lane] + row[other + lane]
+        size = size // 2
+
+
+@device(inline=False)
+def copy_coins_of(layout, noise, n, block, bits, coins, row):
+    """Copy the coins of step n, where there are any."""
+    if len(noise.coins) > 0:
+        for lane in range(LANES):
+            path = min(np.int64(block) * LANES + lane, noise.coins.shape[1] - 1)
+            coins[row, lane] = noise.coins[n - noise.first, path]
+
+
+@kernel
+def draw_noise(scheme, model, noise, h, terms, first_step, first_path, given):
+    """Fill a :class:`Given` with the noise of a run with steps of size h from `first_step` and `first_path` on."""
+    layout = kept_of_steps(None, scheme, model)
+    finest = number(layout.substeps)
+    steps, paths = given.dW.shape[0] // finest, given.dW.shape[1]
+    rows = aligned(STEPS_PER_DRAW * row_length(layout, model)).reshape(STEPS_PER_DRAW, -1)
+    coins = aligned(LANES).reshape(1, LANES)
+    words, bits = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
+    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
+        for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
+            coins_of_step(layout.coins, noise, n, np.uint64(block), bits, coins, 0)
+            if n < first_step // STEPS_PER_DRAW * STEPS_PER_DRAW:
+                continue  # only the coins come in so many at a time
+            if n % STEPS_PER_DRAW == 0:
+                draw = np.uint64(n // STEPS_PER_DRAW)
+                draw_steps(layout, model, rows, noise, draw, np.uint64(block), h, terms, words)
+            if n >= first_step:
+                first = block * LANES - first_path
+                _copy_out(model, rows[n % STEPS_PER_DRAW], coins[0], finest, n - first_step, first, given)
+
+
+@device(inline=False)
+def _copy_out(model, row, coins, finest, n, first, given):
+    """Copy the noise of a step of a block, whose first path is number `first` of the arrays, into these."""
+    for path in range(max(first, 0), min(first + LANES, given.dW.shape[1])):
+        lane = path - first
+        for k in channels(model):
+            for part in range(finest):
+                given.dW[n * finest + part, path, k] = row[first_lane(model, k, finest, part) + lane]
+        if len(given.areas) > 0:
+            pairs = given.areas.shape[2]
+            for p in range(pairs):
+                given.areas[n, path, p] = row[len(row) - (pairs - p) * LANES + lane]
+        if len(given.coins) > 0:
+            given.coins[n, path] = coins[lane]
+
+
+@kernel
+def draw_paths(noise, h, first_step, first_path, dW):
+    """Fill `dW` (steps, paths, noises) with the increments of a run from `first_step` and `first_path` on."""
+    steps, paths, noises = dW.shape
+    rows, words = aligned(STEPS_PER_DRAW * LANES), aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
+    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
+        first = block * LANES - first_path
+        for draw in range(first_step // STEPS_PER_DRAW, (first_step + steps - 1) // STEPS_PER_DRAW + 1):
+            begin = draw * STEPS_PER_DRAW - first_step
+            for k in range(noises):
+                where = np.uint64(k), np.uint64(draw), np.uint64(block)
+                draw_increments(noise.seed, noise.stream, *where, np.sqrt(h), words, rows, LANES)
+                for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
+                    for path in range(max(first, 0), min(first + LANES, paths)):
+                        dW[n, path, k] = rows[(n - begin) * LANES + path - first]
+
+
+@kernel
+def draw_all_coins(noise, first_step, first_path, coins):
+    """Fill `coins` (steps, paths) with the coins of a run from `first_step` and `first_path` on."""
+    steps, paths = coins.shape
+    bits, row = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(LANES).reshape(1, LANES)
+    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
+        first = block * LANES - first_path
+        for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
+            toss_and_read(None, noise, n, np.uint64(block), bits, row, 0)
+            if n >= first_step:
+                for path in range(max(first, 0), min(first + LANES, paths)):
+                    coins[n - first_step, path] = row[0, path - first]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Noise from scrambled Sobol' points in place of a stream of independent numbers: randomised quasi-Monte Carlo.
+#
+# The increments of a path are a linear function of as many standard normals, each of which has a dimension of its own:
+# the normals of all noises that are on come first, noise by noise for each place in the order of :func:`by_bridges`,
+# and after them a dimension for the coin of each step, where coins are tossed: its first bit.  Sub-steps are
+# nothing but shorter steps, and so have dimensions of their own.  Lévy areas, uniform numbers by which flows are
+# judged, and random initial states are the keyed numbers of independent paths.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_BITS = 32  # of the number of a point
+_FIRST, _0 = np.uint64(BITS - 1), np.uint64(0)
+
+
+class Points(NamedTuple):
+    """The noise of paths that follow scrambled points, block by block as ``spi.numerics.sobol`` says.
+
+    Increment n of each noise is the sum over i from ``starts[n]`` to ``starts[n + 1] - 1`` of ``weights[i]`` times the
+    normal number ``columns[i]`` of this noise; there is an odd number of them, of which the last may have the weight 0.
+    """
+
+    seed: np.uint64
+    stream: np.uint64  #: of the scrambles, and of the keyed numbers
+    directions: np.ndarray  #: (dimensions, bits of the number of a point, SCRAMBLES) uint64
+    shifts: np.ndarray  #: (dimensions, SCRAMBLES) uint64
+    starts: np.ndarray  #: (increments + 1,) int64
+    columns: np.ndarray  #: int64
+    weights: np.ndarray
+    increments: int  #: the number of dimensions of increments; behind them are those of coins
+
+    @property
+    def keys(self):
+        """The stream of the random numbers that do not come from points."""
+        return RandomStream(self.seed, self.stream)
+
+    for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
+
+
+def by_bridges(count):
+    """First W(T), then W in the middle of the interval, of its halves, and so on: a Brownian bridge, breadth first.
+
+    Halving b - a increments into c - a and b - c adds (r/l)^(1/2) z to each of the l of the former and
+    -(l/r)^(1/2) z to the r of the latter, over (l + r)^(1/2).
+    """
+    matrix = np.zeros((count, count))
+    matrix[:, 0] = np.sqrt(1.0 / count)
+    intervals, column = [(0, count)], 1
+    for a, b in intervals:  # which grows
+        if b - a > 1:
+            c = (a + b + 1) // 2
+            left, right = c - a, b - c
+            matrix[a:c, column] = np.sqrt(right / (left * (b - a)))
+            matrix[c:b, column] = -np.sqrt(left / (right * (b - a)))
+            intervals += [(a, c), (c, b)]
+            column += 1
+    return matrix
+
+
+def dimensions_of(scheme, reference_scheme, model, steps):
+    """(dimensions of the increments of `steps` reference steps, dimensions with the coins)."""
+    layout = kept_of_steps(reference_scheme, scheme, model)
+    increments = number(layout.substeps) * len(noise_indices(model)) * steps
+    return increments, increments + steps * isinstance(layout.coins, Coins)
+
+
+def points_of(seed, stream, scheme, model, times):
+    """The noise :class:`Points` of the paths of a grid of times, 2^38 at most; cached, so do not change it."""
+    layout = kept_of_steps(times.reference_scheme, scheme, model)
+    finest, steps = number(layout.substeps), times.reference_steps
+    dimensions = dimensions_of(scheme, times.reference_scheme, model, steps)
+    return _points(seed, stream, *dimensions, finest * steps, times.reference_step / finest)
+
+
+@functools.lru_cache(maxsize=8)
+def _points(seed, stream, increments, dimensions, steps, length):
+    directions = np.empty((dimensions, _BITS, SCRAMBLES), np.uint64)
+    shifts = np.empty((dimensions, SCRAMBLES), np.uint64)
+    scramble(np.uint64(seed), np.uint64(stream), direction_numbers(dimensions, _BITS), directions, shifts)
+    matrix = by_bridges(steps) * np.sqrt(length)
+    columns = [np.flatnonzero(row) for row in matrix]
+    columns = [places if len(places) % 2 else np.append(places, places[0]) for places in columns]
+    weights = [row[places] for row, places in zip(matrix, columns, strict=True)]
+    for weight, places in zip(weights, columns, strict=True):
+        weight[1:][places[1:] == places[0]] = 0.0
+    starts = np.cumsum([0, *map(len, columns)])
+    series = starts, np.concatenate(columns), np.concatenate(weights)
+    return Points(np.uint64(seed), np.uint64(stream), directions, shifts, *series, increments)
+
+
+# Points in the loop over time.
+
+
+@device
+def scratch_of_points(noise):
+    """The number of words that the normals of a block and the scratch for making them take."""
+    return noise.increments * (LANES + 4 * PARTS)
+
+
+@device
+def draw_block(noise, block, words, room):
+    """Put the normals of all dimensions of a block, LANES for each, at the beginning of `room`."""
+    ends, normals = room[noise.increments * LANES :], room.view(np.float64)
+    net_normals(noise.directions, noise.shifts, noise.increments, block, words, ends, normals)
+
+
+@device
+def increments_of_points(noise, n, place, count, normals, increment):
+    """Increment number n of the noise at `place` of `count`, for the lanes of a block."""
+    first = noise.starts[n]
+    set_weighted(increment, noise.weights[first], normals[(noise.columns[first] * count + place) * LANES :])
+    for i in range(first + 1, noise.starts[n + 1], 2):
+        here, there = (noise.columns[i] * count + place) * LANES, (noise.columns[i + 1] * count + place) * LANES
+        add_weighted(increment, noise.weights[i], normals[here:], noise.weights[i + 1], normals[there:])
+
+
+@device
+def set_weighted(increment, weight, normals):
+    for lane in range(LANES):
+        increment[lane] = weight * normals[lane]
+
+
+@device
+def add_weighted(increment, weight, normals, other_weight, others):
+    for lane in range(LANES):
+        increment[lane] = increment[lane] + weight * normals[lane] + other_weight * others[lane]
+
+
+@device(inline=False)
+def coins_of_points(layout, noise, n, block, bits, coins, row):
+    """Put the coins of step n into a row."""
+    d = noise.increments + n
+    net_words(noise.directions[d], noise.shifts[d], np.int64(block), bits)
+    for lane in range(LANES):
+        coins[row, lane] = 1.0 if (bits[lane] >> _FIRST) != _0 else -1.0

@@ -14,16 +14,29 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads
 
 from ..compiler.dispatch import device, kernel
+from ..compiler.records import is_none
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import LANES, STEPS_PER_DRAW
-from .given import Given, coins_of_step, noise_of_steps, words_length
-from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import (
+    Given,
+    coins_length,
+    coins_of_step,
+    copy_coins,
+    join,
+    keep,
+    kept_of_steps,
+    noise_of_steps,
+    reversed_row,
+    row_length,
+    truncate,
+    turn_coins,
+    words_length,
+)
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
-from .protocol import frozen
+from .protocol import frozen, large
 from .random_states import RandomState, block_states
-from .scheme_protocol import REPORT, SUMMED, substeps
-from .steppers import advance_path, kept_of_steps, largest_sizes
+from .scheme_protocol import REPORT, SUMMED, advance, advance_large, memory_size, substeps, work_size
 
 #: Wall-clock seconds of a batch, after each of which a study can report and be interrupted.
 BATCH_SECONDS = 0.5
@@ -95,6 +108,54 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
     doublings = [*(round(np.log2(h / reference_step)) for h in steps), 0]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# One step by the scheme of a study, or by the scheme that makes its reference, if there is one.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@device(by_type=True)
+def largest_sizes(reference_scheme, scheme, model):
+    """Scratch and memory for either scheme."""
+    if is_none(reference_scheme):
+        return lambda reference_scheme, scheme, model: (work_size(scheme, model), memory_size(scheme, model))
+    return lambda reference_scheme, scheme, model: (
+        max(work_size(reference_scheme, model), work_size(scheme, model)),
+        max(memory_size(reference_scheme, model), memory_size(scheme, model)),
+    )
+
+
+@device(by_type=True)
+def _advance(scheme, model, paths, h, dW, coins, y, work, report):
+    """One step of at least the first `paths` paths of a block."""
+    if large(model):
+        return advance_large
+    return lambda scheme, model, paths, h, dW, coins, y, work, report: advance(
+        scheme, model, h, dW, coins, y, work, report
+    )
+
+
+@device(by_type=True)
+def advance_path(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
+    """One step of the scheme, or by the reference scheme if there is one."""
+    if is_none(reference_scheme):
+        return lambda reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report: _advance(
+            scheme, model, paths, h, dW, coins, y, work, report
+        )
+
+    def either(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
+        if by_reference:
+            _advance(reference_scheme, model, paths, h, dW, coins, y, work, report)
+        else:
+            _advance(scheme, model, paths, h, dW, coins, y, work, report)
+
+    return either
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The loop.
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
@@ -285,7 +346,7 @@ def add_reports(total, reports):
 
 @kernel
 def move(records, y, dW, areas, coins):
-    """Move states `y` (paths, d) on in place, along the noise of a :class:`~spi.ensemble.given.Given`, on one thread.
+    """Move states `y` (paths, d) on in place, along the noise of a :class:`~.increments.Given`, on one thread.
 
     `records` = (scheme, model, grid, observer), the grid being that of one step.
     """

@@ -160,11 +160,7 @@ def observe(observer, model, row, paths, level, n, y, reference):
 
     Only the first `paths` lanes count, since the last block may be partly idle.
     """
-    return _observe if is_inlined(model) else _called
-
-
-def _called(observer, model, row, paths, level, n, y, reference):
-    _on_its_own(observer, model, row, paths, level, n, y, reference)
+    return _observe if is_inlined(model) else _on_its_own
 
 
 def _observe(observer, model, row, paths, level, n, y, reference):
@@ -218,7 +214,7 @@ def _watch(model, extremes, start, rates, n, paths, y):
 
 
 @unrolled(casimir_indices)
-def _watch_casimir(index, model, worst, start, rates, n, y):
+def _watch_casimir(index, model, worst, start, rates, n, paths, y):
     c = number(index)
     grown = _grown(model, rates, n, c)
     for lane in range(LANES):
@@ -249,9 +245,7 @@ def _watch_all(model, worst, start, rates, n, paths, y):
 @device(by_type=True)
 def _watch_casimirs(model, worst, start, rates, n, paths, y):
     """Update the largest changes of Casimir functions; of an array-state model in the first `paths` lanes only."""
-    if large(model):
-        return _watch_all
-    return lambda model, worst, start, rates, n, paths, y: _watch_casimir(model, worst, start, rates, n, y)
+    return _watch_all if large(model) else _watch_casimir
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def populations(model):
 def flow_ns(model):
     """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
 
-    0: not stated; then 0.15 for each component, see ``schemes/entries.py``.
+    0: not stated; then 0.15 for each component, see ``schemes/table.py``.
     """
 
 
@@ -357,7 +357,7 @@ def block_friction_times(array_state_model, t, width, y, times, work):
 # or noise by another method, the inner one, if the model names one, and cannot be used if it names none.
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: The methods that may replace an exact flow, see ``schemes/inner_steps.py``.
+#: The methods that may replace an exact flow, see ``schemes/midpoint.py``.
 INNER_METHODS = ("midpoint", "munthe_kaas")
 
 

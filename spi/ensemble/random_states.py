@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..numerics.rng import INITIAL, LANES, STEPS_PER_DRAW
-from .given import draw_paths
+from .increments import draw_paths
 
 _SLICE = 256  # blocks whose attempts are made at once, because of memory
 _ATTEMPTS = 16  # at a state, at once

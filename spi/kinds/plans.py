@@ -15,8 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.given import draw_paths
-from spi.ensemble.increments import brownian
+from spi.ensemble.increments import brownian, draw_paths
 from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths

@@ -1,10 +1,11 @@
 """Ranges of angles, by which flows that rotate choose the cheapest sine that is accurate there."""
 
+import inspect
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, method
+from ..compiler.dispatch import calling, device, function_of, method
 from . import elementary
 
 
@@ -20,11 +21,8 @@ def _divided(angles, square):
 class TinyAngles(NamedTuple):
     """All angles lie within +-2^-5: short polynomials."""
 
-    def sin_versine(angles, x):
-        return elementary.sin_versine_tiny(x)
-
-    def sinc_versinc(angles, square):
-        return elementary.sinc_versinc_tiny(square)
+    sin_versine = calling(elementary.sin_versine_tiny, "angles")
+    sinc_versinc = calling(elementary.sinc_versinc_tiny, "angles")
 
     def adding_to_zero(angles, p0, p1, p2):
         return p0, p1, p2
@@ -33,20 +31,15 @@ class TinyAngles(NamedTuple):
 class SmallAngles(NamedTuple):
     """All angles lie within [-pi/4, pi/4]: no range reduction."""
 
-    def sin_versine(angles, x):
-        return elementary.sin_versine_small(x)
-
-    def sinc_versinc(angles, square):
-        return elementary.sinc_versinc_small(square)
-
+    sin_versine = calling(elementary.sin_versine_small, "angles")
+    sinc_versinc = calling(elementary.sinc_versinc_small, "angles")
     adding_to_zero = TinyAngles.adding_to_zero
 
 
 class ReducedAngles(NamedTuple):
     """All angles lie within +-1.6e6: range reduction in vector instructions."""
 
-    def sin_versine(angles, x):
-        return elementary.sin_versine(x)
+    sin_versine = calling(elementary.sin_versine, "angles")
 
     def sinc_versinc(angles, square):
         return _divided(angles, square)
@@ -61,9 +54,7 @@ class ReducedAngles(NamedTuple):
 class AnyAngles(NamedTuple):
     """Angles of any size: the library's scalar sine."""
 
-    def sin_versine(angles, x):
-        return elementary.sin_versine_huge(x)
-
+    sin_versine = calling(elementary.sin_versine_huge, "angles")
     sinc_versinc = ReducedAngles.sinc_versinc
     adding_to_zero = ReducedAngles.adding_to_zero
 
@@ -88,3 +79,22 @@ def sinc_versinc(angles, square):
 @method
 def adding_to_zero(angles, p0, p1, p2):
     """Three angles whose sum is 0 up to roundings, changed so that the sum is no larger than for small angles."""
+
+
+# Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
+# The bits of a NaN exceed those of every number, so it takes the last road.
+_RANGES = {"TINY_ANGLES": elementary.TINY, "SMALL_ANGLES": elementary.SMALL, "REDUCED_ANGLES": elementary.REDUCIBLE}
+
+
+def by_size(within, squares=False):
+    """The function (largest, ...) that calls ``within(angles, ...)`` with the cheapest sines that are accurate.
+
+    `largest` has the bits of the largest angle, or of its square.
+    """
+    _, *others = inspect.signature(within).parameters
+    arguments = ", ".join(others)
+    lines = [f"def of_size(largest, {arguments}):"]
+    for angles, bound in _RANGES.items():
+        limit = int(elementary.bits(bound * bound if squares else bound))
+        lines += [f"if largest <= {limit}:", f"    return within({angles}, {arguments})"]
+    return function_of([*lines, f"return within(ANY_ANGLES, {arguments})"], {**globals(), "within": within})

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import kernel, method
+from ..compiler.dispatch import calling, kernel, method
 from ..compiler.inlining import is_compiling
 from . import elementary
 
@@ -62,8 +62,7 @@ class Exponential(NamedTuple):
 
     of_numpy = np.exp
 
-    def value(function, x):
-        return elementary.exp(x)
+    value = calling(elementary.exp, "function")
 
 
 class Logarithm(NamedTuple):
@@ -71,8 +70,7 @@ class Logarithm(NamedTuple):
 
     of_numpy = np.log
 
-    def value(function, x):
-        return elementary.log(x)
+    value = calling(elementary.log, "function")
 
 
 _OF_ANGLES = (Sine, Cosine, Tangent)

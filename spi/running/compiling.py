@@ -23,9 +23,8 @@ from ..compiler.records import record_classes
 from ..ensemble.protocol import dimension, drift_tables, large, noise_indices, pieces
 from ..ensemble.scheme_protocol import judges
 from ..printing.text import human_time
-from ..schemes.isospectral import IsospectralMidpoint
-from ..schemes.midpoint import Midpoint
-from ..schemes.sweeps import sweeps
+from ..schemes.midpoint import IsospectralMidpoint, Midpoint
+from ..schemes.stages import sweeps
 from . import orphans
 
 # ---------------------------------------------------------------------------------------------------------------------

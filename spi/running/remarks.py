@@ -9,7 +9,7 @@ from ..ensemble.protocol import dimension, large, strengths
 from ..exact.reach import reach
 from ..kinds import KINDS
 from ..models.delegation import undamped
-from ..models.zeitlin import resolution
+from ..models.zeitlin import fields
 from ..schemes import typical_ns
 
 _MOST_COMPONENTS = 24  #: of states whose reachable set is computed
@@ -78,7 +78,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines:
             steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
             lines = [*lines, *steps]
-        if lines := lines or resolution.report(model, case.initial):
+        if lines := lines or fields.report(model, case.initial):
             reports.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: lines for (name, *lines), cases in reports.items()}

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, device, number, unrolled
-from ..compiler.generated import function_of
+from ..compiler.dispatch import INDICES, device, function_of, number, unrolled
 from ..ensemble.areas import channels
 from ..ensemble.lanes import load_lane
 from ..ensemble.protocol import (
@@ -33,7 +32,6 @@ from ..ensemble.protocol import (
 )
 from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
-from .large import judged_step_of_large, judged_work, size_or
 from .splitting import sweep
 from .stages import Drift, Noise
 from .sweeps import angle_in_rows, friction_in_rows, lanes_of, places, report_judged, turn_rows
@@ -178,7 +176,7 @@ class Metropolis(NamedTuple):
         return LANES  # 0.0 where the drift goes forwards, 1.0 where it goes backwards
 
     def work_size(scheme, model):
-        return size_or((3 + dimension(model)) * LANES, model) + judged_work(model)
+        return (3 + dimension(model)) * LANES
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         backwards = y[dimension(model) * LANES :]
@@ -198,6 +196,3 @@ class Metropolis(NamedTuple):
         for lane in range(LANES):
             backwards[lane] = abs(backwards[lane] - times[lane])
         report_judged(report, len(channels(model)) * LANES, noise, LANES, drift)
-
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        judged_step_of_large(model, paths, h, dW, coins[LANES:], y, work, report)

@@ -28,8 +28,8 @@ from ..ensemble.protocol import (
     strengths,
     structure,
 )
-from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
-from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.angles import by_size, sinc_versinc
+from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
 from .sweeps import report_angle
 
@@ -40,8 +40,6 @@ from .sweeps import report_angle
 # B(y) v = y x v it is a rotation, by Rodrigues' formula; otherwise the exponential series is summed up to rounding.
 # ---------------------------------------------------------------------------------------------------------------------
 
-# Squares of angles, by their bits as in ``sweeps.py``.
-_TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = (int(bits(angle * angle)) for angle in (TINY, SMALL, REDUCIBLE))
 _INFINITE_BITS = int(bits(np.inf))
 
 _NEGLIGIBLE = 2.0**-140  # for squares of lengths; well below rounding, since some components may be small
@@ -75,14 +73,7 @@ def turn(model, work, y, report):
     for lane in range(LANES):
         axis = load_lane(model, work, lane)
         largest = max(largest, bits(abs(dot(axis, axis))))
-    if largest <= _TINY_BITS:
-        turn_within(TINY_ANGLES, model, work, y)
-    elif largest <= _SMALL_BITS:
-        turn_within(SMALL_ANGLES, model, work, y)
-    elif largest <= _REDUCIBLE_BITS:
-        turn_within(REDUCED_ANGLES, model, work, y)
-    else:
-        turn_within(ANY_ANGLES, model, work, y)
+    turn_up_to(largest, model, work, y)
     report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
 
 
@@ -96,6 +87,9 @@ def turn_within(angles, model, work, y):
         sinc, versinc = sinc_versinc(angles, dot(axis, axis))
         change = add_scaled(first, 1.0, add_scaled(scaled(second, versinc), sinc, first))
         store_lane(y, lane, add_scaled(state, 1.0, change))
+
+
+turn_up_to = device(by_size(turn_within, squares=True))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

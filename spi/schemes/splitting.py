@@ -9,15 +9,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, device
-from ..compiler.generated import function_of
+from ..compiler.dispatch import INDICES, device, function_of
 from ..compiler.records import field
 from ..ensemble.protocol import bracket_factors, inexact_noises, inexact_pieces, most_joined, noises, strengths
 from ..numerics.rng import LANES
-from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
-from .stages import PARTS, Symmetric, Together, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
-from .sweeps import LoopTime, ShareOfWhole, friction_times, report_angle, sweep, sweeps
+from .midpoint import inner_size, inner_sweep
+from .stages import (
+    PARTS,
+    LoopTime,
+    ShareOfWhole,
+    Symmetric,
+    Together,
+    flows,
+    has_loops,
+    is_reversed_by_coin,
+    needs_coins,
+    substeps,
+    sweeps,
+)
+from .sweeps import friction_times, report_angle, sweep
 
 
 class Splitting(NamedTuple):
@@ -199,7 +210,7 @@ def _in_lanes(place, coin, time):
 
 
 def _noise_time(k, time):
-    """sigma_k times the increment of a noise of :func:`.sweeps.sweeps`, as source text.
+    """sigma_k times the increment of a noise of :func:`.stages.sweeps`, as source text.
 
     For the places of increments over sub-steps see ``increments.first_lane``.
     """

@@ -25,13 +25,16 @@ A stage of **areas** supplies the same by fewer flows where the model says so.  
 all.
 """
 
+import itertools
 import math
+from collections import Counter
 from typing import NamedTuple
 
-from ..compiler.dispatch import INDICES, method
+from ..compiler.dispatch import INDICES, answers, calling, method
 from ..compiler.records import class_of, field
 from ..ensemble.protocol import (
     area_pairs,
+    bracket_factors,
     drift_angle,
     drift_flow,
     drift_phases,
@@ -50,6 +53,7 @@ from ..ensemble.protocol import (
     noise_structure,
     noise_structure_derivative,
     noise_turned,
+    noises,
     piece_gradient,
     piece_hessian,
     piece_indices,
@@ -105,23 +109,9 @@ def structure_derivative_along(part, model, k, y, u, v):
 class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
-    def flow(part, model, k, t, y, angles):
-        return drift_flow(model, k, t, y, angles)
-
-    def angle(part, model, k, t, y):
-        return drift_angle(model, k, t, y)
-
-    def phases_in(part, model, k, t, y):
-        return drift_phases(model, k, t, y)
-
-    def turned(part, model, k, s, y):
-        return drift_turned(model, k, s, y)
-
-    def gradient(part, model, k, y):
-        return piece_gradient(model, k, y)
-
-    def hessian(part, model, k, y, v):
-        return piece_hessian(model, k, y, v)
+    flow, angle = calling(drift_flow, "part"), calling(drift_angle, "part")
+    phases_in, turned = calling(drift_phases, "part"), calling(drift_turned, "part")
+    gradient, hessian = calling(piece_gradient, "part"), calling(piece_hessian, "part")
 
     def structure_along(part, model, k, y, v):
         return structure(model, y, v)
@@ -133,29 +123,11 @@ class Drift(NamedTuple):
 class Noise(NamedTuple):
     """The flows of Ĥ_1, ..., Ĥ_m; a noise that is off is left out."""
 
-    def flow(part, model, k, t, y, angles):
-        return noise_flow(model, k, t, y, angles)
-
-    def angle(part, model, k, t, y):
-        return noise_angle(model, k, t, y)
-
-    def phases_in(part, model, k, t, y):
-        return noise_phases(model, k, t, y)
-
-    def turned(part, model, k, s, y):
-        return noise_turned(model, k, s, y)
-
-    def gradient(part, model, k, y):
-        return noise_gradient(model, k, y)
-
-    def hessian(part, model, k, y, v):
-        return noise_hessian(model, k, y, v)
-
-    def structure_along(part, model, k, y, v):
-        return noise_structure(model, k, y, v)
-
-    def structure_derivative_along(part, model, k, y, u, v):
-        return noise_structure_derivative(model, k, y, u, v)
+    flow, angle = calling(noise_flow, "part"), calling(noise_angle, "part")
+    phases_in, turned = calling(noise_phases, "part"), calling(noise_turned, "part")
+    gradient, hessian = calling(noise_gradient, "part"), calling(noise_hessian, "part")
+    structure_along = calling(noise_structure, "part")
+    structure_derivative_along = calling(noise_structure_derivative, "part")
 
 
 class Joint(NamedTuple):
@@ -440,3 +412,113 @@ def substeps(stages):
     noise = [stage for stage in stages_known(stages) if stage.length and not stage.shared]
     lengths = [stage.length // (2 if stage.order is Symmetric else 1) for stage in noise]
     return FINEST // math.gcd(FINEST, *lengths)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The flows of a step as sweeps over its lanes, one after the other, each with its time.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class ShareOfWhole(NamedTuple):
+    """The time of a noise flow that shares the increment of the whole step."""
+
+    share: float
+
+
+def _with_times(flows, stages, model):
+    """The flows of :func:`flows_in_order`, each with its time as in :func:`sweeps`."""
+    by_number = stages_known(stages)
+    used = Counter()  # sub-steps of each Wiener process
+
+    def time(i, k, share):
+        length = share * by_number[i].length
+        if by_number[i].shared:
+            return ShareOfWhole(length / FINEST)
+        used[k] += int(length)
+        return _fewest(used[k] - int(length), used[k])
+
+    timed = []
+    for i, part, k, share in flows:
+        times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
+        timed.append((i, part, k, share, times if part == "joint" else times[0][1] if times else None))
+    return timed
+
+
+def _fewest(first, end):
+    common = math.gcd(FINEST, first, end)
+    return first // common, end // common, FINEST // common
+
+
+class Lacking(NamedTuple):
+    """The area of a pair that the noise flows lack, see the head of this file."""
+
+    noises: tuple[int, int]  #: (k, l), k < l
+    pair: int  #: the number of the pair among those of which there are areas
+    pairs: int  #: the number of such pairs
+    number: int  #: among all pairs of noises
+    before: float  #: p, the share of Y_k that acts before Y_l
+
+
+class LoopTime(NamedTuple):
+    """The time of a flow of a loop."""
+
+    lacking: tuple[Lacking, ...]  #: the areas that the loop supplies; its flows are those of the first pair
+    place: int  #: of the flow in the loop, from 0
+
+
+def sweeps(stages, model):
+    """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
+
+    The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
+    before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
+    depend on the coin, which moves flows of different processes.  Of a joint flow it is a tuple, (noise, time) for
+    each of its noises, None for one that is off.  The flows of loops are noise flows with a
+    :class:`LoopTime`.
+
+    Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
+    lanes with the coin 1, those after n to the others.
+    """
+    swept, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
+    for i, stage in enumerate(stages_known(stages)):
+        acting = [flow for flow in every if flow[0] == i]
+        if stage.part in ("loops", "areas"):
+            lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
+            is_one = stage.part == "areas" and len(lacking) > 1 and answers(bracket_factors, class_of(model))
+            swept += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
+            continue
+        if stage.coin:
+            first, last = acting[:-1], acting[-1:]
+            placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
+        else:
+            placed = [(f, 0) for f in acting]
+        swept += [(*flow, coin, time) for (*flow, time), coin in placed]
+    return tuple(swept)
+
+
+def _lacking(pairs, shares, model):
+    """The areas that some pairs lack, given the shares of the noises in the whole step."""
+    every = list(itertools.combinations(range(noises(model)), 2))
+    return [Lacking(pair, p, len(pairs), every.index(pair), _before(shares, *pair)) for p, pair in enumerate(pairs)]
+
+
+def _loops(i, groups):
+    """The flows of the loops of stage i, one loop for each group of lacking areas."""
+    return [
+        (i, "noise", k, 1.0, 0, LoopTime(group, place))
+        for group in groups
+        for place, k in enumerate(2 * group[0].noises)
+    ]
+
+
+def _shares(every):
+    """[(noise, its share of the increment of the step), ...] of all flows with their times."""
+    shares = []
+    for _, part, k, _, time in every:
+        times = time if part == "joint" else ((k, time),) if time else ()
+        shares += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
+    return shares
+
+
+def _before(shares, k, j):
+    """The products of the shares of noise k and noise j, added up over all flows of k before one of j."""
+    return sum(a * b for i, (n, a) in enumerate(shares) for m, b in shares[i + 1 :] if (n, m) == (k, j))

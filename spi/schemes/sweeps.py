@@ -1,21 +1,15 @@
-"""The sweeps of a step over its lanes: the flows of its stages one after the other, each with its time."""
+"""A flow on all lanes of a block, as a whole, divided, or as a loop over tables; what steps add to the report."""
 
 import functools
-import itertools
-import math
-from collections import Counter
-from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, answers, device, intrinsic, number
-from ..compiler.generated import function_of
+from ..compiler.dispatch import INDICES, device, function_of, intrinsic, number
 from ..compiler.instructions import floats_on_stack, load_each, load_strided
 from ..compiler.records import class_of, field, is_array, is_none
 from ..compiler.vectors import WIDTH, load, store
 from ..ensemble.lanes import aligned, load_lane, store_lane
 from ..ensemble.protocol import (
-    bracket_factors,
     drift_tables,
     friction_after,
     friction_rate,
@@ -23,7 +17,6 @@ from ..ensemble.protocol import (
     friction_time,
     is_inlined,
     noise_tables,
-    noises,
     phases,
     row_length,
     shape_angle,
@@ -31,21 +24,16 @@ from ..ensemble.protocol import (
     shape_slopes,
 )
 from ..ensemble.scheme_protocol import REPORT
-from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sin_versine
-from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.angles import by_size, sin_versine
+from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
 from .stages import (
-    FINEST,
     Drift,
     Noise,
     Together,
     angle,
     flow,
-    flows_in_order,
-    indices_of,
-    noises_moving,
     phases_in,
-    stages_known,
     turned,
 )
 
@@ -96,11 +84,7 @@ def sweep(part, index, model, y, t):
     """
     if table := table_of(part, index, model):
         return table_sweep(table)
-    return _sweep if is_inlined(model) else _called_sweep
-
-
-def _called_sweep(part, index, model, y, t):
-    return _sweep_on_its_own(part, index, model, y, t)
+    return _sweep if is_inlined(model) else _sweep_on_its_own
 
 
 def _sweep(part, index, model, y, t):
@@ -118,18 +102,7 @@ _sweep_on_its_own = device(inline=False)(_sweep)
 @device(by_type=True)
 def sweep_up_to(largest, part, index, model, y, t):
     """The same, given these bits."""
-    return long_sweep if is_long(part, model) else _sweep_up_to
-
-
-def _sweep_up_to(largest, part, index, model, y, t):
-    if largest <= TINY_BITS:
-        sweep_within(TINY_ANGLES, part, index, model, y, t)
-    elif largest <= SMALL_BITS:
-        sweep_within(SMALL_ANGLES, part, index, model, y, t)
-    elif largest <= REDUCIBLE_BITS:
-        sweep_within(REDUCED_ANGLES, part, index, model, y, t)
-    else:
-        sweep_within(ANY_ANGLES, part, index, model, y, t)
+    return long_sweep if is_long(part, model) else by_size(sweep_within)
 
 
 @device
@@ -143,11 +116,7 @@ def friction_times(index, model, t, y, times):
     """The time that the flow of noise number(index) acts in each lane in the place of friction for the time t."""
     if tables := friction_tables(model):
         return table_friction(*tables[number(class_of(index)())])
-    return _friction_times if is_inlined(model) else _called_friction
-
-
-def _called_friction(index, model, t, y, times):
-    _friction_on_its_own(index, model, t, y, times)
+    return _friction_times if is_inlined(model) else _friction_on_its_own
 
 
 def _friction_times(index, model, t, y, times):
@@ -192,7 +161,7 @@ def long_sweep(largest, part, index, model, y, t):
     work = aligned(2 * phases(model) * LANES)
     for lane in range(LANES):
         store_lane(work, lane, phases_in(part, model, k, of_lane(t, lane), load_lane(model, y, lane)))
-    take_sines(work, from_bits(largest))
+    take_sines(largest, work)
     for lane in range(LANES):
         store_lane(y, lane, turned(part, model, k, load_sines(model, work, lane), load_lane(model, y, lane)))
 
@@ -203,24 +172,15 @@ def of_lane(t, lane):
     return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)
 
 
-@device(inline=False)
-def take_sines(work, largest):
-    """Sines in the place of the angles, which are no larger than this, and the versines behind them."""
-    if largest <= TINY:
-        sines_within(TINY_ANGLES, work)
-    elif largest <= SMALL:
-        sines_within(SMALL_ANGLES, work)
-    elif largest <= REDUCIBLE:
-        sines_within(REDUCED_ANGLES, work)
-    else:
-        sines_within(ANY_ANGLES, work)
-
-
 @device
 def sines_within(angles, work):
     half = len(work) // 2
     for i in range(half):
         work[i], work[half + i] = sin_versine(angles, work[i])
+
+
+#: Sines in the place of the angles, of which the largest has these bits, and the versines behind them.
+take_sines = device(inline=False)(by_size(sines_within))
 
 
 def load_sines(model, work, lane):
@@ -238,10 +198,6 @@ def _(model, work, lane):
 #
 # Functions that move the lanes are called, not inlined: they take long enough, and the code of a flow stays small.
 # ---------------------------------------------------------------------------------------------------------------------
-
-# Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
-# The bits of a NaN exceed those of every number, so it takes the last road.
-TINY_BITS, SMALL_BITS, REDUCIBLE_BITS = int(bits(TINY)), int(bits(SMALL)), int(bits(REDUCIBLE))
 
 _TABLES = {Drift: drift_tables, Noise: noise_tables}
 
@@ -284,22 +240,9 @@ def angle_in_rows(shape, size, model, y, t, rows):
     return largest
 
 
-@device(inline=False)
-def turn_rows(largest, shape, size, count, model, y, t, rows):
-    """The flow of a shape in some rows, where this is the largest of all angles."""
-    moved = lanes_of(count)
-    if largest <= TINY_BITS:
-        turn_rows_within(TINY_ANGLES, shape, size, count, model, y, t, rows, moved)
-    elif largest <= SMALL_BITS:
-        turn_rows_within(SMALL_ANGLES, shape, size, count, model, y, t, rows, moved)
-    elif largest <= REDUCIBLE_BITS:
-        turn_rows_within(REDUCED_ANGLES, shape, size, count, model, y, t, rows, moved)
-    else:
-        turn_rows_within(ANY_ANGLES, shape, size, count, model, y, t, rows, moved)
-
-
 @device
-def turn_rows_within(angles, shape, size, count, model, y, t, rows, moved):
+def turn_rows_within(angles, shape, size, count, model, y, t, rows):
+    moved = lanes_of(count)
     for row in range(rows.shape[0]):
         at = places_in(size, rows, row)
         for lane in range(LANES):
@@ -308,6 +251,10 @@ def turn_rows_within(angles, shape, size, count, model, y, t, rows, moved):
             store_lane(moved, lane, first_of(count, turned))
         for part in range(number(count)):
             copy_lanes(moved, part * LANES, y, rows[row, part])
+
+
+#: The flow of a shape in some rows, where the first argument has the bits of the largest of all angles.
+turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 
 @functools.lru_cache
@@ -372,108 +319,3 @@ def load_at(model, at, y, lane):
 @intrinsic(load_at)
 def _(model, at, y, lane):
     return load_each(row_length(model), model, at, y)
-
-
-class ShareOfWhole(NamedTuple):
-    """The time of a noise flow that shares the increment of the whole step."""
-
-    share: float
-
-
-def _with_times(flows, stages, model):
-    """The flows of :func:`flows_in_order`, each with its time as in :func:`sweeps`."""
-    by_number = stages_known(stages)
-    used = Counter()  # sub-steps of each Wiener process
-
-    def time(i, k, share):
-        length = share * by_number[i].length
-        if by_number[i].shared:
-            return ShareOfWhole(length / FINEST)
-        used[k] += int(length)
-        return _fewest(used[k] - int(length), used[k])
-
-    timed = []
-    for i, part, k, share in flows:
-        times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
-        timed.append((i, part, k, share, times if part == "joint" else times[0][1] if times else None))
-    return timed
-
-
-def _fewest(first, end):
-    common = math.gcd(FINEST, first, end)
-    return first // common, end // common, FINEST // common
-
-
-class Lacking(NamedTuple):
-    """The area of a pair that the noise flows lack, see ``stages.py``."""
-
-    noises: tuple[int, int]  #: (k, l), k < l
-    pair: int  #: the number of the pair among those of which there are areas
-    pairs: int  #: the number of such pairs
-    number: int  #: among all pairs of noises
-    before: float  #: p, the share of Y_k that acts before Y_l
-
-
-class LoopTime(NamedTuple):
-    """The time of a flow of a loop."""
-
-    lacking: tuple[Lacking, ...]  #: the areas that the loop supplies; its flows are those of the first pair
-    place: int  #: of the flow in the loop, from 0
-
-
-def sweeps(stages, model):
-    """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
-
-    The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
-    before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
-    depend on the coin, which moves flows of different processes.  Of a joint flow it is a tuple, (noise, time) for
-    each of its noises, None for one that is off.  The flows of loops are noise flows with a
-    :class:`LoopTime`.
-
-    Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
-    lanes with the coin 1, those after n to the others.
-    """
-    swept, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
-    for i, stage in enumerate(stages_known(stages)):
-        acting = [flow for flow in every if flow[0] == i]
-        if stage.part in ("loops", "areas"):
-            lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
-            is_one = stage.part == "areas" and len(lacking) > 1 and answers(bracket_factors, class_of(model))
-            swept += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
-            continue
-        if stage.coin:
-            first, last = acting[:-1], acting[-1:]
-            placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
-        else:
-            placed = [(f, 0) for f in acting]
-        swept += [(*flow, coin, time) for (*flow, time), coin in placed]
-    return tuple(swept)
-
-
-def _lacking(pairs, shares, model):
-    """The areas that some pairs lack, given the shares of the noises in the whole step."""
-    every = list(itertools.combinations(range(noises(model)), 2))
-    return [Lacking(pair, p, len(pairs), every.index(pair), _before(shares, *pair)) for p, pair in enumerate(pairs)]
-
-
-def _loops(i, groups):
-    """The flows of the loops of stage i, one loop for each group of lacking areas."""
-    return [
-        (i, "noise", k, 1.0, 0, LoopTime(group, place))
-        for group in groups
-        for place, k in enumerate(2 * group[0].noises)
-    ]
-
-
-def _shares(every):
-    """[(noise, its share of the increment of the step), ...] of all flows with their times."""
-    shares = []
-    for _, part, k, _, time in every:
-        times = time if part == "joint" else ((k, time),) if time else ()
-        shares += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
-    return shares
-
-
-def _before(shares, k, j):
-    """The products of the shares of noise k and noise j, added up over all flows of k before one of j."""
-    return sum(a * b for i, (n, a) in enumerate(shares) for m, b in shares[i + 1 :] if (n, m) == (k, j))

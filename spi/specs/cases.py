@@ -27,9 +27,7 @@ from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
-from ..models.damped import damped
-from ..models.delegation import undamped
-from ..models.thermal import thermal
+from ..models.delegation import damped, thermal, undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables

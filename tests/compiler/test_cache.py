@@ -173,8 +173,7 @@ def test_a_run_says_in_one_line_that_kernels_cannot_be_kept(tmp_path, below):
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and modes are those of POSIX")
-@pytest.mark.parametrize("of", ["", "modules", spi.KERNEL_DIGEST])
-@pytest.mark.parametrize("how", ["owner", "mode"])
+@pytest.mark.parametrize(("of", "how"), [("", "owner"), ("modules", "mode"), (spi.KERNEL_DIGEST, "mode")])
 def test_a_cache_that_others_can_change_is_not_used(tmp_path, of, how):
     """Compiled kernels and stored modules are run as they are found there."""
     program = "import spi, os; print(spi.CACHE_PROBLEM); print(os.environ['SPI_CACHE_DIR'])"

@@ -166,29 +166,6 @@ def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_nee
     assert [outcome()[0] for _ in range(2)] == [(0, 1), (1, 0)]
 
 
-def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
-    """Its name changes with a byte of any module that is compiled, with the name of a module, and with nothing else."""
-    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
-    program = "import spi; print(spi.kernels_folder())"
-
-    def folder():
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "SPI_CACHE_DIR": str(tmp_path / "cache")}
-        command = [sys.executable, "-c", program]
-        answer = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-        return Path(answer.stdout.strip())
-
-    first = folder()
-    assert first.parent == tmp_path / "cache"
-    os.utime(tmp_path / "spi" / "numerics" / "rng.py", (0, 0))
-    (tmp_path / "spi" / "notes.txt").write_text("no source")
-    assert folder() == first
-    with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
-        file.write("\n")
-    second = folder()
-    (tmp_path / "spi" / "numerics" / "rng.py").rename(tmp_path / "spi" / "numerics" / "rng2.py")
-    assert len({first, second, folder()}) == 3
-
-
 #: Two models whose records are called alike, and a kernel that asks them.
 TWIN = """from typing import NamedTuple
 

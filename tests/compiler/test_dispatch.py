@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import pytest
-from helpers import INITIAL, ONE_NOISE, RIGID_BODY, compiled_only
+from helpers import ONE_NOISE, RIGID_BODY, compiled_only
 from numba import TypingError, njit
 
 from spi.compiler.dispatch import INDICES, OPTIONS, answers, method, number, trait, unrolled
 from spi.compiler.records import class_of
-from spi.ensemble import fields
 from spi.ensemble.protocol import (
     component_indices,
     dimension,
@@ -145,17 +144,6 @@ def test_facts():
         dimension(Circle(1.0))
 
 
-def test_a_method_is_named_in_a_traceback():
-    with pytest.raises(TypeError) as caught:
-        drift_flow(RIGID_BODY, 0, "long", INITIAL, None)
-    assert any(entry.frame.code.raw.co_qualname == "RigidBody.drift_flow" for entry in caught.traceback)
-
-
-def test_words_keep_their_documentation():
-    assert area.__name__ == "area" and area.__doc__ == "The area, scaled."
-    assert "exact flow" in drift_flow.__doc__
-
-
 # --- constants -------------------------------------------------------------------------------------------------------
 
 
@@ -168,11 +156,6 @@ def fields_of(record):
 @compiled
 def sizes(model):
     return fields_of(model), dimension(model), pieces(model), noises(model), component_indices(model)
-
-
-@compiled
-def numbers():
-    return number(INDICES[0]()), number(INDICES[3]()), number(INDICES[15]())
 
 
 @compiled
@@ -238,17 +221,6 @@ def tuplewise_compiled(a, c, b):
     return difference(a, c, b), total(c, a)
 
 
-@compiled
-def fields_compiled(a, c, b):
-    return (
-        fields.add_scaled(a, c, b),
-        fields.scaled(a, c),
-        fields.dot(a, b),
-        fields.squared_distance(a, b),
-        fields.unit((0, 1, 2), 1),
-    )
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 8])
 def test_tuplewise(n):
     # Small integers, so that fused operations round as separate ones do: not at all.
@@ -256,19 +228,3 @@ def test_tuplewise(n):
     expected = tuple(x - 2.0 * y for x, y in zip(a, b, strict=True)), sum(2.0 - x * x for x in a)
     assert (difference(a, 2.0, b), total(2.0, a)) == expected
     assert tuplewise_compiled(a, 2.0, b) == expected
-
-
-def test_arithmetic_of_tuples():
-    a, b, c = (1.0, -2.0, 4.0), (3.0, 0.5, -1.0), 0.5
-    expected = (2.5, -1.75, 3.5), (0.5, -1.0, 2.0), -2.0, 4.0 + 6.25 + 25.0, (0.0, 1.0, 0.0)
-    assert fields_compiled(a, c, b) == expected
-    assert fields.add_scaled(a, c, b) == expected[0]
-    assert fields.scaled(a, c) == expected[1]
-    assert fields.dot(a, b) == expected[2]
-    assert fields.squared_distance(a, b) == expected[3]
-    assert fields.unit((0, 1, 2), 1) == expected[4]
-
-
-@compiled_only
-def test_all_indices_can_be_compiled():
-    assert numbers() == (0, 3, 15)

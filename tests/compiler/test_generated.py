@@ -1,14 +1,14 @@
 """Functions made of texts, and functions chosen by type."""
 
 import traceback
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from helpers import COMPILED
 from numba import TypingError, njit
 
-from spi.compiler.dispatch import OPTIONS, device, unrolled
-from spi.compiler.generated import function_of
+from spi.compiler.dispatch import OPTIONS, calling, device, function_of
 from spi.compiler.records import is_array, is_none
 
 compiled = njit(**OPTIONS)
@@ -29,16 +29,6 @@ def test_a_traceback_shows_the_line_of_a_generated_function():
     assert "# another" in raised(other, 1, 0) and "# another" not in raised(shares, 1, 0)
 
 
-@unrolled(each="a[i] / b")
-def quotient(a, b):
-    """a / b."""
-
-
-def test_a_traceback_shows_the_line_of_what_is_unrolled():
-    assert quotient((1.0, 2.0), 4.0) == (0.25, 0.5)
-    assert "return (a[0] / b, a[1] / b, )" in raised(quotient, (1.0, 2.0), 0.0)
-
-
 @pytest.mark.skipif(not COMPILED, reason="about the compiler")
 def test_the_compiler_shows_the_line_of_a_generated_function():
     add = compiled(function_of(["def add(a, b):", "c = b", "return a + c"], {}))
@@ -46,19 +36,46 @@ def test_the_compiler_shows_the_line_of_a_generated_function():
         add(1.0, "text")
 
 
+@device
+def length(value):
+    return len(value)
+
+
 @device(by_type=True)
 def size(value):
-    """A number for each type."""
+    """A number for each type, by a bare function or a decorated one."""
     if is_none(value):
         return lambda value: 0
-    return (lambda value: len(value)) if is_array(value) else (lambda value: 1)
+    return length if is_array(value) else (lambda value: 1)
+
+
+@device(by_type=True)
+def clear(value):
+    """Nothing is done but to arrays."""
+    return clear_array if is_array(value) else None
+
+
+def clear_array(value):
+    value[:] = 0.0
 
 
 @compiled
 def size_compiled(value):
+    clear(value)
     return size(value)
 
 
-@pytest.mark.parametrize(("value", "expected"), [(None, 0), (np.zeros(3), 3), (2.0, 1)])
+@pytest.mark.parametrize(("value", "expected"), [(None, 0), (np.ones(3), 3), (2.0, 1)])
 def test_a_function_is_chosen_by_type(value, expected):
     assert size(value) == size_compiled(value) == expected
+    assert clear(value) is None and not np.any(value if is_array(value) else 0.0)
+
+
+class Half(NamedTuple):
+    """A record that has no part in what its method does."""
+
+    length = calling(length, "half")
+
+
+def test_a_method_may_leave_out_its_record():
+    assert Half.length(None, [1.0, 2.0]) == 2

@@ -9,10 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import helpers
-import numpy as np
 import pytest
 from numba import types
-from own_models import OSCILLATOR
 
 import spi
 from spi.compiler import modules, records
@@ -154,9 +152,3 @@ def test_versions_for_code_without_a_file_are_not_kept():
     point = modules.stored("plain", PLAIN).Point
     apart = integrate._cache._place((types.NamedTuple((types.float64,), point),))
     assert Path(apart.cache_path).parent == Path(integrate._cache.cache_path)
-
-
-def test_the_oscillator_is_a_module():
-    module = modules.stored("oscillator", OSCILLATOR)
-    model = module.Oscillator((1.0,))
-    assert np.allclose(model.structure((1.0, 2.0), (3.0, 4.0)), (4.0, -3.0))

@@ -128,12 +128,6 @@ def test_nothing_is_left_for_llvm_to_choose():
     assert ("@llvm.fma.f64" in str(module).replace('"', "")) == rounding.is_fused()
 
 
-@pytest.mark.slow
-def test_bits_do_not_depend_on_the_width_of_vectors():
-    """Of this scheme they did, between 256 and 512 bits, when LLVM chose which product to fuse."""
-    assert_equal_bits(["rigid_body_strong/splitting_order2"])
-
-
 ANY = ("splitting", "splitting_order2", "splitting_symmetric", "euler_maruyama")
 #: Schemes by experiments, which have a model each; the last two are a system in YAML and arrays as states.
 TOGETHER = {

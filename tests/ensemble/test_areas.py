@@ -1,6 +1,5 @@
 """Lévy areas that travel with the increments, and the scheme of strong order 1 that uses them."""
 
-import itertools
 import math
 
 import numpy as np
@@ -12,12 +11,11 @@ from weak_cases import case_of, results_of
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import HOW
-from spi.ensemble.protocol import area_pairs, noise_indices
+from spi.ensemble.protocol import area_pairs
 from spi.ensemble.scheme_protocol import REPORT, advance
-from spi.models import MODELS, RigidBody
-from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting
-from spi.schemes.stages import compositions, flows
-from spi.schemes.sweeps import sweeps
+from spi.models import RigidBody
+from spi.schemes.splitting import LIE_TROTTER_AREAS, splitting
+from spi.schemes.stages import compositions, flows, sweeps
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 
@@ -131,59 +129,6 @@ def _slope(h, errors):
     return np.polyfit(np.log(h), np.log(errors), 1)[0]
 
 
-def mean_square_errors(exponents, paths=600, finest=10, **wrong):
-    """Strong errors at T = 1 of the scheme by hand against itself on the path's finest increments, areas by Chen."""
-    generator = np.random.default_rng(11)
-    fine = 2.0 ** (-finest / 2) * generator.standard_normal((2**finest, 3, paths))
-    errors, reference = {}, None
-    for exponent in (finest, *exponents):
-        steps, coins = 2**exponent, np.random.default_rng(exponent).choice([-1.0, 1.0], (2**exponent, paths))
-        inside = fine.reshape(steps, -1, 3, paths)
-        before = np.cumsum(inside, axis=1) - inside
-        areas = turned_product(before, inside).sum(axis=1)
-        y = [np.full(paths, x) for x in INITIAL]
-        for n in range(steps):
-            y = step_with_areas(
-                1 / steps,
-                inside[n].sum(axis=0),
-                0.0 * areas[n] if wrong.get("without_areas") and exponent < finest else areas[n],
-                1.0 if wrong.get("without_coin") else coins[n],
-                y,
-                signs=0.0 if wrong.get("without_loops") and exponent < finest else 1.0,
-            )
-        if exponent == finest:
-            reference = np.array(y)
-        else:
-            errors[exponent] = math.sqrt(((np.array(y) - reference) ** 2).sum(axis=0).mean())
-    return 2.0 ** -np.array(exponents, float), np.array([errors[e] for e in exponents])
-
-
-def test_strong_order_falls_without_areas_and_errors_grow_without_the_coin():
-    """In NumPy with flows by hand, one Brownian path each: the derivation, apart from the program."""
-    exponents = (3, 4, 5, 6)
-    h, errors = mean_square_errors(exponents)
-    assert 0.9 < _slope(h, errors) < 1.12
-    assert 0.4 < _slope(*mean_square_errors(exponents, without_areas=True)) < 0.7
-    assert 0.4 < _slope(*mean_square_errors(exponents, without_loops=True)) < 0.7
-    _, biased = mean_square_errors(exponents, without_coin=True)
-    assert biased[-1] > 1.15 * errors[-1]
-    # with the values of the issue this was built from: 0.0385, 0.0201, 0.00985, 0.00493, at T and not the largest
-    assert np.all(np.abs(errors / [0.0385, 0.0201, 0.00985, 0.00493] - 0.9) < 0.15)
-
-
-@pytest.mark.slow
-@compiled_only
-def test_errors_of_the_compiled_scheme_and_its_limit():
-    """Against itself on one path the errors fall like h; the splitting on the same path has the same limit."""
-    options = {"h": 2.0**-12, "steps": 2**12, "doublings": (0, 4, 6, 8), "blocks": 8}
-    states = simulate(LIE_TROTTER_AREAS, RIGID_BODY, **options)[0][:, 0]
-    plain = simulate(LIE_TROTTER, RIGID_BODY, **options)[0][:, 0]
-    distance = [math.sqrt(((y - states[0]) ** 2).sum(axis=0).mean()) for y in states[1:]]
-    assert 0.93 < _slope(2.0 ** np.array([-8, -6, -4]), distance) < 1.07
-    between = [math.sqrt(((y - z) ** 2).sum(axis=0).mean()) for y, z in zip(states, plain, strict=True)]
-    assert 0.4 < _slope(2.0 ** np.array([-12, -8, -6, -4]), between) < 0.6  # the splitting's own errors, of order 1/2
-
-
 @compiled_only
 def test_casimir_is_unbiased_over_many_steps():
     steps = 2**17
@@ -222,20 +167,6 @@ def test_loops_are_flows_of_pairs_and_no_shares_of_the_step():
 def test_loops_go_with_one_stage_of_noise(rows, message):
     with pytest.raises(ValueError, match=message):
         splitting(flows("drift"), *rows)
-
-
-def test_loops_take_no_words():
-    with pytest.raises(ValueError, match="neither a fraction nor an order"):
-        flows("loops", "backwards")
-
-
-def test_built_in_noises_do_not_commute_by_name():
-    """So every pair that is on has an area; the generic checks look at what models say."""
-    for name in ("rigid_body", "sine_euler", "maxwell_bloch"):
-        cls = MODELS[name]
-        record = cls(*([(1.0,) * 3] * 2 if name == "rigid_body" else []))
-        on = noise_indices(record)
-        assert area_pairs(record) == tuple(itertools.combinations(on, 2))
 
 
 # --- studies ---------------------------------------------------------------------------------------------------------

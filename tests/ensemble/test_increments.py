@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, final_states, order_2, simulate
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, order_2, simulate
 
 from spi.compiler.dispatch import kernel
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
@@ -74,14 +74,6 @@ def test_a_noise_that_is_off_is_neither_drawn_nor_changes_the_others():
         assert np.all(some_on[:, 1] == 8.0)  # the initial state: never touched
 
 
-def test_noises_paths_and_seeds_are_different():
-    options = {"h": 1.0, "steps": 512 if COMPILED else 32, "blocks": 1}
-    (one,), (other,) = increments_of(**options, seed=1), increments_of(**options, seed=2)
-    columns = np.concatenate([one, other], axis=1).reshape(one.shape[0], -1)
-    correlations = np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
-    assert np.abs(correlations).max() < 6 / np.sqrt(one.shape[0])  # of 73536 pairs
-
-
 @kernel
 def draw_coins(seed, steps, block, words, coins):
     for n in range(steps):
@@ -140,31 +132,3 @@ def test_reversed_paths_are_what_a_plain_loop_makes_of_the_increments_and_coins(
             if reversal == 2:
                 wrong_order = max(wrong_order, np.linalg.norm(y - path(lane, in_order, side)))
     assert wrong_coins > 0.03 and wrong_order > 0.03  # negative controls: both matter
-
-
-def test_final_states_are_the_states_at_the_end():
-    options = {"h": 2.0**-4, "steps": 8, "blocks": 2, "first_block": 1, **REVERSED}
-    expected, _ = simulate(SCHEMES["splitting"].record, samples=3 * LANES, **options)  # by another observer
-    assert np.array_equal(final_states(SCHEMES["splitting"].record, **options), expected[:, 0])
-
-
-@compiled_only
-def test_reversed_paths_have_the_law_of_the_scheme():
-    """Means of y_i, y_i^2 and y_i y_j over 2^18 paths; the difference of two steps shows how sharp that is."""
-    paths = {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
-    fine, twin, coarse, turned = final_states(SCHEMES["splitting_order2"].record, h=0.25, steps=4, blocks=4096, **paths)
-
-    def moments(y):
-        return np.concatenate([y, y**2, y * np.roll(y, 1, axis=0)])
-
-    def standard_errors(a, b):
-        """By how many standard errors the moments of two sets of paths differ."""
-        d = moments(a) - moments(b)
-        return np.abs(d.mean(axis=1)) / d.std(axis=1, ddof=1) * np.sqrt(d.shape[1])
-
-    assert standard_errors(fine, twin).max() < 4
-    assert standard_errors(coarse, turned).max() < 4
-    assert not np.array_equal(fine, twin) and not np.array_equal(coarse, turned)
-    assert standard_errors(fine, coarse).max() > 20
-    # Together the two cancel what is odd in the coins: the mean of a pair is nearer to that of the coarse pair.
-    assert np.std(fine + twin - coarse - turned) < 0.7 * np.sqrt(2) * np.std(fine - coarse)

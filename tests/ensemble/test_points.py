@@ -7,10 +7,17 @@ from scipy.special import ndtri
 
 from spi.compiler.dispatch import number
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.given import by_bridges, coins_of_step, noise_of_steps, points_of, words_length
-from spi.ensemble.increments import first_lane, row_length
+from spi.ensemble.increments import (
+    by_bridges,
+    coins_of_step,
+    first_lane,
+    kept_of_steps,
+    noise_of_steps,
+    points_of,
+    row_length,
+    words_length,
+)
 from spi.ensemble.loop import grid
-from spi.ensemble.steppers import kept_of_steps
 from spi.numerics.rng import POINTS, STEPS_PER_DRAW
 from spi.numerics.sobol import BITS, net_words
 from spi.schemes import SCHEMES

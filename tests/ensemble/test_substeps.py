@@ -25,7 +25,6 @@ from spi.compiler.dispatch import kernel
 from spi.ensemble.scheme_protocol import substeps
 from spi.models import MaxwellBloch
 from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
-from spi.schemes import SCHEMES
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
 
@@ -96,18 +95,6 @@ def test_reference_steps_are_halved_by_bridges_of_the_stream_of_bridges():
     assert LEVELS + 2 * 64 < BRIDGES  # no level of a multilevel estimator has the stream of another one's bridges
 
 
-def test_sub_steps_are_independent_with_the_right_variances():
-    options = {"h": 0.25, "steps": 16}
-    found = np.array([over(FINEST, part, **options)[0] for part in range(FINEST)])  # [part, step, noise, path]
-    columns = found.transpose(0, 2, 1, 3).reshape(FINEST * 3, -1)
-    paths = columns.shape[1]
-    assert np.abs(columns.mean(axis=1)).max() < 4.5 * np.sqrt(0.25 / FINEST / paths)
-    assert np.abs(columns.var(axis=1) / (0.25 / FINEST) - 1).max() < 4.5 * np.sqrt(2 / paths)
-    assert np.abs(np.corrcoef(columns)[np.triu_indices(FINEST * 3, 1)]).max() < 4.5 / np.sqrt(paths)
-    # Negative control: with its whole step a sub-step is correlated.
-    assert np.corrcoef(columns[0], over(1, 0, **options)[0][:, 0].ravel())[0, 1] > 0.3
-
-
 def test_each_increment_is_clipped_by_the_bound_for_its_own_length():
     options = {"h": 2.0**-4, "steps": 16, "doublings": (0, 2, 3), "blocks": 2}
     for n in (1, 2, 8):
@@ -143,11 +130,6 @@ def test_a_reversed_path_has_its_sub_steps_in_reversed_order(n):
 )
 def test_as_few_sub_steps_as_will_do(rows, expected):
     assert substeps(splitting(*rows)) == expected
-
-
-def test_schemes_of_the_paper_need_no_sub_steps():
-    others = [name for name, row in SCHEMES.items() if substeps(row.record) != 1]
-    assert others == ["splitting_symmetric", "roessler_rs2"]
 
 
 MODEL = MaxwellBloch((0.8, 1.3))

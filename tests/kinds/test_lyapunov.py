@@ -11,7 +11,7 @@ from rich.console import Console
 from scipy import stats
 from states import chunks_of, finished, same_numbers
 
-from spi.ensemble.given import draw_paths
+from spi.ensemble.increments import draw_paths
 from spi.kinds.lyapunov import study
 from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.kinds.lyapunov.study import log_density, normals_at

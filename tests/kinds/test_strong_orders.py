@@ -13,7 +13,7 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES
-from spi.schemes.theory import strong_order
+from spi.schemes import strong_order
 from spi.storage.records import Part
 
 

@@ -1,27 +1,24 @@
-"""What the flows of every model must satisfy."""
+"""What the flows and derived fields of every model must satisfy beside the generic checks (tests/checks)."""
 
 import model_cases
 import numpy as np
 import pytest
 from model_cases import MODELS_UNDER_TEST, close
-from scipy.integrate import solve_ivp
 
 from spi.checks.flow_checks import along, derivative
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
-    casimirs,
     dimension,
     drift_angle,
     drift_flow,
-    drift_gradient,
     exact_flows,
     large,
     noise_angle,
     noise_flow,
-    noise_gradient,
+    noise_indices,
     noises,
     pieces,
-    structure,
+    strengths,
 )
 from spi.models import MODELS, LotkaVolterra, RigidBody, RigidBodySharedNoise
 from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
@@ -60,43 +57,6 @@ def test_shared_noise_has_no_exact_flow():
     assert not close(there_and_back, y, 1e-2)
 
 
-def flow_by_solver(field, t, y):
-    solution = solve_ivp(lambda _, y: field(tuple(y.tolist())), (0.0, t), y, method="DOP853", rtol=1e-12, atol=1e-13)
-    return solution.y[:, -1]
-
-
-@pytest.mark.parametrize("t", [-0.7, 1.3])
-def test_noise_flows_solve_their_equations(case, t):
-    model, y = case
-    for k in range(noises(model)):
-        expected = flow_by_solver(lambda y, k=k: structure(model, y, noise_gradient(model, k, y)), t, y)
-        assert close(noise_flow(model, k, t, y, ANY_ANGLES), expected, 1e-10)
-        # Negative control: the Hamiltonian with a factor 2 too many, or time backwards, is seen.
-        assert not close(noise_flow(model, k, 2.0 * t, y, ANY_ANGLES), expected, 1e-3)
-        assert not close(noise_flow(model, k, -t, y, ANY_ANGLES), expected, 1e-3)
-
-
-@pytest.mark.parametrize("t", [-0.7, 1.3])
-def test_drift_flows_solve_their_equations(case, t):
-    """The words give the gradient of the whole H only; the field of one piece is the derivative of its flow at 0."""
-    model, y = case
-    for k in range(pieces(model)):
-        field = lambda y, k=k: derivative(lambda s: drift_flow(model, k, s, y, ANY_ANGLES))  # noqa: E731
-        assert close(drift_flow(model, k, t, y, ANY_ANGLES), flow_by_solver(field, t, y), 1e-10)
-
-
-def test_derivatives_of_flows_are_the_fields(case):
-    model, y = case
-    total = sum(derivative(lambda s, k=k: drift_flow(model, k, s, y, ANY_ANGLES)) for k in range(pieces(model)))
-    field = structure(model, y, drift_gradient(model, y))
-    assert close(total, field, 1e-11)
-    assert close(fields.drift_field(model, y), field, 1e-15)
-    for k in range(noises(model)):
-        field = structure(model, y, noise_gradient(model, k, y))
-        assert close(derivative(lambda s, k=k: noise_flow(model, k, s, y, ANY_ANGLES)), field, 1e-11)
-        assert close(fields.noise_field(model, k, y), field, 1e-15)
-
-
 @pytest.mark.parametrize(("s", "t"), [(0.3, 0.9), (-2.5, 1.0), (40.0, -17.0), (1e3, 1e3)])
 def test_flows_are_groups(case, s, t):
     model, y = case
@@ -130,14 +90,41 @@ def test_angle_ranges_agree(case, target):
                 assert not close(flow(t, y, angles), expected, 1e-6)
 
 
-def test_flows_keep_casimirs_and_structure(case):
-    """A flow is a Poisson map: D B(y) D^T = B(flow(y)), D its derivative; so every piece must be some B grad H_k."""
+def vectors(model, count, seed=11):
+    return [tuple(v) for v in np.random.default_rng(seed).standard_normal((count, dimension(model))).tolist()]
+
+
+def test_ito_correction(case):
+    """h/2 sum_k sigma_k^2 f_k' f_k, with f_k' f_k the derivative of f_k along itself, by differences."""
     model, y = case
-    unit = np.eye(dimension(model))
-    for _, flow in flows(model):
-        after = flow(0.6, y)
-        assert close(casimirs(model, after), casimirs(model, y), 1e-14)
-        jacobian = np.array([derivative(lambda s, e=e, flow=flow: flow(0.6, along(y, e)(s))) for e in unit]).T
-        before = np.array([structure(model, y, tuple(e)) for e in unit.tolist()]).T
-        expected = np.array([structure(model, after, tuple(e)) for e in unit.tolist()]).T
-        assert close(jacobian @ before @ jacobian.T, expected, 1e-9)
+    h = 0.37
+    correction = 0.0
+    for k in noise_indices(model):
+        direction = fields.noise_field(model, k, y)
+        changed = derivative(lambda s, k=k, v=direction: fields.noise_field(model, k, along(y, v)(s)))
+        assert close(fields.noise_field_derivative(model, k, y, direction), changed, 1e-11)
+        correction = correction + strengths(model)[k] ** 2 * changed
+    got = np.array(fields.add_ito_correction(model, y, h, y)) - y
+    assert close(got, 0.5 * h * correction, 1e-11)
+    # Negative controls: without the 1/2, with the other sign, without the correction; the noise of sigma_3 of
+    # Maxwell-Bloch has none.
+    for wrong in (1.0, -0.5, 0.0) if np.linalg.norm(correction) > 1e-6 else ():
+        assert not close(got, wrong * h * correction, 1e-3)
+
+
+def test_field_of_a_step_and_its_derivative(case):
+    """F = B grad(h H + sum_k sigma_k dW_k Ĥ_k) and F', of which the implicit midpoint rule is made."""
+    model, y = case
+    h, lane = 0.21, 5
+    dW = np.random.default_rng(3).standard_normal(noises(model) * fields.LANES)
+    (v,) = vectors(model, 1)
+    expected = h * np.array(fields.drift_field(model, y))
+    for k in noise_indices(model):
+        dWk = dW[k * fields.LANES + lane]
+        expected += strengths(model)[k] * dWk * np.array(fields.noise_field(model, k, y))
+    assert close(fields.step_field(model, h, dW, lane, y), expected, 1e-14)
+    explicit = np.array(fields.add_noise_fields(model, y, dW, lane, y)) - y
+    assert close(explicit + h * np.array(fields.drift_field(model, y)), expected, 1e-14)
+    gradient = fields.step_gradient(model, h, dW, lane, y)
+    changed = derivative(lambda s: fields.step_field(model, h, dW, lane, along(y, v)(s)))
+    assert close(fields.step_field_derivative(model, h, dW, lane, y, gradient, v), changed, 1e-11)

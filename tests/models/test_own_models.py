@@ -368,19 +368,6 @@ def test_the_command_line(oscillator):
     assert err.count("\n") == 1 and not Path("out").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="about the compiler")
-def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
-    """A strength that is off is None, with which nothing can be computed."""
-    source = OSCILLATOR.replace("return y\n", "return y[0] + 0.0 * model.sigma[0], y[1]\n")
-    oscillator(source=source + f"# {os.urandom(4).hex()}\n")
-    assert command("check", "s.yaml")[0] == 0
-    code, out, err = command("run", "s.yaml", "--out", "out", "--set", "model.sigma=[0]")
-    assert (code, out) == (2, "") and err.count("\n") == 1
-    assert err.startswith("spi: s.yaml:2: model.python: Oscillator in my_model.py: drift_gradient, line 38, raises")
-    assert not Path("out").exists()
-
-
 def test_a_file_may_import_its_class_from_an_installed_package(oscillator, tmp_path, monkeypatch):
     """The code of the package then belongs to the hash of the spec."""
     monkeypatch.syspath_prepend(tmp_path)

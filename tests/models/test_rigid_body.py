@@ -10,14 +10,9 @@ from model_cases import MODELS_UNDER_TEST, POINTS, around_the_origin, close
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
     casimirs,
-    dimension,
     drift_flow,
     hamiltonian,
     noise_flow,
-    noise_indices,
-    noises,
-    pieces,
-    strengths,
     structure,
 )
 from spi.models import RigidBody, SineEuler
@@ -55,13 +50,6 @@ def test_rigid_body_equations_are_the_printed_ones(model):
             assert not close(fields.noise_field(model, k, y), 2 * np.array(printed[k]), 1e-3)  # the slip of section 2
         assert hamiltonian(model, y) == pytest.approx(0.5 * (y1**2 / i1 + y2**2 / i2 + y3**2 / i3), rel=1e-15)
         assert casimirs(model, y) == pytest.approx((y1**2 + y2**2 + y3**2,), rel=1e-15)
-
-
-def test_counts_and_strengths():
-    model = RigidBody((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), (0.5, None, 2.0))
-    assert (dimension(model), pieces(model), noises(model)) == (3, 3, 3)
-    assert noise_indices(model) == (0, 2)
-    assert strengths(model) == (0.5, 0.0, 2.0)
 
 
 @pytest.mark.parametrize("size", [1e2, 1e4, 1e6])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import system_formulas
-from helpers import COMPILED, LANES, take_step
+from helpers import LANES, take_step
 from scipy.linalg import expm
 from system_formulas import (
     CELL,
@@ -199,23 +199,3 @@ def test_splitting_keeps_populations_positive(h):
     assert np.all((new[:, within] > 0.0) & np.isfinite(new[:, within]))
     explicit, _ = take_step(EULER_MARUYAMA, model, h, dW, y)  # negative control
     assert np.any(explicit < 0.0)
-
-
-@pytest.mark.parametrize("sigma", [0.3, 1.0])
-def test_only_splitting_stays_in_the_quadrant(sigma):
-    """Paths of many steps of moderate size, as in the experiment lotka_volterra_positivity."""
-    h, steps = 0.1, 200 if COMPILED else 20
-    generator = np.random.default_rng(4)
-    dW, y = math.sqrt(h) * generator.standard_normal((steps, 1, LANES)), np.ones((2, LANES))
-    model, outside = LotkaVolterra((sigma,)), {}
-    for scheme in (SPLITTING, EULER_MARUYAMA):
-        left = np.zeros(LANES, bool)
-        state = y
-        with np.errstate(all="ignore"):
-            for step in dW:
-                state, _ = take_step(scheme, model, h, step, state)
-                left |= (state < 0.0).any(axis=0) | np.isnan(state).any(axis=0)
-        outside[scheme] = np.count_nonzero(left)
-    assert outside[SPLITTING] == 0
-    if COMPILED:
-        assert outside[EULER_MARUYAMA] > 0

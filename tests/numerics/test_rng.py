@@ -1,14 +1,60 @@
-"""The random numbers: known answers, their layout and their law."""
+"""The random numbers and the coins: known answers, their layout and their law."""
 
 import math
 
+import numba
 import numpy as np
 import pytest
-from random_cases import BLOCKS, BOUND, COMPILED, SEED, normals, plain_philox
 from scipy import stats
 
 from spi.compiler.dispatch import kernel
-from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, STREAM_VERSION, normal_pair, philox
+from spi.numerics.rng import (
+    BROWNIAN,
+    COINS,
+    LANES,
+    LEVELS,
+    STEPS_PER_DRAW,
+    STEPS_PER_TOSS,
+    STREAM_VERSION,
+    draw_normals,
+    normal_pair,
+    philox,
+    read_coins,
+    toss,
+)
+
+COMPILED = not numba.config.DISABLE_JIT
+BLOCKS = 128 if COMPILED else 8
+DRAWS = 64 if COMPILED else 4  # four steps each
+BOUND = 4.5
+SEED = 20240229
+
+
+@kernel
+def fill(seed, stream, channel, draws, blocks, words, out):
+    for b in range(blocks.size):
+        for d in range(draws.size):
+            draw_normals(seed, stream, channel, draws[d], blocks[b], words, out[b, d])
+
+
+def normals(seed=SEED, stream=BROWNIAN, channel=0, draws=range(DRAWS), blocks=range(BLOCKS)):
+    """Standard normals as an array [path, step]: the paths of the blocks and the steps of the draws, in that order."""
+    draws, blocks = np.array(draws, np.uint64), np.array(blocks, np.uint64)
+    out = np.empty((blocks.size, draws.size, STEPS_PER_DRAW * LANES))
+    words = np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    fill(np.uint64(seed), np.uint64(stream), np.uint64(channel), draws, blocks, words, out)
+    by_step = out.reshape(blocks.size, draws.size * STEPS_PER_DRAW, LANES)
+    return by_step.transpose(0, 2, 1).reshape(blocks.size * LANES, draws.size * STEPS_PER_DRAW)
+
+
+def plain_philox(counter, key):
+    c, k = list(counter), list(key)
+    for _ in range(10):
+        low, high = 0xD2511F53 * c[0], 0xCD9E8D57 * c[2]
+        c = [(high >> 32) ^ c[1] ^ k[0], high % 2**32, (low >> 32) ^ c[3] ^ k[1], low % 2**32]
+        k = [(k[0] + 0x9E3779B9) % 2**32, (k[1] + 0xBB67AE85) % 2**32]
+    return c
+
 
 UNLIKELY = 2 * stats.norm.sf(BOUND)
 
@@ -132,10 +178,6 @@ def test_everything_that_names_a_normal_changes_it():
     assert np.unique(values).size == values.size
 
 
-def test_sample_is_large_enough(sample):
-    assert sample.size == (2**21 if COMPILED else 2**13)
-
-
 @pytest.mark.parametrize("power", range(1, 7))
 def test_moments(sample, power):
     def moment(k):
@@ -168,31 +210,9 @@ def test_steps_are_independent(sample, lag):
     assert_uncorrelated(sample[:, lag:], sample[:, :-lag])
 
 
-@pytest.mark.parametrize("row", range(STEPS_PER_DRAW))
-def test_steps_of_one_draw_are_independent(sample, row):
-    for other in range(row):
-        assert_uncorrelated(sample[:, row::STEPS_PER_DRAW], sample[:, other::STEPS_PER_DRAW])
-
-
 @pytest.mark.parametrize("distance", [1, 2, LANES])
 def test_paths_are_independent(sample, distance):
     assert_uncorrelated(sample[distance:], sample[:-distance])
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        {"channel": 1},
-        {"channel": 2},
-        {"stream": BROWNIAN + 1},
-        {"seed": SEED + 1},
-        {"seed": SEED + 2**32},
-        {"blocks": range(2**26, 2**26 + BLOCKS)},
-    ],
-    ids=["channel 1", "channel 2", "stream", "seed", "high word of the seed", "high paths"],
-)
-def test_others_are_independent(sample, other):
-    assert_uncorrelated(sample, normals(**other))
 
 
 def test_sums_of_steps_are_normal(sample):
@@ -201,3 +221,110 @@ def test_sums_of_steps_are_normal(sample):
     assert stats.kstest(sums, "norm").pvalue > 0.01
     assert abs(np.mean(sums**2) - 1.0) <= BOUND * math.sqrt(2 / sums.size)
     assert abs(np.mean(sums**4) - 3.0) <= BOUND * math.sqrt(96 / sums.size)
+
+
+@kernel
+def toss_all(seed, stream, draws, blocks, words, out):
+    for b in range(blocks.size):
+        for d in range(draws.size):
+            toss(seed, stream, draws[d], blocks[b], words)
+            for step in range(STEPS_PER_TOSS):
+                # as in the ensemble: by the number of the step, from the words of the evaluation it falls into
+                read_coins(words, np.int64(draws[d]) * STEPS_PER_TOSS + step, out[b, d, step])
+
+
+def coins(seed=SEED, stream=BROWNIAN + COINS, draws=range(4 if COMPILED else 1), blocks=range(BLOCKS)):
+    """Coins as an array [path, step]: the paths of the blocks and the steps of the draws, in that order."""
+    draws, blocks = np.array(draws, np.uint64), np.array(blocks, np.uint64)
+    out = np.empty((blocks.size, draws.size, STEPS_PER_TOSS, LANES))
+    toss_all(np.uint64(seed), np.uint64(stream), draws, blocks, np.empty(STEPS_PER_DRAW * LANES, np.uint64), out)
+    return out.transpose(0, 3, 1, 2).reshape(blocks.size * LANES, draws.size * STEPS_PER_TOSS)
+
+
+@pytest.fixture(scope="module")
+def tossed():
+    return coins()
+
+
+def plain_coin(seed, stream, path, step):
+    """Bit step mod 32 of the word step mod 128 // 32; channel 0 of the stream of coins."""
+    counter = (step // 128, (stream + 1) * 2**16, path % 2**32, path // 2**32)
+    words = plain_philox(counter, (seed % 2**32, seed // 2**32))
+    return 1.0 if (words[step % 128 // 32] >> step % 32) % 2 else -1.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "stream", "draw", "block"),
+    [
+        (0, 0, 0, 0),
+        (SEED, LEVELS + 6, 1234, 17),
+        (2**64 - 1, 65534, 2**32 - 1, 2**58 - 1),
+        (2**32 + 7, BROWNIAN, 3, 2**26),  # the first block whose paths need more than 32 bits
+    ],
+)
+def test_layout_of_coins(seed, stream, draw, block):
+    got = coins(seed, stream + COINS, [draw], [block])
+    paths = range(block * LANES, (block + 1) * LANES)
+    steps = range(STEPS_PER_TOSS * draw, STEPS_PER_TOSS * (draw + 1))
+    assert got.tolist() == [[plain_coin(seed, stream, path, step) for step in steps] for path in paths]
+
+
+def test_coins_have_not_changed():
+    """As for the normals: whoever changes these must raise STREAM_VERSION."""
+    got = coins(1, BROWNIAN + COINS, [0], [0])[0, :16]
+    assert "".join("+" if c > 0 else "-" for c in got) == "---+--+-++++--++"
+
+
+def test_coins_do_not_depend_on_their_neighbours():
+    blocks, draws = [5, 1, 2**26, 3], [9, 0, 4]
+    together = coins(draws=draws, blocks=blocks)
+    for b, block in enumerate(blocks):
+        for d, draw in enumerate(draws):
+            alone = coins(draws=[draw], blocks=[block])
+            steps = slice(STEPS_PER_TOSS * d, STEPS_PER_TOSS * (d + 1))
+            assert np.array_equal(together[b * LANES : (b + 1) * LANES, steps], alone)
+
+
+def test_streams_do_not_overlap():
+    """A stream of coins lies beside that of its increments, and no two levels share one."""
+    levels = [LEVELS + 2 * j for j in range(64)]
+    streams = [BROWNIAN, BROWNIAN + COINS, *levels, *(stream + COINS for stream in levels)]
+    assert len(set(streams)) == len(streams)
+
+
+def test_coins_are_fair(tossed):
+    """All together, at every step, and on every path: the largest of n deviations, which has 4.5 sigma with n = 1."""
+    assert set(np.unique(tossed)) == {-1.0, 1.0}
+    assert abs(tossed.mean()) <= BOUND / math.sqrt(tossed.size)
+    for axis in (0, 1):
+        deviations = tossed.mean(axis=axis) * math.sqrt(tossed.shape[axis])
+        assert np.abs(deviations).max() <= 6
+        # Their squares have mean 1 and variance 2 - 2/n; a coin that alternates would pass all of the above.
+        assert abs(np.mean(deviations**2) - 1) <= BOUND * math.sqrt(2 / deviations.size)
+
+
+def assert_no_correlation(x, y):
+    assert abs(np.mean(x * y)) <= BOUND / math.sqrt(x.size)
+
+
+@pytest.mark.parametrize("lag", [1, 2, 3, 31, 32, 33, 64, 96, 127])
+def test_coins_of_steps_are_independent(tossed, lag):
+    assert_no_correlation(tossed[:, lag:], tossed[:, :-lag])
+
+
+@pytest.mark.parametrize("distance", [1, 2, 3, LANES, 7 * LANES])
+def test_coins_of_paths_are_independent(tossed, distance):
+    assert_no_correlation(tossed[distance:], tossed[:-distance])
+
+
+@pytest.mark.parametrize("channel", range(3))
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_coins_are_independent_of_the_normals(tossed, channel, power):
+    """Of the same step, and of those that one evaluation of the generator gives together with it."""
+    values = normals(channel=channel) ** power
+    values = values - values.mean()
+    n = min(values.shape[1], tossed.shape[1])
+    for lag in (0, 1, 2, 3, 4, 8):
+        x, y = values[:, lag:n], tossed[:, : n - lag]
+        assert abs(np.mean(x * y)) <= BOUND * x.std() / math.sqrt(x.size)
+        assert abs(np.mean(values[:, : n - lag] * tossed[:, lag:n])) <= BOUND * x.std() / math.sqrt(x.size)

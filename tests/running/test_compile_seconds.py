@@ -5,7 +5,7 @@ from helpers import RIGID_BODY
 
 from spi.models.maxwell_bloch import MaxwellBloch
 from spi.running.compiling import Job, Size, described, size_of, steps_seconds
-from spi.schemes.entries import SCHEMES
+from spi.schemes import SCHEMES
 
 #: Processor seconds of the process that compiled, on a busy machine of two cores; 2 s less for its first kernel.
 MEASURED = {

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spi.cli import app
-from spi.models.zeitlin import Zeitlin, fields, resolution
+from spi.models.zeitlin import Zeitlin, fields
 from spi.running.load import load
 from spi.running.remarks import reports
 
@@ -16,11 +16,11 @@ from spi.running.remarks import reports
 def test_matrices_and_casimirs():
     for n in (3, 7, 9):
         y, w = np.random.default_rng(n).standard_normal((2, n * n - 1))
-        found = resolution.matrix_of(y)
+        found = fields.matrix_of(y)
         np.testing.assert_allclose(found, found.conj().T, atol=1e-13)
-        np.testing.assert_allclose(resolution.matrix_of(y + 2 * w), found + 2 * resolution.matrix_of(w), atol=1e-13)
+        np.testing.assert_allclose(fields.matrix_of(y + 2 * w), found + 2 * fields.matrix_of(w), atol=1e-13)
         known = fluids.casimirs(Zeitlin(n=n), y, range(2, min(n, 5) + 1))
-        np.testing.assert_allclose(resolution.casimirs_of(y, min(n - 1, 4)), known, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(fields.casimirs_of(y, min(n - 1, 4)), known, rtol=1e-11, atol=1e-11)
 
 
 def test_ratios_tend_to_one_where_cells_are_small():
@@ -30,12 +30,12 @@ def test_ratios_tend_to_one_where_cells_are_small():
     round_one = np.exp(2 * np.cos(x1) + 2 * np.cos(x2))
     away = []
     for n in (31, 63):
-        two, three, *_ = resolution.ratios(fields.projected(round_one - round_one.mean(), n), 4)
+        two, three, *_ = fields.ratios(fields.projected(round_one - round_one.mean(), n), 4)
         assert two == pytest.approx(1, abs=1e-12)
         away.append(1 - three)
     assert 3.5 < away[0] / away[1] < 4.3 and away[1] > 0.001
-    assert math.isnan(resolution.ratios(fields.projected(np.cos(x1 - 2 * x2), 9), 2)[1])
-    assert resolution.cell(63) == pytest.approx(0.79, abs=0.005)
+    assert math.isnan(fields.ratios(fields.projected(np.cos(x1 - 2 * x2), 9), 2)[1])
+    assert fields.cell(63) == pytest.approx(0.79, abs=0.005)
 
 
 def test_check_says_what_a_fluid_resolves():
@@ -44,4 +44,4 @@ def test_check_says_what_a_fluid_resolves():
     assert "C_2 1.00, C_3 0.95, C_4 0.88, C_5 0.78" in found
     assert not reports(load("rigid_body_strong"))
     (case, *_) = load("zeitlin_casimirs").cases
-    assert len(resolution.report(case.model, case.initial)) == 2
+    assert len(fields.report(case.model, case.initial)) == 2

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 import scheme_cases
-from helpers import COMPILED, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states, take_step, take_steps
-from scheme_cases import ANGLE, LOCKED, increments, relative, tosses
+from helpers import LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states, take_step, take_steps
+from scheme_cases import ANGLE, LOCKED, relative, tosses
 
-from spi.ensemble import scheme_protocol
 from spi.ensemble.protocol import (
-    casimirs,
     dimension,
     drift_angle,
     drift_flow,
@@ -21,8 +19,7 @@ from spi.ensemble.protocol import (
 from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, SineEuler
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.elementary import SMALL
-from spi.schemes import typical_ns
-from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
+from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 from spi.schemes.stages import compositions
 
 # fixtures
@@ -113,19 +110,6 @@ def test_largest_angle_is_reported(system, generator):
     assert (largest[1] > 1.0) == (not isinstance(model, LotkaVolterra))  # which has no angles
 
 
-@pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
-def test_largest_angle_of_many_steps(scheme, model, generator):
-    y, h, coins = random_states(generator), 0.5, np.ones(LANES)
-    dW = increments(generator, h, steps=3)
-    _, report = take_steps(scheme, model, h, dW, y)
-    largest = []
-    for step in dW:
-        largest.append(largest_angle(scheme, model, h, step, y, coins))
-        y, _ = take_step(scheme, model, h, step, y)
-    assert report[ANGLE] == pytest.approx(max(largest), rel=1e-12)
-    assert len(set(largest)) == 3 and min(largest) > SMALL
-
-
 @pytest.mark.parametrize("angle", [0.1, np.nextafter(SMALL, 0.0), SMALL, np.nextafter(SMALL, 1.0), 1e7, np.inf, np.nan])
 def test_one_angle_is_reported_from_a_quarter_of_pi_on(angle):
     """To the last bit; what is not finite counts as infinite, so that it is not forgotten."""
@@ -161,22 +145,6 @@ def test_order_2_is_the_printed_composition_and_so_are_the_compositions_as_data(
     assert relative(by_lanes(lambda y, dW, coin: acted(lie_trotter, model, h, dW, y), y, dW, coins), printed) > 1e-2
 
 
-@pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
-def test_compositions_of_lie_trotter_are_its_step(system, scheme):
-    model, *_ = system
-    ((probability, flows),) = compositions(scheme.stages, model)
-    drift, noise = [("drift", k, 1.0) for k in range(pieces(model))], [("noise", k, 1.0) for k in noise_indices(model)]
-    assert probability == 1.0
-    assert list(flows) == (noise + drift if scheme is LIE_TROTTER else drift + noise)
-
-
-def test_compositions_as_data_for_two_pieces_and_two_noises():
-    halves = [("drift", 0, 0.25), ("drift", 1, 0.5), ("drift", 0, 0.25)]
-    noise = [("noise", 0, 1.0), ("noise", 1, 1.0)]
-    expected = ((0.5, (*halves, *noise, *halves)), (0.5, (*halves, *noise[::-1], *halves)))
-    assert compositions(ORDER_2.stages, MaxwellBloch((1.0, 1.0))) == expected
-
-
 def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
     """Phi_{-h,-coin}(-dW) o Phi_{h,coin}(dW) is the identity: turning the coin reverses the order of all flows."""
     model, y, dW = system
@@ -187,30 +155,3 @@ def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
     assert relative(new, y) > 0.1
     if len(noise_indices(model)) > 1:  # negative control
         assert relative(take_step(ORDER_2, model, -h, -dW, new, coins)[0], y) > 1e-2
-
-
-def test_only_order_2_tosses_coins():
-    assert [name for name, entry in SCHEMES.items() if scheme_protocol.tosses(entry.record)] == ["splitting_order2"]
-
-
-@pytest.mark.share(1)
-def test_order_2_keeps_all_casimirs(system, generator):
-    model, y, _ = system
-    steps = 200 if COMPILED else 10
-    dW = 0.1 * np.clip(generator.standard_normal((steps, noises(model), LANES)), -3.0, 3.0)
-    new, _ = take_steps(ORDER_2, model, 0.01, dW, y, tosses(generator, steps))
-    for lane in range(LANES):
-        before, after = (np.array(casimirs(model, tuple(x[:, lane].tolist()))) for x in (y, new))
-        assert np.all(np.abs(after - before) <= 1e-13 * np.linalg.norm(y[:, lane]) ** 3 + 1e-13)
-    assert relative(new, y) > 0.1
-
-
-def test_flows_of_a_step_for_estimates_of_run_time():
-    """13 flows and, because lanes differ in their coins, two of the noises twice."""
-    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
-    flow = typical_ns(SCHEMES["splitting"], RIGID_BODY._replace(sigma=(None, None, None))) / 3
-    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY._replace(sigma=(None, None, None))) == pytest.approx(
-        10 * flow
-    )
-    draws = typical_ns(SCHEMES["splitting"], RIGID_BODY) - 6 * flow
-    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY) == pytest.approx(15 * flow + draws)

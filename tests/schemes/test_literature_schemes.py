@@ -27,7 +27,7 @@ from spi.ensemble.protocol import (
     structure,
 )
 from spi.models import LotkaVolterra, MaxwellBloch, RigidBodySharedNoise, SineEuler
-from spi.models.damped import damped
+from spi.models.delegation import damped
 from spi.numerics.angles import (
     ANY_ANGLES,
     REDUCED_ANGLES,
@@ -37,8 +37,8 @@ from spi.numerics.angles import (
     TinyAngles,
     sinc_versinc,
 )
+from spi.schemes import strong_order
 from spi.schemes.munthe_kaas import act, action_size
-from spi.schemes.theory import strong_order
 
 # fixtures
 generator = scheme_cases.generator
@@ -238,6 +238,7 @@ def test_the_order_that_theory_expects_of_the_euler_type():
     }
     for model, order in orders.items():
         case = SimpleNamespace(model=model, noise=None, initial=np.full(dimension(model), 0.5))
+        assert model is SHARED or strong_order(SCHEMES["munthe_kaas_areas"], model, case.initial) == 1.0
         assert strong_order(SCHEMES["munthe_kaas_euler"], case.model, case.initial, case.noise) == order
         assert strong_order(SCHEMES["munthe_kaas_midpoint"], case.model, case.initial, case.noise) == (
             0.5 if model is RIGID_BODY else 1.0

@@ -59,17 +59,6 @@ def test_midpoint_reports_a_residual_that_is_not_finite(bad, generator):
     assert not np.isfinite(report[RESIDUAL])
 
 
-def test_midpoint_adds_up_its_reports(generator):
-    y, dW = on_the_sphere(generator), increments(generator, 0.1, steps=4)
-    _, total = take_steps(Midpoint(), RIGID_BODY, 0.1, dW, y)
-    parts = []
-    for n in range(4):
-        y, report = take_steps(Midpoint(), RIGID_BODY, 0.1, dW[n : n + 1], y)
-        parts.append(report)
-    assert np.array_equal(total[:RESIDUAL], np.sum(parts, axis=0)[:RESIDUAL])
-    assert total[RESIDUAL] == np.max(parts, axis=0)[RESIDUAL]
-
-
 class OfDimension1(NamedTuple):
     dimension = 1
 

@@ -1,29 +1,26 @@
-"""The multiscale system (eq. prob_eps): its schemes against the paper's formulas, for eps from 0 to 1."""
+"""The multiscale system (eq. prob_eps): its schemes against the paper's formulas, their limits, and how others fail."""
 
 import mpmath
-import multiscale_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, Increments, compiled_only, final_states, loop_in_python, simulate
-from mpmath import mpf
-from multiscale_cases import (
-    EXPLICIT,
-    IMPLICIT,
-    MIDPOINT,
-    NAMES,
-    PAIRS,
-    RULES,
-    at_rest,
-    distance,
-    go,
-    mean_square_distance,
-    normals,
-    slope,
-    start,
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    Increments,
+    WithoutCorrection,
+    compiled_only,
+    final_states,
+    loop_in_python,
+    simulate,
+    take_steps,
 )
+from mpmath import mpf
 
 from spi.ensemble.protocol import (
     casimirs,
+    dimension,
     drift_flow,
     drift_gradient,
     noise_flow,
@@ -32,13 +29,73 @@ from spi.ensemble.protocol import (
     pieces,
     structure,
 )
+from spi.ensemble.scheme_protocol import memory_size
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
 from spi.numerics.angles import ANY_ANGLES
-from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
+from spi.schemes import SCHEMES
+from spi.schemes.asymptotic import (
+    AsymptoticPreserving,
+    ExplicitEuler,
+    ImplicitEuler,
+    ImplicitMidpoint,
+    MultiscaleEuler,
+    increment_and_process,
+)
 from spi.schemes.splitting import LIE_TROTTER
 
-# fixtures
-generator = multiscale_cases.generator
+RULES = {"implicit Euler": ImplicitEuler(), "midpoint": ImplicitMidpoint(), "explicit Euler": ExplicitEuler()}
+IMPLICIT, MIDPOINT, EXPLICIT = RULES.values()
+#: What is tested for all models: scheme and rule.
+PAIRS = [
+    (AsymptoticPreserving, IMPLICIT),
+    (AsymptoticPreserving, MIDPOINT),
+    (MultiscaleEuler, EXPLICIT),
+    (MultiscaleEuler, IMPLICIT),
+]
+NAMES = ["AP", "AP midpoint", "explicit", "semi-implicit"]
+
+
+@pytest.fixture
+def generator():
+    return np.random.default_rng(42)
+
+
+def normals(generator, model, steps):
+    return generator.standard_normal((steps, noises(model), LANES))
+
+
+def start(generator, model):
+    """States of length about 1, positive ones for populations."""
+    y = generator.standard_normal((dimension(model), LANES))
+    return np.exp(0.5 * y) if isinstance(model, LotkaVolterra) else y / np.linalg.norm(y, axis=0)
+
+
+def at_rest(y=INITIAL):
+    """The same state in all lanes."""
+    return np.repeat(np.array(y)[:, np.newaxis], LANES, axis=1)
+
+
+def go(scheme, model, h, dW, y, z=None):
+    """States and processes after steps with increments dW; the processes begin at 0 unless given."""
+    d = dimension(model)
+    if memory_size(scheme, model):
+        y = np.vstack([y, np.zeros((noises(model), LANES)) if z is None else z])
+    end, _ = take_steps(scheme, model, h, dW, y)
+    return end[:d], end[d:]
+
+
+def distance(a, b):
+    """Of states [component, lane], in every lane."""
+    return np.linalg.norm(a - b, axis=0)
+
+
+def mean_square_distance(a, b):
+    return np.sqrt((distance(a, b) ** 2).mean())
+
+
+def slope(x, y):
+    """Of a line through the logarithms."""
+    return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
 MODELS = {
@@ -131,17 +188,6 @@ def test_steps_are_those_of_the_paper(model, kind, rule, eps, generator):
         others = [printed_increments(other, eps, h, dW, z)[0] for other in RULES.values() if other is not rule]
         for wrong in (*others, dW):
             assert relative(new, transcribed(scheme, model, h, wrong, y)) > 1e-3
-
-
-def test_noise_that_is_off_has_no_process(generator):
-    scheme, h, y = AsymptoticPreserving(0.5, IMPLICIT), 0.1, start(generator, MODELS["maxwell_bloch"])
-    model, zero = MaxwellBloch((None, 1.5)), MaxwellBloch((0.0, 1.5))
-    dW, z = np.sqrt(h) * normals(generator, model, 3), generator.standard_normal((2, LANES))
-    expected, processes = go(scheme, zero, h, dW, y, z)
-    dW[:, 0] = z[0] = np.nan  # nobody looks at these
-    new, others = go(scheme, model, h, dW, y, z)
-    assert relative(new, expected) < 1e-15
-    assert np.array_equal(others[1], processes[1])
 
 
 # --- the ensemble ----------------------------------------------------------------------------------------------------
@@ -243,18 +289,92 @@ def casimir_errors(scheme, model, h, steps):
     return np.abs((after - before) / np.abs(before[:, :1])).max(axis=1)
 
 
-@pytest.mark.share
-@pytest.mark.parametrize("eps", [1.0, 0.1, 1e-3, 1e-6, 0.0])
-@asymptotic_preserving
-@pytest.mark.parametrize("name", ["rigid_body", "maxwell_bloch", pytest.param("sine_euler", marks=pytest.mark.slow)])
-def test_casimirs_are_kept_for_every_eps(name, rule, eps):
-    steps = 10**4 if COMPILED else 10
-    errors = casimir_errors(AsymptoticPreserving(eps, rule), MODELS[name], 0.01, steps)
-    assert errors.max() < (2e-13 if name == "sine_euler" else 1e-13)
-
-
 @pytest.mark.parametrize("rule", [EXPLICIT, IMPLICIT], ids=["explicit", "semi-implicit"])
 def test_the_comparators_do_not_keep_them(rule):
     for name in ("rigid_body", "maxwell_bloch", "sine_euler"):
         errors = casimir_errors(MultiscaleEuler(1.0, rule), MODELS[name], 0.01, 100 if COMPILED else 20)
         assert np.median(errors) > 1e-4
+
+
+def summed(dW, times):
+    """Increments of steps that are so many times as large."""
+    return dW.reshape(-1, times, *dW.shape[1:]).sum(axis=1)
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
+def test_increments_add_up_to_the_wiener_process_less_the_change_of_z(rule, generator):
+    """As eps xi_k/eps dt = dW_k - eps d xi_k says; nothing of the Wiener process is lost."""
+    with mpmath.workdps(60):
+        eps, h, z = mpf("0.1"), mpf("0.015"), mpf("0.03")
+        total, first, dW = mpf(0), z, [mpf(x) for x in generator.standard_normal(50)]
+        for x in dW:
+            increment, z = increment_and_process(rule, eps, h, x, z)
+            total += increment
+        assert abs(total - (sum(dW) + first - z)) < mpf(10) ** -57
+        assert abs(total - sum(dW)) > 1e-3
+    z = first = generator.standard_normal(1000)
+    total, walk = np.zeros(1000), np.zeros(1000)
+    for _ in range(1000):
+        x = 0.1 * generator.standard_normal(1000)
+        increment, z = increment_and_process(rule, 0.1, 0.015, x, z)
+        total, walk = total + increment, walk + x
+    assert np.abs(total - (walk + first - z)).max() < 1e-12
+
+
+def test_for_a_fixed_eps_all_schemes_have_one_limit_and_order_1(generator):
+    """The equation is a random ODE and its noise additive, so that the strong order is 1 for all of them."""
+    model, eps = RIGID_BODY, 0.5
+    finest, powers = (2**12, range(4, 9)) if COMPILED else (2**6, range(2, 5))
+    y, dW = at_rest(), np.sqrt(1 / finest) * normals(generator, model, finest)
+    finals = {
+        (name, n): go(kind(eps, rule), model, 1 / n, summed(dW, finest // n), y)[0]
+        for name, (kind, rule) in zip(NAMES, PAIRS, strict=True)
+        for n in [finest, *(2**p for p in powers)]
+    }
+    h = 2.0 ** -np.array(powers)
+    for name in NAMES:
+        errors = [mean_square_distance(finals[name, 2**p], finals["AP midpoint", finest]) for p in powers]
+        if COMPILED:
+            assert 0.9 < slope(h, errors) < 1.15
+        assert np.all(np.diff(errors) < 0)
+        apart = [mean_square_distance(finals[name, n], finals["AP", n]) for n in (*(2**p for p in powers), finest)]
+        if name != "AP":
+            assert 0.85 < slope([*h, 1 / finest], apart) < 1.15
+    without, _ = go(LIE_TROTTER, model, 1 / finest, dW, y)  # negative control: eps = 0 is another equation
+    assert mean_square_distance(without, finals["AP", finest]) > 0.1
+
+
+def test_the_explicit_scheme_explodes_for_h_above_2_eps_squared(generator):
+    eps, y = 0.05, at_rest()
+    noise = normals(generator, RIGID_BODY, 400 if COMPILED else 60)
+
+    def after(scheme, u):
+        """Steps of size u eps^2."""
+        with np.errstate(all="ignore"):
+            return go(scheme, RIGID_BODY, u * eps * eps, np.sqrt(u) * eps * noise, y)
+
+    explicit = MultiscaleEuler(eps, EXPLICIT)
+    for u in (0.1, 0.9, 1.9):
+        _, z = after(explicit, u)
+        assert np.abs(z).max() < 6 * eps / np.sqrt(2 - u)  # six standard deviations
+    kept, _ = after(explicit, 0.1)
+    assert np.abs(np.linalg.norm(kept, axis=0) - 1.0).max() < 0.2
+    lost, z = after(explicit, 4.0)  # z triples at each step
+    assert np.abs(z).min() > 1e20
+    assert not np.isfinite(lost).any()
+    for rule in (IMPLICIT, MIDPOINT):
+        kept, z = after(AsymptoticPreserving(eps, rule), 4.0)
+        assert np.abs(np.linalg.norm(kept, axis=0) - 1.0).max() < 1e-13
+        assert np.abs(z).max() < 6 * eps / np.sqrt(2)
+
+
+def test_the_semi_implicit_scheme_becomes_that_of_the_equation_in_itos_sense(generator):
+    """Step by step y + h B grad H + sum_k sigma_k f_k dW_k, without the Itô correction."""
+    h, y = 0.01, start(generator, RIGID_BODY)
+    dW = np.sqrt(h) * normals(generator, RIGID_BODY, 10)
+    for steps in range(1, 11):
+        read, _ = go(WithoutCorrection(), RIGID_BODY, h, dW[:steps], y)
+        assert distance(go(MultiscaleEuler(1e-6, IMPLICIT), RIGID_BODY, h, dW[:steps], y)[0], read).max() < 1e-9
+        assert np.array_equal(go(MultiscaleEuler(0.0, IMPLICIT), RIGID_BODY, h, dW[:steps], y)[0], read)
+    right, _ = go(SCHEMES["euler_maruyama"].record, RIGID_BODY, h, dW, y)
+    assert np.median(distance(right, read)) > 1e-2

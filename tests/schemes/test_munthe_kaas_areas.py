@@ -1,12 +1,11 @@
 """Munthe-Kaas with Lévy areas: the Hamiltonian of a step, its exponential, and the strong order with and without it."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scheme_cases
-from helpers import INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, random_states, simulate, take_step
+from helpers import LANES, RIGID_BODY, SCHEMES, compiled_only, random_states, simulate, take_step
 from scheme_cases import relative
 from scipy.linalg import expm
 from yaml_cases import made
@@ -26,13 +25,11 @@ from spi.ensemble.protocol import (
     structure,
 )
 from spi.models import MaxwellBloch, SineEuler
-from spi.schemes.theory import strong_order
 
 # fixtures
 generator = scheme_cases.generator
 
 AREAS = SCHEMES["munthe_kaas_areas"].record
-PAIRS = ((0, 1), (0, 2), (1, 2))
 TOP = """
 algebra: se(3)
 variables: [P1, P2, P3, G1, G2, G3]
@@ -132,65 +129,6 @@ def test_wrong_words_for_brackets_are_noticed(word):
 # --- orders ----------------------------------------------------------------------------------------------------------
 
 
-def turned_about(v, y):
-    """exp(M(v)) y for M(v) y = y x v, by Rodrigues' formula."""
-    a = np.sqrt((v * v).sum(axis=0))
-    first = np.cross(y, v, axis=0)
-    return y + np.sinc(a / np.pi) * first + 0.5 * np.sinc(0.5 * a / np.pi) ** 2 * np.cross(first, v, axis=0)
-
-
-def step_by_hand(h, dW, areas, y):
-    """The scheme for the rigid body.  {Ĥ_l, Ĥ_k} is y_1 y_2 y_3 / (Î_k Î_l) with the signs + - + of the pairs."""
-    inertia, hats = (np.array(of)[:, np.newaxis] for of in (RIGID_BODY.inertia, RIGID_BODY.noise_inertia))
-
-    def v(x):
-        product = np.array([x[1] * x[2], x[2] * x[0], x[0] * x[1]])
-        signed = [a / (hats[k] * hats[m]) * (-1) ** (k + m + 1) for a, (k, m) in zip(areas, PAIRS, strict=True)]
-        return h * x / inertia + dW * x / hats + sum(signed) * product
-
-    half = np.cross(y, 0.5 * v(y), axis=0)
-    return turned_about(v(y + half + 0.5 * np.cross(half, 0.5 * v(y), axis=0)), y)
-
-
-def test_the_step_by_hand(generator):
-    h, y = 0.05, random_states(generator)
-    dW, areas = math.sqrt(h) * generator.standard_normal((3, LANES)), h * generator.standard_normal((3, LANES))
-    new, _ = take_step(AREAS, RIGID_BODY, h, np.concatenate([dW, areas]), y)
-    assert relative(step_by_hand(h, dW, areas, y), new) < 1e-14
-
-
-def joined(dW, areas):
-    """Increments and areas over steps twice as long, by Chen's relation."""
-    a, b = dW[::2], dW[1::2]
-    turned = np.stack([a[:, k] * b[:, m] - a[:, m] * b[:, k] for k, m in PAIRS], axis=1)
-    return a + b, areas[::2] + areas[1::2] + 0.5 * turned
-
-
-def orders(factors, exponents=(3, 4, 5, 6), finest=11, paths=300):
-    """The strong order at T = 1 with areas times each of the factors, against splitting steps 2^-11; in NumPy."""
-    rng = np.random.default_rng(5)
-    dW = 2.0 ** (-finest / 2) * rng.standard_normal((2**finest, 3, paths))
-    areas, start, errors = np.zeros_like(dW), np.repeat(np.array(INITIAL)[:, np.newaxis], paths, axis=1), {}
-    fine = start
-    for n in range(len(dW)):
-        fine = step_by_hand(2.0**-finest, dW[n], areas[n], fine)
-    for exponent in range(finest - 1, exponents[0] - 1, -1):
-        dW, areas = joined(dW, areas)
-        for factor in factors if exponent in exponents else ():
-            y = start
-            for n in range(len(dW)):
-                y = step_by_hand(2.0**-exponent, dW[n], factor * areas[n], y)
-            errors.setdefault(factor, []).append(math.sqrt(((y - fine) ** 2).sum(axis=0).mean()))
-    return [np.polyfit(exponents[::-1], -np.log2(errors[factor]), 1)[0] for factor in factors]
-
-
-def test_strong_order_needs_the_areas_with_their_sign():
-    """Along one Brownian path, apart from the program.  The limit is that of areas left out, whose order is 1/2."""
-    right, without, wrong = orders((1.0, 0.0, -1.0))
-    assert 0.9 < right < 1.15
-    assert 0.4 < without < 0.7 and 0.4 < wrong < 0.7
-
-
 @compiled_only
 def test_errors_on_a_path_and_the_limit_of_the_splitting_with_loops():
     """Kernels of the rigid body that other tests use; areas along the path."""
@@ -207,9 +145,3 @@ def test_errors_on_a_path_and_the_limit_of_the_splitting_with_loops():
     far = np.sqrt(((loops[1:] - states[0]) ** 2).sum(axis=1).mean(axis=1))
     assert np.all(np.diff(np.log2(far)) > 0.8)  # the same limit, with the larger errors of the loops
     assert np.all(error + 4 * stderr / (2 * error) < 0.7 * far)
-
-
-def test_expected_orders():
-    for model in (RIGID_BODY, MaxwellBloch(), SineEuler()):
-        case = SimpleNamespace(model=model, noise=None, initial=np.full(dimension(model), 0.5))
-        assert strong_order(SCHEMES["munthe_kaas_areas"], case.model, case.initial, case.noise) == 1.0

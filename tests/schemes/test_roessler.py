@@ -11,7 +11,7 @@ from spi.ensemble.increments import first_lane
 from spi.ensemble.scheme_protocol import REPORT, advance, work_size
 from spi.exact.kolmogorov import exact_expectations
 from spi.numerics.rng import LANES
-from spi.schemes.roessler import RoesslerRS2
+from spi.schemes.explicit import RoesslerRS2
 
 TWO_NOISES = RIGID_BODY._replace(sigma=(1.0, 0.8, None))  # which do not commute
 FUNCTIONS = (lambda y: y[0], lambda y: y[2] ** 2 * y[0], lambda y: y[0] * y[1] + y[2] ** 3)

@@ -30,16 +30,6 @@ def ito_correction(model, y):
     return -0.5 * np.array([(s[1] + s[2]) * y[0], (s[0] + s[2]) * y[1], (s[0] + s[1]) * y[2]])
 
 
-@pytest.mark.parametrize("name", SCHEMES)
-def test_rows_are_complete(name):
-    row = SCHEMES[name]
-    assert isinstance(row.record, tuple) and row.label and row.preserves
-    for order in (row.strong_order, row.strong_order_commuting, row.weak_order):
-        assert order in (0.5, 1.0, 1.5, 2.0)
-    assert row.strong_order <= row.strong_order_commuting
-    assert len({row.label for row in SCHEMES.values()}) == len(SCHEMES)
-
-
 def test_rows_say_where_schemes_come_from_and_how_they_look():
     """Also those of the multiscale system; no two schemes look alike."""
     for row in ALL_SCHEMES.values():

@@ -7,11 +7,9 @@ import scheme_cases
 from helpers import BY_HAND, LANES, RIGID_BODY, SCHEMES, random_states, take_step, turned
 from scheme_cases import LOCKED, SPLITTINGS, increments, relative, tosses
 
-from spi.ensemble.protocol import drift_flow, noise_flow, noise_indices, strengths
+from spi.ensemble.protocol import noise_indices
 from spi.ensemble.scheme_protocol import substeps
 from spi.models import RigidBody
-from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
-from spi.numerics.elementary import REDUCIBLE, SMALL
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 
 # fixtures
@@ -38,20 +36,6 @@ def test_splitting_is_the_composition_of_flows(name, model, h, generator):
             others.append((name, -1))
         for other in others:
             assert relative(new, by_hand(*other)) > 1e-2
-
-
-@pytest.mark.share
-@pytest.mark.parametrize("name", SPLITTINGS)
-def test_splitting_without_time_is_the_noise_flows(name, model, generator):
-    y, dW, coins = random_states(generator), increments(generator, 0.1), tosses(generator)
-    new, _ = take_step(SCHEMES[name].record, model, 0.0, dW, y, coins)
-    expected = []
-    for lane in range(LANES):
-        state = tuple(y[:, lane])
-        for k in (2, 1, 0) if name == "splitting_order2" and coins[lane] < 0 else (0, 1, 2):
-            state = turned(k, strengths(model)[k] * dW[k, lane] * state[k] / model.noise_inertia[k], state)
-        expected.append(state)
-    assert relative(new, np.transpose(expected)) < 3e-15
 
 
 def test_no_noise_and_no_time_changes_nothing(generator):
@@ -99,30 +83,3 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
         assert np.array_equal(new[axis], y[axis])
         others = [k for k in range(3) if k != axis]
         assert relative(new[others], expected[others]) < 1e-15
-
-
-RANGES = {
-    "tiny": (TINY_ANGLES, [1e-9, 0.02, 2.0**-5]),
-    "small": (SMALL_ANGLES, [2.0**-5, 0.3, SMALL]),
-    "reduced": (REDUCED_ANGLES, [SMALL, 1.0, 22.0, 1e3, 355.0 / 113.0 * 1e5, 1e6, REDUCIBLE]),
-    "any": (ANY_ANGLES, [1e-9, 1.0, 1e6, REDUCIBLE, 1e8, 1e12, 1e15]),
-}
-
-
-@pytest.mark.parametrize("case", RANGES)
-def test_flows_are_accurate_to_the_ends_of_each_range(case, generator):
-    """No accuracy is lost, up to the very ends of the ranges and beyond: 2 units in the last place of the length."""
-    angles, sizes = RANGES[case]
-    for size in sizes:
-        for angle in (np.nextafter(size, 0.0), size, -size):
-            axis = int(generator.integers(3))
-            unlocked = tuple(1.0 if k == axis else LOCKED for k in range(3))
-            model = RigidBody(unlocked, unlocked)
-            y = generator.uniform(0.3, 1.0, 3)
-            y[axis] = 1.0  # so that the angle is the time, to the last bit
-            expected = np.array(turned_exactly(axis, angle, y))
-            turning = np.delete(y, axis)
-            for flow in (drift_flow, noise_flow):
-                new = np.array(flow(model, axis, float(angle), tuple(y.tolist()), angles))
-                assert new[axis] == 1.0
-                assert np.linalg.norm(new - expected) <= 2 * np.spacing(np.linalg.norm(turning))

@@ -7,8 +7,7 @@ from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_antithetic_path, splitting
-from spi.schemes.stages import compositions, flows, in_reversed_order
-from spi.schemes.sweeps import sweeps
+from spi.schemes.stages import compositions, flows, in_reversed_order, sweeps
 
 MODEL = MaxwellBloch((0.8, 1.3))
 DRIFT, NOISE = flows("drift"), flows("noise")

@@ -11,8 +11,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
-from spi.schemes import SCHEMES, scheme_entry
-from spi.schemes.theory import strong_order
+from spi.schemes import SCHEMES, scheme_entry, strong_order
 from spi.storage.records import Part
 
 

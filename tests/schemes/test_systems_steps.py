@@ -114,15 +114,6 @@ def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
         assert drift.std() > 1e-15  # and something was computed
 
 
-@pytest.mark.slow
-@compiled_only
-def test_casimirs_of_sine_euler_walk_without_bias_at_large_steps():
-    """There constants that are merely rounded would show as a bias of -2e-18 a step."""
-    system = LIE_POISSON["sine_euler"]
-    y, _ = run(SPLITTING, system, 2.0**-4, 2 * 10**5, seed=1)
-    assert all(map(unbiased, drifts(system, y)))
-
-
 def test_quadratic_casimirs_of_midpoint(lie_poisson):
     y, report = run(MIDPOINT, lie_poisson, 0.01, 2000 if COMPILED else 3, seed=2)
     assert report[FAILURES] == 0

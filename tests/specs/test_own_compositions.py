@@ -13,10 +13,9 @@ from spi.report import views
 from spi.running import workers
 from spi.running.load import Source, plans, plans_of
 from spi.running.run import cost, headings, run
-from spi.schemes import SCHEMES
+from spi.schemes import SCHEMES, strong_order
 from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER
 from spi.schemes.stages import flows
-from spi.schemes.theory import strong_order
 from spi.specs import SpecError
 
 TEXT = """\

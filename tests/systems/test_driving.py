@@ -15,7 +15,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.loop import PAIRS_REVERSED
 from spi.ensemble.observer import invariants_of
 from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
-from spi.models.damped import damped
+from spi.models.delegation import damped
 from spi.numerics.rng import LANES
 from spi.systems.definition import make
 

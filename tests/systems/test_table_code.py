@@ -10,7 +10,7 @@ from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, drift_tables, friction_tables, friction_time, noise_flow, noise_tables
 from spi.ensemble.scheme_protocol import REPORT
-from spi.models.thermal import thermal
+from spi.models.delegation import thermal
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes.metropolis import Metropolis, noises_alike
 from spi.schemes.stages import Drift, Noise

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.given import dimensions_of
-from spi.ensemble.increments import RandomStream
+from spi.ensemble.increments import RandomStream, dimensions_of
 from spi.ensemble.loop import grid
 from spi.kinds.blocks import Sample, two_steps
 from spi.numerics.rng import ANSWERS, LANES

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
-from spi.ensemble.given import points_of
+from spi.ensemble.increments import points_of
 from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import dimension, has_friction, large
 from spi.ensemble.random_states import RandomState

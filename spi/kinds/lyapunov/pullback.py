@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.given import Given, draw_noise, draw_paths, empty_noise
+from spi.ensemble.increments import Given, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated
 from spi.ensemble.observer import count_values
 from spi.ensemble.protocol import dimension

@@ -20,8 +20,7 @@ from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
 from spi.kinds.plans import Done, State, each_scheme, reference_grid
 from spi.numerics.rng import LANES
-from spi.schemes import typical_ns
-from spi.schemes.theory import strong_order
+from spi.schemes import strong_order, typical_ns
 from spi.statistics.accumulators import Array, Sums, by_group, counted, largest, reports
 from spi.statistics.estimators import (
     fit_order,

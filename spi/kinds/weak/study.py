@@ -13,8 +13,7 @@ import numpy as np
 
 from spi.expressions import canonical, is_step, range_of
 from spi.kinds.plans import Plan, State
-from spi.schemes import weak_exponents
-from spi.schemes.theory import weak_order
+from spi.schemes import weak_exponents, weak_order
 from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part

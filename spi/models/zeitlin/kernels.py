@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...compiler.dispatch import FieldOf, device
-from ...compiler.tiles import multiply_tile
-from ...compiler.vectors import TILE, WIDTH
+from ...compiler.vectors import TILE, WIDTH, multiply_tile
 from ...ensemble.protocol import add_block_drift
-from .cosets import turn_work
-from .flows import turn
+from .flows import turn, turn_work
 from .tables import Lattice, lattice, lines, modes, on_lines, places
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -82,7 +82,7 @@ class Lattice(NamedTuple):
     #: twice the number of the mode, plus 1 where the mode is the conjugate of that
     cosets: np.ndarray
     #: (lines, M + 1) of the line of (s, 1) the positions M - s j, modulo N, in the rows j of the state; -1 for
-    #: lines and N to which ``cosets.InRows`` does not apply
+    #: lines and N to which ``flows.InRows`` does not apply
     middles: np.ndarray
     own_first: np.ndarray  #: (lines + 1,) where the modes that a line moves begin in the arrays that follow
     own_mode: np.ndarray  #: number of the mode

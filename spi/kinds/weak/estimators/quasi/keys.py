@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from spi.ensemble.given import dimensions_of
+from spi.ensemble.increments import dimensions_of
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys

@@ -1,4 +1,4 @@
-"""Randomised quasi-Monte Carlo: plain sampling whose paths follow scrambled Sobol' points, see ``spi.ensemble.given``.
+"""Randomised quasi-Monte Carlo: plain sampling whose paths follow scrambled Sobol' points, see ``increments.py``.
 
 The jackknife groups of paths are the independent scrambles, so that all standard errors are those over scrambles.
 """
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.ensemble.given import Points, dimensions_of, points_of
+from spi.ensemble.increments import Points, dimensions_of, points_of
 from spi.numerics.rng import POINTS
 from spi.numerics.sobol import SCRAMBLES
 from spi.statistics.estimators import standard_deviation
