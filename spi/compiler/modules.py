@@ -27,7 +27,8 @@ def stored(stem, text):
     written, and whatever the text raises while it is imported.
     """
     data = text.encode()
-    name = f"{_identifier(stem)}_{hashlib.sha256(data).hexdigest()[:16]}"
+    name = re.sub(r"[^A-Za-z0-9_]", "_", stem)[:60]  # a part of a module's name, and of a file's on any system
+    name = f"{name}_{hashlib.sha256(data).hexdigest()[:16]}"
     file = folder() / f"{name}.py"
     if not file.is_file() or file.read_bytes() != data:
         write(file, data)
@@ -94,11 +95,6 @@ def _digest_of_files(package):
         total.update(str(name).encode())
         total.update(file.read_bytes())
     return total.hexdigest()[:16]
-
-
-def _identifier(stem):
-    """A part of a module's name, and of a file's on any system."""
-    return re.sub(r"[^A-Za-z0-9_]", "_", stem)[:60]
 
 
 def write(file, data):

@@ -434,19 +434,15 @@ def _with_times(flows, stages, model):
         length = share * by_number[i].length
         if by_number[i].shared:
             return ShareOfWhole(length / FINEST)
-        used[k] += int(length)
-        return _fewest(used[k] - int(length), used[k])
+        first, end = used[k], used[k] + int(length)
+        used[k], common = end, math.gcd(FINEST, first, end)
+        return first // common, end // common, FINEST // common
 
     timed = []
     for i, part, k, share in flows:
         times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
         timed.append((i, part, k, share, times if part == "joint" else times[0][1] if times else None))
     return timed
-
-
-def _fewest(first, end):
-    common = math.gcd(FINEST, first, end)
-    return first // common, end // common, FINEST // common
 
 
 class Lacking(NamedTuple):

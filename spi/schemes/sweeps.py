@@ -102,7 +102,8 @@ _sweep_on_its_own = device(inline=False)(_sweep)
 @device(by_type=True)
 def sweep_up_to(largest, part, index, model, y, t):
     """The same, given these bits."""
-    return long_sweep if is_long(part, model) else by_size(sweep_within)
+    is_divided = phases(model) > 0 and class_of(part) in (Drift, Noise)
+    return long_sweep if is_divided else by_size(sweep_within)
 
 
 @device
@@ -132,7 +133,7 @@ def time_of(part, t, lane):
     """t, or the entry of the lane if there is one for each; of a joint flow (time, times of noises)."""
     if class_of(part) is Together:
         return _times_together(number(field(part, "count")), number(field(part, "most")), is_none(field(part, "time")))
-    return (lambda part, t, lane: t[lane]) if is_array(t) else (lambda part, t, lane: t)
+    return lambda part, t, lane: of_lane(t, lane)
 
 
 @functools.lru_cache
@@ -148,11 +149,6 @@ def _times_together(count, most, of_lanes):
 #
 # The sines of a sweep stand in scratch memory.  A number is computed as by the flow as a whole, to the last bit.
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-def is_long(part, model):
-    """Whether a flow of a part is divided, given records or their Numba types."""
-    return phases(model) > 0 and class_of(part) in (Drift, Noise)
 
 
 def long_sweep(largest, part, index, model, y, t):
@@ -216,7 +212,7 @@ def places(rows):
 
 @functools.lru_cache
 def table_sweep(table):
-    """The function that takes the place of ``one_flow.sweep`` for the flow with this table."""
+    """The function that takes the place of ``sweep`` for the flow with this table."""
     lines, names = ["def in_rows(part, index, model, y, t):", "largest = 0"], {}
     turning = []
     for n, (shape, count, rows) in enumerate(table):
@@ -259,7 +255,7 @@ turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 @functools.lru_cache
 def table_friction(shape, row):
-    """The function that takes the place of ``one_flow.friction_times`` for the noise with this shape and row."""
+    """The function that takes the place of ``friction_times`` for the noise with this shape and row."""
     names = {"shape": INDICES[shape](), "size": INDICES[len(row)](), "rows": places([row])}
     names |= {"friction_in_rows": friction_in_rows, "friction_rate": friction_rate, "number": number}
     call = "friction_in_rows(shape, size, model, friction_rate(model, number(index)), t, y, times, rows)"
