@@ -24,7 +24,7 @@ from .casimirs import LARGEST_DENOMINATOR, counted, search
 from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
-from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, merged, single, split, without_flow
+from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, by_affine_field, merged, single, split, without_flow
 from .symbolics import (
     Function,
     Symbolics,
@@ -287,7 +287,8 @@ class _Reader:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        return without_flow(function, str(reason), world)
+        term = by_affine_field(function, world)
+        return Flow((term,)) if term else without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
         """The dependence on time where H and the noises are `functions`; None if there is none.

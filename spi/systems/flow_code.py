@@ -15,6 +15,7 @@ import sympy
 
 from .brackets import NOTHING, Bracket, Field, is_curved, summed
 from .code import Formula, Numbers, as_tuple, case, forms, words_in, written_sum
+from .driving import split_in_time
 from .spectrum import Block, Space, blocks
 from .splitting import Flow, Series, constant_rates, form_text, reduced, series
 from .symbolics import Symbolics
@@ -376,20 +377,28 @@ class Generator(NamedTuple):
     field: Field
     rate: Any  #: a_j, a function of y
     key: tuple[Any, ...]  #: equal for equal fields
-    components: tuple[int, ...]  #: of the linear function whose field it is
+    components: tuple[int, ...]  #: of the function whose field it is
     text: str  #: that function in words
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
-    """The generators of the linear functions that a flow depends on, by their pivots."""
+    """The generators of the linear functions that a flow depends on, by their pivots, or of its own affine field."""
     bracket = world.bracket
     generators = []
+    key: tuple[Any, ...]
     for f, pivot in zip(*flow.reduced(), strict=True):
         if field := bracket.field(f):
             key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
             text = form_text(f, bracket.coordinates)
             slope = world.derivative(flow.expression, pivot)
             generators.append(Generator(field, slope, key, tuple(f), text))
+    for term in flow.terms:
+        if term.field:
+            key = ("field", *((place, mpmath.nstr(c, 40)) for place, c in term.field.items()))
+            rate, _ = split_in_time(term.expression, world.time)
+            generators.append(
+                Generator(term.field, rate, key, world.used(term.expression), world.name(term.expression))
+            )
     return generators
 
 
@@ -484,11 +493,9 @@ class Tables:
         places = {f"{c}{i + 1}": f"{c}{n + 1}" for n, i in enumerate(order) for c in "yz"}
         places |= {f"a{i + 1}": f"a{n + 1}" for n, i in enumerate(parameters)}
 
-        def renamed(line: str) -> str:
-            return re.sub(r"\b[ayz]\d+\b", lambda match: places[match[0]], line)
-
-        lines, angle = tuple(map(renamed, made.lines)), renamed(made.angle)
-        made = made._replace(lines=lines, angle=angle)
+        renamed = re.sub(r"\b[ayz]\d+\b", lambda match: places[match[0]], "\n".join([*made.lines, made.angle]))
+        *lines, angle = renamed.split("\n")
+        made = made._replace(lines=tuple(lines), angle=angle)
         inside = {variables[i]: self.local[n] for n, i in enumerate(order)}
         return _Row(made, order, tuple(rates[n].xreplace(inside) for n in parameters))
 
@@ -653,6 +660,8 @@ def families(flows: Sequence[tuple[Flow, bool]], noises: Sequence[tuple[Flow, bo
 
 def _leader(first: Flow, second: Flow) -> Flow | None:
     """That of two flows on whose linear functions the other one depends as well; None if there is none."""
+    if any(term.field for flow in (first, second) for term in flow.terms):
+        return None
     a, b = (flow.reduced()[0] for flow in (first, second))
     leader = first if len(a) >= len(b) else second
     return leader if len(reduced([*a, *b])[0]) == max(len(a), len(b)) else None
@@ -750,10 +759,10 @@ def _parameters(by: Sequence[Generator], uses: bool) -> list[str]:
 
 def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> str:
     names = bracket.coordinates
-    if uses:  # without numbers, so that others make the same text
-        texts = [f"a linear function of {', '.join(names[i] for i in g.components)}" for g in by]
-    else:
-        texts = [g.text for g in by]
+    # without numbers where these are the model's, so that others make the same text
+    kind = {True: "a quadratic", False: "a linear"}
+    of = (f"{kind[g.key[0] == 'field']} function of {', '.join(names[i] for i in g.components)}" for g in by)
+    texts = list(of) if uses else [g.text for g in by]
     kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
     return f'    """By a1, a2, ... along the fields of {", ".join(texts)}: {kinds}."""'
 

@@ -177,12 +177,15 @@ Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i
 
 
 class Term(NamedTuple):
-    """A function of commuting linear functions."""
+    """A function of commuting linear functions, or one whose own field is affine."""
 
     expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
+    field: Mapping[
+        tuple[int, Monomial], mpmath.mpf
+    ] = {}  #: where that is affine, without a factor that depends on time alone
 
 
 class Constants:
@@ -273,14 +276,30 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
     return flows
 
 
+def by_affine_field(function: Any, world: Symbolics) -> Term | None:
+    """The term of a function whose field is affine, as that of q*p is where {q, p} is a number."""
+    field: dict[tuple[int, Monomial], mpmath.mpf] = {}
+    for row, change in world.field(split_in_time(function, world.time)[1]).items():
+        change = sympy.expand(change.xreplace(dict(world.parameters)))
+        if world.bracket.logarithmic or not change.is_polynomial(*world.variables):
+            return None
+        for powers, c in sympy.Poly(change, *world.variables).terms():
+            if sum(powers) > 1 or c.free_symbols:
+                return None
+            field[row, tuple(n for n, power in enumerate(powers) if power)] = precise(c)
+    return Term(function, (), (), bool(world.bracket.formulas) or world.varies(function), field)
+
+
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
     """The stand-in for the flow of a function that has none in closed form."""
     expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
-def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
+def commute(terms: Sequence[Term], others: Sequence[Term], bracket: Bracket) -> bool:
     """Whether all linear functions that some terms depend on commute with those of others."""
+    if any(term.field for term in (*terms, *others)):
+        return False
     first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
     return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
 

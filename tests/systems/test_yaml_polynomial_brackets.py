@@ -36,6 +36,8 @@ CASES = {
             "q^2 + 2*P",
             "(q + 2*p)^3",
             "exp(p + Q/3)*Q",
+            "q*p",
+            "(q - Q)^2 + (p - P - 2)^2",
         ],
         [],
     ),
@@ -48,7 +50,7 @@ CASES = {
     "a uniform magnetic field": (
         "x, y, u, v",
         "{x u: 1, y v: 1, u v: 3}",
-        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3"],
+        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3", "u^2 + v^2"],
         [],
     ),
     "Lotka-Volterra of three": (

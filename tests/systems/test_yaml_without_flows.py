@@ -140,7 +140,7 @@ def test_so_3_is_known_by_its_bracket():
     ):
         found = made(text)
         assert cross_product(found.record) == is_so_3 and lie_poisson(found.record)
-        assert "axis_inertias" not in found.text
+        assert "axis_inertias" not in found.text and "rotation_shear_rates" not in found.text
 
 
 SPEC = """\
