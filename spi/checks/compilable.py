@@ -27,16 +27,10 @@ def obstacle(record):
     returns the right type.
     """
     cls = type(record)
-    declared = {
-        name: declaration
-        for name, declaration in vocabulary("model").items()
-        if inspect.isfunction(getattr(cls, name, None))
-    }
-    members = {name: value for name, value in inspect.getmembers(cls) if name in declared or name.startswith("_")}
-    members |= {name: getattr(cls, name) for name in vocabulary("model") if hasattr(cls, name)}
+    methods = {name: getattr(cls, name, None) for name in vocabulary("model")}
+    declared = {name: vocabulary("model")[name] for name, method in methods.items() if inspect.isfunction(method)}
     for name in declared:
-        method = getattr(cls, name)
-        if problem := _misused_member(cls, method, members) or _unknown_function(method, set()):
+        if problem := _unknown_function(methods[name], set()):
             return f"{name}, {problem}"
     return next(filter(None, (_wrong_type(record, name, declaration) for name, declaration in declared.items())), None)
 
@@ -81,25 +75,6 @@ def _unknown_function(function, seen):
     return None
 
 
-def _misused_member(cls, method, members):
-    """A sentence about the first name of the class, except fields, that a method looks up in the record, or None."""
-    record = next(iter(inspect.signature(method).parameters), None)
-    line, before = method.__code__.co_firstlineno, None
-    for instruction in dis.get_instructions(method):
-        line = instruction.positions.lineno or line
-        name = instruction.argval
-        looks_up = instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and before == record
-        if looks_up and name in members and name not in cls._fields:
-            if name.startswith("_"):
-                remedy = f"let {name} stand outside of the class, a function with @device from spi.compiler.dispatch"
-            else:
-                call = f"{name}({record}{', ...' if callable(members[name]) else ''})"
-                remedy = f"write {call}, imported from spi.ensemble.protocol"
-            return f"line {line}, has {record}.{name}, which compiled code cannot look up; {remedy}"
-        before = name if instruction.opname.startswith("LOAD_FAST") else None
-    return None
-
-
 def _globals_of(function):
     """(line, name, value) of the globals that a function uses, and of the members of modules among them."""
     line, module, prefix = function.__code__.co_firstlineno, None, ""
@@ -140,4 +115,7 @@ def _reason(error):
     reason = lines[last] if lines else type(error).__name__
     if reason.endswith("found for signature:"):
         reason = f"Numba has no {lines[last + 1].removeprefix('>>> ')}"
-    return reason.partition(" Raised from")[0]
+    reason = reason.partition(" Raised from")[0]
+    if reason.startswith("Unknown attribute"):
+        reason += "; compiled code looks up fields alone, for others write name(model), from spi.ensemble.protocol"
+    return reason

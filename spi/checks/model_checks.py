@@ -113,7 +113,7 @@ def _moved(y, model, gradients, least):
         for gradient in gradients:
             z = _along(z, model, gradient, _MOVED / 2**halvings)
         moved = tuple(z.tolist())
-        if np.all(np.isfinite(z)) and np.all(z * np.sign(y) >= least) and _is_finite(model, moved):
+        if np.all(np.isfinite(z)) and np.all(z * np.sign(y) >= least) and not any(_shapes(model, moved)):
             yield moved
     yield tuple(y)
 
@@ -132,13 +132,6 @@ def _along(y, model, gradient, part):
     speed = max(np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS)
     h = part * size / speed / _STEPS if speed else 0.0
     return runge_kutta(field, y, h, _STEPS)
-
-
-def _is_finite(model, y):
-    values = [hamiltonian(model, y), *drift_gradient(model, y)]
-    for k in range(noises(model)):
-        values += noise_gradient(model, k, y)
-    return bool(np.all(np.isfinite(values)))
 
 
 def check_model(record, states, written=True, finite_at=()):

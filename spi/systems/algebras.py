@@ -22,77 +22,107 @@ import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import sympy
 
-from .brackets import Linear, added
+from .brackets import Given, Polynomial
 from .text import NumberError, Symbols, parts, whole
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Lie algebras of matrices by their generators: brackets, minus the commutators, and Casimir functions, by traces.
 #
-# A generator T_a has a dual D_a, tr(D_a T_b) = delta_ab.  Then [T_a, T_b] = sum_c tr(D_c [T_a, T_b]) T_c, and with
-# X(y) = sum_a y_a D_a the functions tr X(y)^k are invariant under the coadjoint action, which conjugates X.
+# A generator T_a is a matrix M_a, whose entries are a + b i with whole a and b, times a scale.  Its dual D_a is in the
+# algebra, tr(D_a T_b) = delta_ab, and with X(y) = sum_a y_a D_a the functions tr X(y)^k are invariant under the
+# coadjoint action, which conjugates X.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Entries = dict[tuple[int, int], complex]  #: of a matrix whose entries are a + b i with whole a and b
-Complex = tuple[np.ndarray, np.ndarray]  #: a matrix of expressions as its real and imaginary part
+Matrices = list[np.ndarray]
+Algebra = tuple[int, list[Given]]  #: dimension, brackets
 
 
-class Generator(NamedTuple):
-    """A generator and its dual, which is sparse as well."""
-
-    matrix: Entries  #: the generator divided by its scale
-    dual: Entries
-    weight: Fraction  #: the trace of weight * dual * matrix is 1
-    scale: Any = sympy.Integer(1)
+def _unit(n: int, i: int, j: int, value: complex = 1.0) -> np.ndarray:
+    """The n x n matrix with one entry."""
+    matrix = np.zeros((n, n), complex)
+    matrix[i, j] = value
+    return matrix
 
 
-def sl(n: int) -> list[Generator]:
+def sl(n: int) -> Matrices:
     """h_1, ..., h_(n-1) with h_i = E_ii - E_(i+1)(i+1), then E_12, E_13, ..., row by row; for n = 2 h, e, f."""
-    generators = []
-    for i in range(n - 1):
-        dual = {(j, j): complex(n * (j <= i) - i - 1) for j in range(n)}  # n times a fundamental weight
-        generators.append(Generator({(i, i): 1, (i + 1, i + 1): -1}, dual, Fraction(1, n)))
-    pairs = itertools.permutations(range(n), 2)
-    return generators + [Generator({(i, j): 1}, {(j, i): 1}, Fraction(1)) for i, j in pairs]
+    diagonal = [_unit(n, i, i) - _unit(n, i + 1, i + 1) for i in range(n - 1)]
+    return diagonal + [_unit(n, i, j) for i, j in itertools.permutations(range(n), 2)]
 
 
-def su(n: int) -> list[Generator]:
-    """-i lambda_a / 2 with the matrices of Gell-Mann, in his order, for n = 2 those of Pauli; |y|^2 is invariant."""
-    generators = []
-    half = sympy.Rational(1, 2)
+def su(n: int) -> Matrices:
+    """-i times the matrices of Gell-Mann, in his order, for n = 2 those of Pauli; diagonal ones of whole numbers."""
+    matrices = []
     for k in range(1, n):
         for j in range(k):
-            for matrix in ({(j, k): -1j, (k, j): -1j}, {(j, k): -1 + 0j, (k, j): 1 + 0j}):
-                generators.append(Generator(matrix, {place: -c for place, c in matrix.items()}, Fraction(1, 2), half))
-        diagonal = {(j, j): 1j * (k if j == k else -1) for j in range(k + 1)}
-        dual = {place: -c for place, c in diagonal.items()}
-        generators.append(Generator(diagonal, dual, Fraction(1, k * (k + 1)), 1 / sympy.sqrt(2 * k * (k + 1))))
-    return generators
+            matrices += [_unit(n, j, k, -1j) + _unit(n, k, j, -1j), _unit(n, k, j) - _unit(n, j, k)]
+        matrices.append(np.diag([1j * (-1 if j < k else k if j == k else 0) for j in range(n)]))
+    return matrices
 
 
-def sp(size: int) -> list[Generator]:
+def sp(size: int) -> Matrices:
     """a_ij = E_ij - E_(n+j)(n+i) row by row, then b_ij and c_ij for i <= j, in the blocks above and below; n = size/2.
 
     b_ij = E_i(n+j) + E_j(n+i), c_ij = E_(n+i)j + E_(n+j)i, and half of that for i = j.
     """
     n = size // 2
-    generators = []
-    for i, j in itertools.product(range(n), repeat=2):
-        generators.append(Generator({(i, j): 1, (n + j, n + i): -1}, {(j, i): 1, (n + i, n + j): -1}, Fraction(1, 2)))
-    pairs = list(itertools.combinations_with_replacement(range(n), 2))
-    above = [{(i, n + j): 1 + 0j, (j, n + i): 1 + 0j} for i, j in pairs]
-    below = [{(n + i, j): 1 + 0j, (n + j, i): 1 + 0j} for i, j in pairs]
-    for matrices, duals in ((above, below), (below, above)):
-        generators += [Generator(a, b, Fraction(1, len(a))) for a, b in zip(matrices, duals, strict=True)]
-    return generators
+    places = itertools.product(range(n), repeat=2)
+    matrices = [_unit(size, i, j) - _unit(size, n + j, n + i) for i, j in places]
+    pairs = itertools.combinations_with_replacement(range(n), 2)
+    above = [_unit(size, i, n + j) + _unit(size, j, n + i) * (i != j) for i, j in pairs]
+    return [*matrices, *above, *(b.T for b in above)]
+
+
+def gl(n: int) -> Matrices:
+    """E_11, E_12, ..., row by row."""
+    return [_unit(n, i, j) for i, j in itertools.product(range(n), repeat=2)]
+
+
+def rotations(lengths: Sequence[int], translations: bool = False) -> Matrices:
+    """L_12, L_13, ..., L_23, ..., which turn axes of these lengths, and the translations along the axes."""
+    n = len(lengths)
+    size = n + translations
+    pairs = itertools.combinations(range(n), 2)
+    turns = [_unit(size, j, i, lengths[i]) - _unit(size, i, j, lengths[j]) for i, j in pairs]
+    return turns + [_unit(size, i, n) for i in range(n if translations else 0)]
+
+
+def _scale(name: str, matrix: np.ndarray) -> Any:
+    """The scale of a generator: those of su(n) are such that |y|^2 is a Casimir function."""
+    if name != "su":
+        return sympy.Integer(1)
+    return 1 / sympy.sqrt(2 * round(np.sum(abs(matrix) ** 2)))
+
+
+def _rational(values: np.ndarray) -> list[list[Fraction]]:
+    """Numbers with small denominators, from their approximations."""
+    return [[Fraction(x).limit_denominator(1000) for x in row] for row in values.tolist()]
+
+
+def _brackets(name: str, matrices: Matrices) -> Algebra:
+    """(dimension, the brackets {y_a, y_b}, minus the commutators)."""
+    scales = [_scale(name, matrix) for matrix in matrices]
+    pairs = list(itertools.combinations(range(len(matrices)), 2))
+    commutators = [matrices[a] @ matrices[b] - matrices[b] @ matrices[a] for a, b in pairs]
+    if not pairs:
+        return len(matrices), []
+    columns, sides = (np.array(several).reshape(len(several), -1).view(float).T for several in (matrices, commutators))
+    factors = _rational(np.linalg.lstsq(columns, sides)[0].T)
+    brackets = list[Given]()
+    for (a, b), row in zip(pairs, factors, strict=True):
+        scale = scales[a] * scales[b]
+        linear: Polynomial = {(c,): -sympy.Rational(x) * scale / scales[c] for c, x in enumerate(row) if x}
+        brackets += [("", a, b, linear)] if linear else []
+    return len(matrices), brackets
 
 
 #: name -> (generators of a size, powers whose traces are Casimir functions)
-OF_MATRICES: dict[str, tuple[Callable[[int], list[Generator]], Callable[[int], range]]] = {
+WITH_TRACES: dict[str, tuple[Callable[[int], Matrices], Callable[[int], range]]] = {
     "sl": (sl, lambda n: range(2, n + 1)),
     "su": (su, lambda n: range(2, n + 1)),
     "sp": (sp, lambda n: range(2, n + 1, 2)),
@@ -100,66 +130,35 @@ OF_MATRICES: dict[str, tuple[Callable[[int], list[Generator]], Callable[[int], r
 _MOST_POWER = 6  # a higher one takes thousands of products
 
 
-def brackets_of(generators: Sequence[Generator], size: int) -> list[tuple[int, int, Linear]]:
-    """(a, b, {y_a, y_b}), minus the commutators."""
-    matrices, duals = (
-        np.array([_dense(entries, size) for entries in parts])
-        for parts in zip(*((g.matrix, g.dual) for g in generators), strict=True)
-    )
-    brackets = []
-    for (a, first), (b, second) in itertools.combinations(enumerate(generators), 2):
-        commutator = matrices[a] @ matrices[b] - matrices[b] @ matrices[a]
-        linear: Linear = {}
-        for c, trace in enumerate(np.einsum("cij,ji->c", duals, commutator).real.round().astype(int).tolist()):
-            if trace:
-                third = generators[c]
-                whole = sympy.Rational(trace * third.weight.numerator, third.weight.denominator)
-                linear[c] = -whole * first.scale * second.scale / third.scale
-        if linear:
-            brackets.append((a, b, linear))
-    return brackets
-
-
-def _dense(entries: Entries, size: int) -> np.ndarray:
-    matrix = np.zeros((size, size), complex)
-    for place, value in entries.items():
-        matrix[place] = value
-    return matrix
-
-
 def traces(name: str, size: int, variables: Sequence[Any]) -> list[tuple[int, Any]]:
     """(degree, Casimir function) of an algebra of matrices, in its variables; no power above six.
 
     tr X^k; for su(n), where X is i times a Hermitian matrix Y with tr Y^2 = 2 |y|^2, half of tr Y^k.
     """
-    make, powers = OF_MATRICES[name]
-    rotation, half = (-1j, sympy.Rational(1, 2)) if name == "su" else (1, sympy.Integer(1))
-    real, imaginary = (np.full((size, size), sympy.Integer(0)) for _ in range(2))
-    for y, generator in zip(variables, make(size), strict=True):
-        factor = sympy.Rational(generator.weight.numerator, generator.weight.denominator) / generator.scale
-        for place, value in generator.dual.items():
-            c = complex(value) * rotation
-            real[place] += round(c.real) * factor * y
-            imaginary[place] += round(c.imag) * factor * y
+    make, powers = WITH_TRACES[name]
+    matrices = np.array(make(size))
+    inverse = _rational(np.linalg.inv(np.einsum("aij,bji->ab", matrices, matrices).real))  # of the Gram matrix
+    scaled = [y / _scale(name, matrix) for y, matrix in zip(variables, matrices, strict=True)]
+    factors = np.array([sum(sympy.Rational(x) * y for x, y in zip(row, scaled, strict=True) if x) for row in inverse])
+    turned, half = (-1j * matrices, sympy.Rational(1, 2)) if name == "su" else (matrices, sympy.Integer(1))
+    real, imaginary = (np.tensordot(factors, part.round().astype(int), 1) for part in (turned.real, turned.imag))
     degrees = [k for k in powers(size) if k <= _MOST_POWER]
-    power: dict[int, Complex] = {1: (real, imaginary)}
+    power: dict[int, tuple[np.ndarray, np.ndarray]] = {1: (real, imaginary)}  # of X, real and imaginary part
     for k in range(2, max(degrees, default=2) // 2 + 2):
-        power[k] = _product(power[k - 1], power[1])
+        a, b = power[k - 1]
+        power[k] = a @ real - b @ imaginary, a @ imaginary + b @ real
     functions = []
     for k in degrees:
-        product, _ = _product(power[k // 2], power[k - k // 2])
-        trace = half * np.trace(product)
+        (a, b), (c, d) = power[k // 2], power[k - k // 2]
+        trace = half * np.trace(a @ c - b @ d)
         functions.append((k, sympy.expand(trace) if k <= 3 else trace))
     return functions
 
 
-def _product(a: Complex, b: Complex) -> Complex:
-    """The product of two matrices, with real and imaginary parts of expressions."""
-    return a[0] @ b[0] - a[1] @ b[1], a[0] @ b[1] + a[1] @ b[0]
+# ---------------------------------------------------------------------------------------------------------------------
+# By name
+# ---------------------------------------------------------------------------------------------------------------------
 
-
-Brackets = list[tuple[int, int, Linear]]  #: (i, j, {y_i, y_j})
-Algebra = tuple[int, Brackets]  #: dimension, brackets
 
 _FACTOR = re.compile(r"\s*([a-z]+)\s*(?:\(([^()]*)\))?\s*(?:\^\s*(\w+|\([^()]*\)))?\s*$")
 _LARGEST = 64  # components
@@ -170,137 +169,90 @@ KNOWN = (
 
 def algebra(text: str, symbols: Symbols) -> Algebra:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
-    dimension, brackets = 0, Brackets()
-    for name, sizes, count, factor in _factors(text, symbols):
-        d, factor_brackets = _simple(name, sizes, factor)
-        if dimension + d * count > _LARGEST:
-            raise NumberError(f"it has more than {_LARGEST} components")
-        for _ in range(count):
-            for i, j, linear in factor_brackets:
-                brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
-            dimension += d
+    dimension, brackets = 0, list[Given]()
+    for _, _, d, own in _factors(text, symbols):
+        moved = ((i, j, {tuple(k + dimension for k in m): c for m, c in linear.items()}) for _, i, j, linear in own)
+        brackets += [("", i + dimension, j + dimension, linear) for i, j, linear in moved]
+        dimension += d
     return dimension, brackets
 
 
 def known_casimirs(text: str | None, symbols: Symbols, variables: Sequence[Any]) -> list[tuple[set[int], int, Any]]:
     """(components, degree, Casimir function) of the factors that are algebras of matrices: traces of powers."""
     first, casimirs = 0, []
-    for name, sizes, count, factor in _factors(text, symbols) if text else ():
-        d, _ = _simple(name, sizes, factor)
-        for n in range(first, first + d * count, d):
-            if name in OF_MATRICES and sizes != [2]:
-                functions = traces(name, sizes[0], variables[n : n + d])
-                casimirs += [(set(range(n, n + d)), degree, function) for degree, function in functions]
-        first += d * count
+    for name, sizes, d, _ in _factors(text, symbols) if text else ():
+        if name in WITH_TRACES and sizes != [2]:
+            functions = traces(name, sizes[0], variables[first : first + d])
+            casimirs += [(set(range(first, first + d)), degree, function) for degree, function in functions]
+        first += d
     return casimirs
 
 
-def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, str]]:
-    """(name, sizes, power, text) of each factor of a product."""
-    for factor in parts(text, "*"):
+def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, list[Given]]]:
+    """(name, sizes, dimension, brackets) of each factor of a product."""
+    left = _LARGEST
+    for factor in map(str.strip, parts(text, "*")):
         match = _FACTOR.match(factor)
         if not match:
-            raise NumberError(f"'{factor.strip()}' is not an algebra; known: {KNOWN}")
+            raise NumberError(f"'{factor}' is not an algebra; known: {KNOWN}")
         name, inside, power = match.groups()
         sizes = [whole(part, symbols) for part in inside.split(",")] if inside else []
         count = whole(power, symbols) if power else 1
         if count < 1:
-            raise NumberError(f"the power of '{factor.strip()}' must be at least 1")
-        yield name, sizes, count, factor.strip()
+            raise NumberError(f"the power of '{factor}' must be at least 1")
+        make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
+        if make is None:
+            raise NumberError(f"'{factor}' is not a known algebra; known: {KNOWN}")
+        if not all(least <= size <= most for size in sizes):
+            right = f"from {least} to {most}" if least < most else f"{most}"
+            raise NumberError(f"the size in '{factor}' must be {right}")
+        if name == "sp" and sizes[0] % 2:
+            raise NumberError(f"the size in '{factor}' must be even, that of its matrices")
+        d, brackets = make(*sizes)
+        left -= d * count
+        if left < 0:
+            raise NumberError(f"it has more than {_LARGEST} components")
+        for _ in range(count):
+            yield name, sizes, d, brackets
 
 
-def _simple(name: str, sizes: list[int], text: str) -> Algebra:
-    """(dimension, brackets) of an algebra that is no product."""
-    make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
-    if make is None:
-        raise NumberError(f"'{text}' is not a known algebra; known: {KNOWN}")
-    if not all(least <= size <= most for size in sizes):
-        sizes_known = f"from {least} to {most}" if least < most else f"{most}"
-        raise NumberError(f"the size in '{text}' must be {sizes_known}")
-    if name == "sp" and sizes[0] % 2:
-        raise NumberError(f"the size in '{text}' must be even, that of its matrices")
-    return make(*sizes)
-
-
-def _rotations(metric: tuple[int, ...], translations: bool) -> Algebra:
-    """{L_ij, L_jk} = metric_j L_ik, and {L_ij, g_i} = -metric_i g_j, {L_ij, g_j} = metric_j g_i."""
-    n = len(metric)
-    pairs = {pair: k for k, pair in enumerate(itertools.combinations(range(n), 2))}
-
-    def generator(i: int, j: int, factor: int) -> Linear:
-        """factor L_ij."""
-        return {pairs[min(i, j), max(i, j)]: sympy.Integer(factor if i < j else -factor)}
-
-    brackets = Brackets()
-    for (first, a), (second, b) in itertools.combinations(pairs.items(), 2):
-        shared = set(first) & set(second)
-        if len(shared) == 1:
-            (j,) = shared
-            (i,), (k,) = set(first) - shared, set(second) - shared
-            sign = (1 if first == (i, j) else -1) * (1 if second == (j, k) else -1)
-            brackets.append((a, b, generator(i, k, sign * metric[j])))
-    d = len(pairs)
-    if translations:
-        for (i, j), a in pairs.items():
-            brackets.append((a, d + i, {d + j: sympy.Integer(-metric[i])}))
-            brackets.append((a, d + j, {d + i: sympy.Integer(metric[j])}))
-    return d + n * translations, brackets
-
-
-def _of_vectors(factors: tuple[int, int, int], translations: bool) -> Algebra:
+def _vectors(factors: tuple[int, int, int], translations: bool = False) -> Algebra:
     """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
-    brackets = Brackets()
+    brackets: list[Given] = []
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        brackets.append((i, j, {k: sympy.Integer(factors[k])}))
-        if translations:
-            brackets.append((i, j + 3, {k + 3: sympy.Integer(factors[k])}))
-            brackets.append((j, i + 3, {k + 3: sympy.Integer(-factors[k])}))
-    return 6 if translations else 3, brackets
+        c = sympy.Integer(factors[k])
+        brackets.append(("", i, j, {(k,): c}))
+        brackets += [("", i, j + 3, {(k + 3,): c}), ("", j, i + 3, {(k + 3,): -c})] * translations
+    return 3 + 3 * translations, brackets
 
 
-def _so(n: int) -> Algebra:
-    return _of_vectors((-1, -1, -1), False) if n == 3 else _rotations((1,) * n, False)
+#: lengths of three axes -> factors of the brackets
+_SPECIAL: dict[tuple[int, ...], tuple[int, int, int]] = {(1, 1, 1): (-1, -1, -1), (1, 1, -1): (-1, -1, 1)}
 
 
-def _se(n: int) -> Algebra:
-    return _of_vectors((-1, -1, -1), True) if n == 3 else _rotations((1,) * n, True)
-
-
-def _so_mixed(p: int, q: int) -> Algebra:
-    if (p, q) == (2, 1):
-        return _of_vectors((-1, -1, 1), False)
-    return _rotations((1,) * p + (-1,) * q, False)
-
-
-def _gl(n: int) -> Algebra:
-    brackets = Brackets()
-    places = list(itertools.product(range(n), repeat=2))
-    for (a, (i, j)), (b, (k, m)) in itertools.combinations(enumerate(places), 2):
-        one = sympy.Integer(1)
-        linear = added([(i * n + m, -one)] * (j == k) + [(k * n + j, one)] * (m == i))
-        brackets.append((a, b, {place: c for place, c in linear.items() if c}))
-    return n * n, brackets
-
-
-def _of_matrices(name: str, n: int) -> Algebra:
-    generators = OF_MATRICES[name][0](n)
-    return len(generators), brackets_of(generators, n)
+def _turning(lengths: Sequence[int], translations: bool = False) -> Algebra:
+    special = _SPECIAL.get(tuple(lengths))
+    return _vectors(special, translations) if special else _brackets("so", rotations(lengths, translations))
 
 
 def _heisenberg(n: int) -> Algebra:
-    return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
+    return 2 * n + 1, [("", i, n + i, {(2 * n,): sympy.Integer(1)}) for i in range(n)]
+
+
+def _se(n: int) -> Algebra:
+    return _turning([1] * n, True)
 
 
 #: (name, number of sizes) -> (function that makes it, least size, largest size)
 _MAKE: dict[tuple[str, int], tuple[Callable[..., Algebra], int, int]] = {
-    ("so", 1): (_so, 2, 11),
-    ("so", 2): (_so_mixed, 1, 10),
+    ("so", 1): (lambda n: _turning([1] * n), 2, 11),
+    ("so", 2): (lambda p, q: _turning([1] * p + [-1] * q), 1, 10),
     ("se", 1): (_se, 2, 10),
     ("e", 1): (_se, 2, 10),
-    ("su", 1): (lambda n: _of_matrices("su", n) if n > 2 else _so(3), 2, 8),
-    ("sl", 1): (lambda n: _of_matrices("sl", n), 2, 8),
-    ("sp", 1): (lambda n: _of_matrices("sp", n), 2, 10),
-    ("gl", 1): (_gl, 1, 8),
+    ("su", 1): (lambda n: _brackets("su", su(n)) if n > 2 else _turning([1] * 3), 2, 8),
+    ("sl", 1): (lambda n: _brackets("sl", sl(n)), 2, 8),
+    ("sp", 1): (lambda n: _brackets("sp", sp(n)), 2, 10),
+    ("gl", 1): (lambda n: _brackets("gl", gl(n)), 1, 8),
     ("heisenberg", 0): (lambda: _heisenberg(1), 0, 0),
     ("heisenberg", 1): (_heisenberg, 1, 31),
 }

@@ -2,6 +2,7 @@
 
 import collections
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -36,10 +37,6 @@ class Formula:
             if value.free_symbols & self.varying:
                 self.varying.add(symbol)
         return lines, [self.code(value) for value in rest]
-
-    def sines(self, expressions: Iterable[Any]) -> list[Any]:
-        """The arguments of the sines and cosines that occur in expressions."""
-        return sorted({f.args[0] for e in expressions for f in e.atoms(sympy.sin, sympy.cos)}, key=str)
 
     def code(self, e: Any) -> str:
         """The code of an expression, in parentheses where it is a sum or has a sign."""
@@ -249,7 +246,7 @@ def _matched(code: str) -> bool:
 
 
 def words_in(code: str) -> set[str]:
-    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
+    return set(re.findall(r"\w+", code))
 
 
 def case(k: int, count: int, lines: Sequence[str]) -> list[str]:

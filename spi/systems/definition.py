@@ -9,45 +9,33 @@
 All values are texts, lists and mappings of texts, as in the file.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+import functools
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import sympy
 
 from ..checks.registration import vocabulary
+from ..ensemble.protocol import INNER_METHODS
 from .algebras import algebra, known_casimirs
-from .brackets import Bracket, BracketError, Given, Linear, checked, simplified
-from .casimirs import LARGEST_DENOMINATOR, counted, named, squares_first
-from .driving import TIME, Data, driving_of, split_in_time
+from .brackets import Bracket, Given, Polynomial, checked, simplified
+from .casimirs import LARGEST_DENOMINATOR, counted, search
+from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
-from .quadratics import by_quadratics
 from .source import Generated, System, generate
-from .splitting import Constants, Flow, Term, merged, single, split, without_flow
+from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, by_affine_field, merged, single, split, without_flow
 from .symbolics import (
     Function,
-    NoExactFlow,
-    NowhereFinite,
     Symbolics,
-    check_finite,
-    check_name,
     degree_of,
     merged_powers,
-    polynomial,
     shortened,
 )
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 
-class Defined(NamedTuple):
-    """A system that has passed all checks."""
-
-    system: System
-    sizes: Mapping[str, int]
-    searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
-    independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
-
-
-def define(data: Mapping[str, Any]) -> Defined:
+def define(data: Mapping[str, Any]) -> System:
     """The system of a definition with some of :data:`KEYS`; DefinitionError if it has a mistake."""
     unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
@@ -73,10 +61,12 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     return values
 
 
-class _Reader(Data):
+T = TypeVar("T")
+
+
+class _Reader:
     def __init__(self, data: Mapping[str, Any]) -> None:
-        super().__init__(data)
-        self.invariants: list[Any] | None = None  # the Casimir functions, once they have been computed
+        self.data = data
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
@@ -84,7 +74,7 @@ class _Reader(Data):
             check_name(name, "sizes")
         self.parameters = self.numbers()
 
-    def read(self) -> Defined:
+    def read(self) -> System:
         variables, given = self.structure()
         self.check_names(variables)
         symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(len(variables)))
@@ -95,26 +85,75 @@ class _Reader(Data):
         world = Symbolics(bracket, symbols, values, driven.time)
         constants = Constants()
         flows = self.flows(world, driven, constants)
-        noises = self.noises(world, driven)
+        noises = [self.flow(noise, world, driven, keys) for keys, _, noise in self.expressions("noises", driven)]
+        if len(noises) > MOST:
+            raise DefinitionError(f"has {len(noises)} noises; there may be {MOST}", "noises")
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
         functions, searched = self.casimirs(world, formulas)
-        casimirs, has_squares = squares_first(functions, world)
+        squares = sympy.Add(*(y**2 for y in symbols))  # first, as schemes that renormalise take the first
+        casimirs = tuple(sorted(functions, key=lambda c: c.expression != squares))
+        inner = self.data.get("inner", "")
+        if inner not in ("", *INNER_METHODS):
+            raise DefinitionError(f"is '{inner}'; must be {' or '.join(INNER_METHODS)}", "inner")
         given_h = self.hamiltonian(world, driven)
         if any(flow.lacking for flow in flows):
             given_h = merged_powers(given_h)
-        system = System(
+        return System(
             world=world,
             hamiltonian=given_h,
             flows=tuple(flows),
             noises=tuple(noises),
             casimirs=casimirs,
-            squared_length_first=has_squares,
             constants=constants.values,
-            driving=driving_of(self, driven, numbers, [given_h, *(flow.expression for flow in noises)]),
-            inner=self.inner(),
+            driving=self.driving(driven, numbers, [given_h, *(flow.expression for flow in noises)]),
+            inner=inner,
+            sizes=self.sizes,
+            searched=searched,
+            independent=counted([c.expression for c in casimirs], world),
         )
-        return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
+
+    # ---- texts, lists and mappings of texts; errors with the place of a mistake ------------------------------------
+
+    def at(self, keys: Sequence[Any], read: Callable[..., T], *arguments: Any) -> T:
+        """``read(*arguments)``; its NumberError becomes a DefinitionError about the place to which `keys` lead."""
+        try:
+            return read(*arguments)
+        except NumberError as error:
+            cut = "not closed" in str(error) and isinstance(keys[-1], int)
+            right = "put an entry with commas in quotes" if cut else "correct it here"
+            text = functools.reduce(operator.getitem, keys, self.data)
+            raise DefinitionError(f"is '{shortened(text)}' ({error}); {right}", *keys) from None
+
+    def mapping(self, key: str) -> Mapping[str, str]:
+        given = self.data.get(key, {})
+        if not isinstance(given, dict) or not all(isinstance(value, str) for value in given.values()):
+            _refuse_truth_values(given.items() if isinstance(given, dict) else (), key)
+            raise DefinitionError(f"must be a mapping such as {KEYS[key].partition('as in ')[2] or '{a: 1}'}", key)
+        return given
+
+    def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
+        """The texts of a list, or the one text, each with its place."""
+        given = self.data.get(key, [])
+        if isinstance(given, str):
+            return [(given, (key,))]
+        if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
+            _refuse_truth_values(enumerate(given) if isinstance(given, list) else [(None, given)], key)
+            raise DefinitionError("must be a list of texts", key)
+        return [(text, (key, n)) for n, text in enumerate(given)]
+
+    def expressions(self, key: str, formulas: Symbols) -> Iterator[tuple[tuple[Any, ...], str, Any]]:
+        """(place, text, expression) of each formula of a list, ranges written out."""
+        for text, keys in self.texts(key):
+            for entry, inner in self.at(keys, entries, text, formulas):
+                yield keys, entry.strip(), self.at(keys, expression, entry, inner)
+
+    def number(self, keys: Sequence[str], text: Any, symbols: Symbols) -> Any:
+        """A finite real number, exact."""
+        value = self.at(keys, expression, text, symbols)
+        if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
+            raise DefinitionError(f"is '{shortened(text)}'; must be a finite real number", *keys)
+        return value
 
     # ---- names and numbers ---------------------------------------------------------------------------------------
 
@@ -125,10 +164,7 @@ class _Reader(Data):
             check_name(name, "parameters")
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
-            value = self.at(("parameters", name), expression, text, Symbols(parameters=values, indices=self.sizes))
-            if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
-                raise DefinitionError(f"is '{shortened(text)}'; must be a finite real number", "parameters", name)
-            values[name] = value
+            values[name] = self.number(("parameters", name), text, Symbols(parameters=values, indices=self.sizes))
         return values
 
     def check_names(self, variables: Sequence[str]) -> None:
@@ -145,7 +181,7 @@ class _Reader(Data):
 
     # ---- the bracket ---------------------------------------------------------------------------------------------
 
-    def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
+    def structure(self) -> tuple[list[str], Sequence[Given] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
         if {"algebra", "bracket"} <= {*self.data}:
             raise DefinitionError("has algebra and bracket; leave one out", "bracket")
@@ -168,22 +204,19 @@ class _Reader(Data):
     def bracket(
         self,
         variables: Sequence[str],
-        given: list[tuple[int, int, Linear]] | None,
+        given: Sequence[Given] | None,
         formulas: Symbols,
         values: Mapping[Any, Any],
     ) -> Bracket:
         if given is not None:
-            return checked(variables, [("", *entry) for entry in given])
+            return checked(variables, given)
         brackets = [
             entry
             for key in self.mapping("bracket")
             for entry in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
         ]
-        entries, logarithmic = simplified(brackets, values, len(variables))
-        try:
-            return checked(variables, entries, values, logarithmic)
-        except BracketError as error:
-            raise DefinitionError(str(error), *error.keys) from None
+        entries, logarithmic = simplified(brackets, values)
+        return checked(variables, entries, values, logarithmic)
 
     def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
         """The brackets of an entry ``x(i) y(i) for i = 1..n: z(i)``."""
@@ -216,7 +249,7 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                flows = split(parts, world, constants, lambda addend: self.by_quadratics(addend, world, formulas))
+                flows = split(parts, world, constants)
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(flows) > MOST:
@@ -233,27 +266,6 @@ class _Reader(Data):
         if "pieces" in self.data and sympy.expand(total - sympy.Add(*pieces)) != 0:
             raise DefinitionError("do not add up to the hamiltonian; correct one or leave hamiltonian out", "pieces")
         return total
-
-    def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
-        noises = self.expressions("noises", formulas)
-        flows = [self.flow(noise, world, formulas, keys) for keys, _, noise in noises]
-        if len(flows) > MOST:
-            raise DefinitionError(f"has {len(flows)} noises; there may be {MOST}", "noises")
-        return flows
-
-    def by_quadratics(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
-        """The term of a function of quadratic functions that its flow keeps and of linear ones, if it is one."""
-        factor, rest = split_in_time(function, world.time)
-        if world.time in rest.free_symbols:
-            return None
-        term = by_quadratics(rest, world, self.invariant_functions(world, formulas))
-        return term and term._replace(expression=factor * term.expression, original=factor * term.whole)
-
-    def invariant_functions(self, world: Symbolics, formulas: Symbols) -> list[Any]:
-        """The Casimir functions."""
-        if self.invariants is None:
-            self.invariants = [casimir.expression for casimir in self.casimirs(world, formulas.in_time(None))[0]]
-        return self.invariants
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
         """The one flow of a piece or a noise, which is exact where all of its terms commute."""
@@ -275,13 +287,31 @@ class _Reader(Data):
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = self.by_quadratics(function, world, formulas)
+        term = by_affine_field(function, world)
         return Flow((term,)) if term else without_flow(function, str(reason), world)
+
+    def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
+        """The dependence on time where H and the noises are `functions`; None if there is none.
+
+        In `formulas` parameters are symbols, in `numbers` their values.
+        """
+        strengths, time = {}, formulas.time
+        if time is not None and "sigma" in self.data:
+            without_state = Symbols(parameters=formulas.parameters, indices=formulas.indices, time=time)
+            values = [value for _, _, value in self.expressions("sigma", without_state)]
+            strengths = {k: value for k, value in enumerate(values) if time in value.free_symbols}
+        driven = bool(strengths) or any(time in function.free_symbols for function in functions)
+        text = self.data.get("initial_time", "0")
+        if not driven and "initial_time" in self.data:
+            raise DefinitionError("is of no use, nothing depends on the time t; leave it out", "initial_time")
+        if not isinstance(text, str):
+            raise DefinitionError("must be a number", "initial_time")
+        return Driving(float(self.number(("initial_time",), text, numbers)), strengths) if driven else None
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for given ones."""
         if "casimirs" not in self.data:
-            return named(world, known_casimirs(self.data.get("algebra"), Symbols(indices=self.sizes), world.variables))
+            return search(world, known_casimirs(self.data.get("algebra"), Symbols(indices=self.sizes), world.variables))
         functions = []
         for keys, text, value in self.expressions("casimirs", formulas):
             if not world.used(value):
@@ -293,6 +323,51 @@ class _Reader(Data):
         return tuple(functions), None
 
 
+def _refuse_truth_values(given: Iterable[tuple[Any, Any]], key: str) -> None:
+    """DefinitionError about the first of some (place, value) that YAML takes for true or false."""
+    for place, value in given:
+        if isinstance(value, bool):
+            words = "yes, on and true" if value else "no, off and false"
+            fault = f"has a word that YAML reads as {str(value).lower()}, one of {words}"
+            raise DefinitionError(f"{fault}; put it in quotes", key, *([] if place is None else [place]))
+
+
+def check_name(name: str, key: str) -> None:
+    """DefinitionError if a parameter or a size cannot have this name in formulas."""
+    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
+    if not is_name or name in TAKEN:
+        right = "use letters from a to z and digits, and not the name of a function"
+        raise DefinitionError(f"is not a valid name; {right}", key, name)
+
+
+def polynomial(value: Any, formulas: Symbols) -> Polynomial:
+    """A polynomial in the variables, as factors by monomial; NumberError if it is none."""
+    symbols = list(formulas.variables.values())
+    expanded = sympy.expand(value)
+    if not expanded.is_polynomial(*symbols):
+        raise NumberError("a bracket must be a polynomial in the variables")
+    factors: Polynomial = {}
+    for powers, c in sympy.Poly(expanded, *symbols).terms():
+        if c != 0:
+            factors[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
+    return factors
+
+
+def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[Any, Any]) -> None:
+    """DefinitionError if the parameters make one of some Hamiltonians infinite or complex everywhere."""
+    for function in functions:
+        for factor in function.atoms(sympy.Pow):
+            if factor.exp.is_negative and factor.base.xreplace(world.parameters).xreplace(constants) == 0:
+                name = min(map(str, factor.base.free_symbols), default="")
+                keys = ("parameters", name) if name in map(str, world.parameters) else ("hamiltonian",)
+                fault = f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0"
+                raise DefinitionError(f"{fault}; take another value", *keys)
+        if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+            name = world.name(function)
+            fault = f"has no finite real value at these parameters: '{shortened(name)}'"
+            raise DefinitionError(f"{fault}; take others", "parameters")
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # From a definition to a generated model and a report for people.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -300,18 +375,17 @@ class _Reader(Data):
 
 def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:
     """The entries of :class:`spi.systems.Made`; DefinitionError if the definition has a mistake."""
-    defined = define(definition)
-    generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
-    values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
+    system = define(definition)
+    generated = generate(system, name, vocabulary("model"))
+    values = {str(symbol): float(value) for symbol, value in system.world.parameters.items()}
     fields = [(field, values[parameter]) for parameter, field in generated.fields]
-    if defined.system.driving:
-        fields.append(("time", defined.system.driving.initial))
-    return generated.text, fields, list(generated.constants), _report(defined, generated)
+    if system.driving:
+        fields.append(("time", system.driving.initial))
+    return generated.text, fields, list(generated.constants), _report(system, generated)
 
 
-def _report(defined: Defined, generated: Generated) -> list[str]:
+def _report(system: System, generated: Generated) -> list[str]:
     """Lines about the flows and Casimir functions, for people."""
-    system = defined.system
     lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
     if positive := [system.world.bracket.variables[i] for i in sorted(system.world.bracket.logarithmic)]:
         lines.append(
@@ -323,38 +397,37 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         number = n - len(system.flows)
         name = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
         if isinstance(motion, str):
-            lines.append(f"{name}: {_terms(flow, defined)}: no exact flow, as {motion}{by[system.inner]}")
+            lines.append(f"{name}: {_terms(flow, system)}: no exact flow, as {motion}{by[system.inner]}")
             continue
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
-        lines.append(f"{name}: {_terms(flow, defined)}: {kinds}{lost}")
+        lines.append(f"{name}: {_terms(flow, system)}: {kinds}{lost}")
     lacking = any(isinstance(motion, str) for motion in generated.motions)
     if lacking and not system.inner:
         lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
     if system.inner and not lacking:
         lines.append(f"inner: {system.inner} is not needed, all flows are exact")
-    return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(defined)]
+    return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(system)]
 
 
-def _casimirs(defined: Defined) -> str:
+def _casimirs(system: System) -> str:
     """The known Casimir functions and the number of all, for people."""
-    (count, total), functions = defined.independent, defined.system.casimirs
+    (count, total), functions = system.independent, system.casimirs
     if not total:
         return "Casimir functions: there are none"
     by = f" independent ones, by {len(functions)}" if len(functions) > count else ""
     line = f"Casimir functions, {count} of {total}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
-    if count == total or defined.searched is None:
+    if count == total or system.searched is None:
         return line
-    kind = f"polynomials up to degree {defined.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
+    kind = f"polynomials up to degree {system.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
     return f"{line}; sought were {kind}"
 
 
-def _terms(flow: Flow, defined: Defined) -> str:
-    world = defined.system.world
-    values = {k: sympy.Float(v, 6) for k, v in defined.system.constants.items()}
+def _terms(flow: Flow, system: System) -> str:
+    values = {k: sympy.Float(v, 6) for k, v in system.constants.items()}
     count = len(sympy.Add.make_args(flow.expression))
     merged = f" ({count} terms merged)" if count > 1 else ""
-    return world.name(flow.expression.xreplace(values)) + merged
+    return system.world.name(flow.expression.xreplace(values)) + merged
 
 
 def _counted(kinds: Sequence[str]) -> list[str]:

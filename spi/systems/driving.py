@@ -6,91 +6,16 @@ cos(y1 - w t), is the middle of the step; a strength sigma(t) becomes the root o
 """
 
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import sympy
 
-from ..ensemble.protocol import INNER_METHODS
 from ..numerics.averages import NODES
 from .code import Formula
-from .keys import KEYS, DefinitionError
-from .symbolics import shortened
-from .text import NumberError, Symbols, entries, expression
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The keys of a definition as texts, lists and mappings of texts; errors with the place of a mistake.
-# ---------------------------------------------------------------------------------------------------------------------
-
-T = TypeVar("T")
-
-
-class Data:
-    """A definition, read key by key."""
-
-    def __init__(self, data: Mapping[str, Any]) -> None:
-        self.data = data
-
-    def at(self, keys: Sequence[Any], read: Callable[..., T], *arguments: Any) -> T:
-        """``read(*arguments)``; its NumberError becomes a DefinitionError about the place to which `keys` lead."""
-        try:
-            return read(*arguments)
-        except NumberError as error:
-            cut = "not closed" in str(error) and isinstance(keys[-1], int)
-            right = "put an entry with commas in quotes" if cut else "correct it here"
-            raise DefinitionError(f"is '{shortened(self.value(keys))}' ({error}); {right}", *keys) from None
-
-    def value(self, keys: Sequence[Any]) -> Any:
-        value: Any = self.data
-        for key in keys:
-            value = value[key]
-        return value
-
-    def mapping(self, key: str) -> Mapping[str, str]:
-        given = self.data.get(key, {})
-        if not isinstance(given, dict) or not all(isinstance(value, str) for value in given.values()):
-            _refuse_truth_values(given.items() if isinstance(given, dict) else (), key)
-            raise DefinitionError(f"must be a mapping such as {KEYS[key].partition('as in ')[2] or '{a: 1}'}", key)
-        return given
-
-    def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
-        """The texts of a list, or the one text, each with its place."""
-        given = self.data.get(key, [])
-        if isinstance(given, str):
-            return [(given, (key,))]
-        if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
-            _refuse_truth_values(enumerate(given) if isinstance(given, list) else [(None, given)], key)
-            raise DefinitionError("must be a list of texts", key)
-        return [(text, (key, n)) for n, text in enumerate(given)]
-
-    def expressions(self, key: str, formulas: Symbols) -> Iterator[tuple[tuple[Any, ...], str, Any]]:
-        """(place, text, expression) of each formula of a list, ranges written out."""
-        for text, keys in self.texts(key):
-            for entry, inner in self.at(keys, entries, text, formulas):
-                yield keys, entry.strip(), self.at(keys, expression, entry, inner)
-
-    def inner(self) -> str:
-        """The key `inner`: the method of compositions for terms without an exact flow."""
-        given = self.data.get("inner", "")
-        if given not in ("", *INNER_METHODS):
-            raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
-        return str(given)
-
-
-def _refuse_truth_values(given: Iterable[tuple[Any, Any]], key: str) -> None:
-    """DefinitionError about the first of some (place, value) that YAML takes for true or false."""
-    for place, value in given:
-        if isinstance(value, bool):
-            words = "yes, on and true" if value else "no, off and false"
-            fault = f"has a word that YAML reads as {str(value).lower()}, one of {words}"
-            raise DefinitionError(f"{fault}; put it in quotes", key, *([] if place is None else [place]))
-
 
 TIME = sympy.Symbol("t", real=True)
 MEAN, MIDDLE = "mean", "middle"
-_HEAD = """from spi.numerics.averages import mean as _mean, signed_root_mean_square as _signed_root_mean_square
-
-__system__ |= {{"driving": {count}, "strengths": {strengths}}}"""
 
 
 class Driving(NamedTuple):
@@ -100,30 +25,6 @@ class Driving(NamedTuple):
     strengths: Mapping[int, Any]  #: noise -> sigma(t), of those that change
 
 
-def driving_of(data: Data, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
-    """The :class:`Driving` of a system whose H and noises are `functions`; None if it does not depend on time.
-
-    In `formulas` parameters are symbols, in `numbers` their values.
-    """
-    strengths, time = {}, formulas.time
-    if time is not None and "sigma" in data.data:
-        without_state = Symbols(parameters=formulas.parameters, indices=formulas.indices, time=time)
-        values = [value for _, _, value in data.expressions("sigma", without_state)]
-        strengths = {k: value for k, value in enumerate(values) if time in value.free_symbols}
-    driven = bool(strengths) or any(time in function.free_symbols for function in functions)
-    if "initial_time" not in data.data:
-        return Driving(0.0, strengths) if driven else None
-    if not driven:
-        raise DefinitionError("is of no use, nothing depends on the time t; leave it out", "initial_time")
-    text = data.data["initial_time"]
-    if not isinstance(text, str):
-        raise DefinitionError("must be a number", "initial_time")
-    value = data.at(("initial_time",), expression, text, numbers)
-    if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
-        raise DefinitionError(f"is '{shortened(text)}'; must be a finite real number", "initial_time")
-    return Driving(float(value), strengths)
-
-
 def split_in_time(expression: Any, time: Any) -> tuple[Any, Any]:
     """(factor that depends on time alone, the rest); the factor is 1 if there is none."""
     if time is None or time not in expression.free_symbols:
@@ -131,15 +32,6 @@ def split_in_time(expression: Any, time: Any) -> tuple[Any, Any]:
     alone = [f for f in sympy.Mul.make_args(expression) if time in f.free_symbols and _of_time(f, time)]
     rest = [f for f in sympy.Mul.make_args(expression) if f not in alone]
     return sympy.Mul(*alone), sympy.Mul(*rest)
-
-
-def by_factor(products: Sequence[Any], time: Any) -> dict[Any, list[Any]]:
-    """The rests of some products by the factor that depends on time alone."""
-    rests: dict[Any, list[Any]] = {}
-    for product in products:
-        factor, rest = split_in_time(product, time)
-        rests.setdefault(factor, []).append(rest)
-    return rests
 
 
 def _of_time(expression: Any, time: Any) -> bool:
@@ -183,10 +75,6 @@ class Coefficients:
             self.names[symbol] = f"model.driving[{len(self.entries)}]"
             self.entries[key] = symbol
         return self.entries[key]
-
-    def head(self) -> str:
-        """Further lines at the beginning of a module."""
-        return _HEAD.format(count=len(self.entries), strengths=list(self.strengths))
 
     def function(self) -> list[str]:
         """The function of the values at a time."""

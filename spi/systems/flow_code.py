@@ -1,17 +1,416 @@
-"""Source of flows and of the bounds of their angles, given the motion that they are."""
+"""Source of flows and of the motions that they are, and of the bounds of their angles.
 
+A flow calls a motion exp(a_1 M_1 + ... + a_r M_r) y, one function for each set of commuting linear functions, with its
+own rates a_j; in large systems it is a loop over tables of components instead.  All of this is one file, as each of
+these texts names what the others define.
+"""
+
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import mpmath
 import sympy
 
-from .brackets import Bracket, added
-from .code import Formula, Numbers, as_tuple, case, words_in
-from .driving import Coefficients
-from .motion_code import Generator, Motion, Moving, motion
-from .splitting import Flow
-from .symbolics import Symbolics, reduced
+from .brackets import NOTHING, Bracket, Field, is_curved, summed
+from .code import Formula, Numbers, as_tuple, case, forms, words_in, written_sum
+from .driving import split_in_time
+from .spectrum import Block, Space, blocks
+from .splitting import Flow, Series, constant_rates, form_text, reduced, series
+from .symbolics import Symbolics
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+Terms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
+Parts = tuple[str, str]  #: codes of a real and an imaginary part
+
+
+class _Writer:
+    """A writer of lines of source."""
+
+    def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
+        self.count, self.numbers, self.depends = count, numbers, depends
+        self.lines: list[str] = []
+        self.phases: list[tuple[mpmath.mpf, ...]] = []
+        self.kinds: list[str] = []
+        self.left = 0
+        self.sines: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
+
+    def name(self, prefix: str) -> str:
+        """A name that no other line has."""
+        self.left += 1
+        return f"{prefix}{self.left}"
+
+    def let(self, prefix: str, code: str) -> str:
+        """Write a line that gives a name to some code, unless that is a name."""
+        if code.isidentifier():
+            return code
+        name = self.name(prefix)
+        self.lines.append(f"{name} = {code}")
+        return name
+
+    def sum(self, prefix: str, terms: Terms) -> str:
+        """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
+        return self.let(prefix, written_sum(terms)) if terms else "0.0"
+
+    def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
+        """Names of the sine and the versine of an angle; `phase` are the factors of the a in it."""
+        if angle not in self.sines:
+            s, v = self.name("s"), self.name("v")
+            self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
+            self.phases.append(phase)
+            self.sines[angle] = s, v
+        return self.sines[angle]
+
+    def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
+        """Code of linear forms of named quantities."""
+        lines, codes = forms(rows, self.name("f") + "_", self.numbers, self.depends)
+        self.lines += lines
+        return codes
+
+    def product(self, c: mpmath.mpf, factor: str) -> str:
+        if self.depends:
+            return f"{self.numbers.constant(c)} * {factor}"
+        sign, code = self.numbers.times(c, factor, False)
+        return code if sign == "+" else f"-{code}"
+
+    def total_angle(self, factors: Sequence[mpmath.mpf]) -> str:
+        """The sum of the a with these factors."""
+        terms = []
+        for n, c in enumerate(factors):
+            if c and self.depends and abs(abs(c) - 1) > NOTHING:
+                terms.append(("+", f"{self.numbers.constant(c)} * a{n + 1}"))
+            elif c:
+                size = float(abs(c))
+                terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
+        return written_sum(terms)
+
+    def polynomial(self, change: Series) -> str:
+        """Code of a polynomial in the a, with polynomials in the y as factors."""
+        terms = []
+        for times in dict.fromkeys(times for times, _ in change):
+            product = _product("a", times)
+            factors = [
+                self.numbers.times(c, _product("y", monomial) or "1.0", self.depends)
+                for (others, monomial), c in change.items()
+                if others == times
+            ]
+            if len(factors) == 1:
+                (sign, code) = factors[0]
+                terms.append((sign, product if code == "1.0" else f"{code} * {product}"))
+            else:
+                terms.append(("+", f"{product} * ({written_sum(factors)})"))
+        return written_sum(terms)
+
+    def exponentials(self, changes: Mapping[int, str]) -> None:
+        """Multiply variables by exponentials of the changes of their logarithms, each of which is taken once."""
+        names: dict[str, str] = {}
+        for i, code in changes.items():
+            is_negative = code.startswith("-") and " + " not in code and " - " not in code
+            inner = code[1:] if is_negative else code
+            if inner not in names:
+                names[inner] = self.let("e", f"exp({inner})")
+            if is_negative and code not in names:
+                names[code] = self.let("e", f"1.0 / {names[inner]}")
+            self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
+            self.kinds.append("scaling")
+
+    def sheared(self, space: Space, u: Sequence[Parts]) -> list[Parts]:
+        """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
+        total: list[list[Terms]] = [[[], []] for _ in u]
+        power = list(u)
+        for order, moving in enumerate(space.sheared_rows(), 1):
+            rows: list[list[Terms]] = [[[], []] for _ in u]
+            for n, shear in enumerate(space.shears):
+                for m, k, c in (entry for entry in shear if entry[0] in moving):
+                    for part, other, factor in self._products(c, order):
+                        if power[k][other] != "0.0":
+                            sign, code = self.numbers.times(factor, power[k][other], self.depends)
+                            rows[m][part].append(
+                                (sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}")
+                            )
+            power = [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in rows]
+            for sums, parts in zip(total, power, strict=True):
+                for terms, name in zip(sums, parts, strict=True):
+                    if name != "0.0":
+                        terms.append(("+", name))
+        return [(self.sum("q", real), self.sum("q", imaginary)) for real, imaginary in total]
+
+    @staticmethod
+    def _products(c: Any, order: int) -> list[tuple[int, int, mpmath.mpf]]:
+        """(part of the result, part of the factor, number) of c / order times a complex number."""
+        with mpmath.workdps(60):
+            re, im = mpmath.re(c) / order, mpmath.im(c) / order
+        products = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
+        return [(part, other, number) for part, other, number in products if number]
+
+    def angle(self) -> str:
+        """See :attr:`Motion.angle`."""
+        single = {n for phase in self.phases for n, c in enumerate(phase) if c}
+        if all(sum(bool(c) for c in phase) == 1 for phase in self.phases) and len(single) <= 8:
+            factors = {n: max(abs(phase[n]) for phase in self.phases) for n in sorted(single)}
+            terms = [self._factor(c, f"abs(a{n + 1})") for n, c in factors.items()]
+            text = terms[0] if terms else ""
+            for term in terms[1:]:
+                text = f"larger({text}, {term})"
+            return text
+        most = [max(abs(phase[n]) for phase in self.phases) for n in range(self.count)]
+        return " + ".join(self._factor(c, f"abs(a{n + 1})") for n, c in enumerate(most) if c)
+
+    def _factor(self, c: mpmath.mpf, factor: str) -> str:
+        if abs(c - 1) < NOTHING:
+            return factor
+        if self.depends:
+            return f"abs({self.numbers.constant(c)}) * {factor}"
+        return f"{math.nextafter(float(c), math.inf)!r} * {factor}"
+
+    # ---- one matrix with M^3 = -omega^2 M ----------------------------------------------------------------------------
+
+    def is_turned(self, block: Block) -> bool:
+        """Whether the form with M and M^2 is better: without a basis, and mostly with fewer products."""
+        assert block.turn
+        entries, square = block.turn
+        if len(block.components) == 1:
+            return False
+        if square < 0 or (self.depends and len(block.components) > 2):
+            return True
+        by_spaces = sum(2 * len(row) for space in block.spaces for row in (*space.left, *space.right))
+        return block.cancels or (len(block.components) > 2 and 2 * len(entries) <= by_spaces)
+
+    def turn(self, block: Block) -> None:
+        """y + sin(omega a)/omega M y + (1 - cos(omega a))/omega^2 M^2 y, or with hyperbolic functions."""
+        assert block.turn
+        entries, square = block.turn
+        (place,) = {n for space in block.spaces for n in range(self.count) if space.rates[n] or space.phases[n]}
+        with mpmath.workdps(60):
+            omega = mpmath.sqrt(abs(square))
+            inverse, inverse_square = 1 / omega, 1 / abs(square)
+        z = self.product(omega, f"a{place + 1}")
+        if square > 0:
+            s, v = self.sine(z, tuple(omega if n == place else mpmath.mpf(0) for n in range(self.count)))
+        else:
+            s, v = self.name("s"), self.name("v")
+            self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
+        self.kinds.append("rotation" if square > 0 else "hyperbolic rotation")
+        s, v = self.let("s", self.product(inverse, s)), self.let("v", self.product(inverse_square, v))
+        rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
+        first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
+        again = [summed((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
+        for i, code in zip(block.components, self.linear(again), strict=True):
+            if code == "0.0":
+                self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
+            else:
+                self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
+
+    # ---- a rotation of two components -------------------------------------------------------------------------------
+
+    def is_plane(self, block: Block) -> bool:
+        """Whether (y_i + i y_j) is multiplied by e^(-i z), the plain rotation."""
+        if len(block.components) != 2 or len(block.spaces) != 1:
+            return False
+        (space,) = block.spaces
+        if not space.is_complex or any(space.rates) or len(space.left) != 1:
+            return False
+        i, j = block.components
+        row = space.left[0]
+        return abs(row[i] - 1) < NOTHING and abs(abs(mpmath.im(row[j])) - 1) < NOTHING and not mpmath.re(row[j])
+
+    def plane(self, block: Block) -> None:
+        (space,) = block.spaces
+        i, j = (n + 1 for n in block.components)
+        s, v = self.sine(self.total_angle(space.phases), space.phases)
+        # u = y_i -+ i y_j is multiplied by e^(ip)
+        if mpmath.im(space.left[0][block.components[1]]) < 0:
+            self.lines.append(f"z{i} = y{i} + ({s} * y{j} - {v} * y{i})")
+            self.lines.append(f"z{j} = y{j} - ({s} * y{i} + {v} * y{j})")
+        else:
+            self.lines.append(f"z{i} = y{i} - ({s} * y{j} + {v} * y{i})")
+            self.lines.append(f"z{j} = y{j} + ({s} * y{i} - {v} * y{j})")
+        self.kinds.append("rotation")
+
+    # ---- the general form ----------------------------------------------------------------------------------------
+
+    def spaces(self, block: Block) -> None:
+        """Coordinates in the eigenspaces, their changes, and these put back."""
+        rows: list[dict[str, mpmath.mpf]] = []
+        for space in block.spaces:
+            for row in space.left:
+                rows.append({f"y{i + 1}": mpmath.re(c) for i, c in row.items() if mpmath.re(c)})
+                if space.is_complex:
+                    rows.append({f"y{i + 1}": mpmath.im(c) for i, c in row.items() if mpmath.im(c)})
+        coordinates = iter([self.let("u", code) for code in self.linear(rows)])
+        changes: dict[int, list[tuple[str, mpmath.mpf]]] = {i: [] for i in block.components}
+        common = self._common_factor(block)
+        for space in block.spaces:
+            moved = self.complex_space(space, coordinates) if space.is_complex else self.real_space(space, coordinates)
+            for column, parts in zip(space.right, moved, strict=True):
+                for i, c in column.items():
+                    for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
+                        if factor and part != "0.0":
+                            changes[i].append((part, factor / common))
+        for i, code in zip(block.components, self.linear(list(map(summed, changes.values()))), strict=True):
+            if code == "0.0":
+                self.lines.append(f"z{i + 1} = y{i + 1}")
+            else:
+                code = code if code.isidentifier() else f"({code})"
+                change = self.product(common, code) if common != 1 else code
+                self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
+
+    def _common_factor(self, block: Block) -> mpmath.mpf:
+        """The common factor of all columns by which changes are put back."""
+        sizes = {mpmath.nstr(max(map(abs, row.values())), 30) for space in block.spaces for row in space.right}
+        if len(sizes) != 1 or self.depends:
+            return mpmath.mpf(1)
+        with mpmath.workdps(60):
+            return max(abs(c) for c in block.spaces[0].right[0].values())
+
+    def complex_space(self, space: Space, coordinates: Any) -> list[Parts]:
+        u = [(next(coordinates), next(coordinates)) for _ in space.left]
+        s, v = self.sine(self.total_angle(space.phases), space.phases)
+        real, imaginary = f"-{v}", s
+        if any(space.rates):
+            e = self.let("e", f"expm1({self.total_angle(space.rates)})")
+            real = self.let("g", f"{e} * (1.0 - {v}) - {v}")
+            imaginary = self.let("g", f"{s} + {e} * {s}")
+        sheared = self.sheared(space, u)
+        self.kinds.append(_kind(space))
+        moved = []
+        for (a, b), (c, d) in zip(u, sheared, strict=True):
+            # (e^z - 1) u + e^z q, where e^z u + ... of a sheared q is e^z (u + q) - u
+            if (c, d) != ("0.0", "0.0"):
+                whole = self.let("g", f"1.0 + {real}" if any(space.rates) else f"1.0 - {v}")
+                extra = (f" + ({whole} * {c} - {imaginary} * {d})", f" + ({whole} * {d} + {imaginary} * {c})")
+            else:
+                extra = ("", "")
+            if any(space.rates):
+                first, second = f"{real} * {a} - {imaginary} * {b}", f"{real} * {b} + {imaginary} * {a}"
+            else:
+                first, second = f"-({s} * {b} + {v} * {a})", f"{s} * {a} - {v} * {b}"
+            moved.append((self.let("w", first + extra[0]), self.let("w", second + extra[1])))
+        return moved
+
+    def real_space(self, space: Space, coordinates: Any) -> list[tuple[str]]:
+        u = [(next(coordinates), "0.0") for _ in space.left]
+        sheared = [c for c, _ in self.sheared(space, u)]
+        self.kinds.append(_kind(space))
+        if not any(space.rates):
+            return [(c,) for c in sheared]
+        e = self.let("e", f"expm1({self.total_angle(space.rates)})")
+        moved = []
+        for (a, _), c in zip(u, sheared, strict=True):
+            extra = f" + ({c} + {e} * {c})" if c != "0.0" else ""
+            moved.append((self.let("w", f"{e} * {a}{extra}"),))
+        return moved
+
+
+def _product(name: str, monomial: Sequence[int]) -> str:
+    return " * ".join(f"{name}{k + 1}" for k in monomial)
+
+
+class Motion(NamedTuple):
+    """A motion as source text."""
+
+    lines: tuple[str, ...]  #: that compute the new components, from y1, y2, ..., a1, a2, ... and `angles`
+    components: tuple[int, ...]  #: that are moved, new ones in z1, z2, ...
+    angle: str  #: a bound of the angles whose sines it takes, from a1, a2, ...; "" if there are none
+    kinds: tuple[str, ...]  #: its parts, in words
+    lost: int  #: digits that it loses, where eigenvalues are nearly equal
+
+
+def motion(
+    blocks: Sequence[Block],
+    series: Mapping[int, Series],
+    logarithmic: frozenset[int],
+    count: int,
+    numbers: Numbers,
+    depends: bool,
+) -> Motion:
+    """The motion of some blocks, and of coordinates by series, with `count` parameters a.
+
+    `logarithmic`: the variables whose logarithms are coordinates, which begin at 0; `depends`: whether the matrices or
+    series depend on parameters.
+    """
+    writer = _Writer(count, numbers, depends)
+    for block in blocks:
+        turns = bool(block.turn) and writer.is_turned(block)
+        (writer.turn if turns else writer.plane if writer.is_plane(block) else writer.spaces)(block)
+    of_blocks = [i for block in blocks for i in block.components]
+    changes = {i: f"z{i + 1}" for i in of_blocks if i in logarithmic}
+    for i, change in series.items():
+        code = writer.polynomial(change)
+        if i in logarithmic:
+            changes[i] = code
+        else:
+            more = f"+ ({code})" if " " in code else f"- {code[1:]}" if code.startswith("-") else f"+ {code}"
+            writer.lines.append(f"z{i + 1} = y{i + 1} {more}")
+            writer.kinds.append("shear")
+    writer.exponentials(changes)
+    moved = tuple(sorted([*of_blocks, *series]))
+    lost = max((block.lost for block in blocks), default=0)
+    return Motion(tuple(writer.lines), moved, writer.angle(), tuple(writer.kinds), lost)
+
+
+def _kind(space: Space) -> str:
+    shear = "shear" if any(space.shears) else ""
+    kinds = {(True, True): "spiral", (True, False): "rotation", (False, True): "scaling", (False, False): ""}
+    kind = kinds[space.is_complex, any(space.rates)]
+    return " with ".join(part for part in (kind, shear) if part)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The generators of a flow: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps.
+#
+# Where logarithms are coordinates, y stands for these; a field stands for M_j, as it need not be affine.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: Blocks, series by component, and the variables whose logarithms are coordinates.
+Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
+
+
+class Generator(NamedTuple):
+    """One of these matrices or fields."""
+
+    field: Field
+    rate: Any  #: a_j, a function of y
+    key: tuple[Any, ...]  #: equal for equal fields
+    components: tuple[int, ...]  #: of the function whose field it is
+    text: str  #: that function in words
+
+
+def generators(flow: Flow, world: Symbolics) -> list[Generator]:
+    """The generators of the linear functions that a flow depends on, by their pivots, or of its own affine field."""
+    bracket = world.bracket
+    generators = []
+    key: tuple[Any, ...]
+    for f, pivot in zip(*flow.reduced(), strict=True):
+        if field := bracket.field(f):
+            key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
+            text = form_text(f, bracket.coordinates)
+            slope = world.derivative(flow.expression, pivot)
+            generators.append(Generator(field, slope, key, tuple(f), text))
+    for term in flow.terms:
+        if term.field:
+            key = ("field", *((place, mpmath.nstr(c, 40)) for place, c in term.field.items()))
+            rate, _ = split_in_time(term.expression, world.time)
+            generators.append(
+                Generator(term.field, rate, key, world.used(term.expression), world.name(term.expression))
+            )
+    return generators
+
+
+def motions(generators: Sequence[Generator], bracket: Bracket) -> Moving:
+    """The motions by commuting matrices, block by block, and by series."""
+    fields = [generator.field for generator in generators]
+    if any(map(is_curved, fields)):
+        return [], series(fields), bracket.logarithmic
+    steady, others = constant_rates(fields)
+    matrices: Any = [{(row, *(m or (bracket.dimension,))): c for (row, m), c in field.items()} for field in others]
+    return blocks(matrices), steady, bracket.logarithmic
+
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of flows as loops over tables of components, see ``ensemble/protocol.py``.
@@ -94,11 +493,9 @@ class Tables:
         places = {f"{c}{i + 1}": f"{c}{n + 1}" for n, i in enumerate(order) for c in "yz"}
         places |= {f"a{i + 1}": f"a{n + 1}" for n, i in enumerate(parameters)}
 
-        def renamed(line: str) -> str:
-            return re.sub(r"\b[ayz]\d+\b", lambda match: places[match[0]], line)
-
-        lines, angle = tuple(map(renamed, made.lines)), renamed(made.angle)
-        made = made._replace(lines=lines, angle=angle)
+        renamed = re.sub(r"\b[ayz]\d+\b", lambda match: places[match[0]], "\n".join([*made.lines, made.angle]))
+        *lines, angle = renamed.split("\n")
+        made = made._replace(lines=tuple(lines), angle=angle)
         inside = {variables[i]: self.local[n] for n, i in enumerate(order)}
         return _Row(made, order, tuple(rates[n].xreplace(inside) for n in parameters))
 
@@ -127,10 +524,10 @@ class Tables:
 
     def friction(self, noise: Any, hamiltonian: Any) -> tuple[int, tuple[int, ...]] | tuple[()]:
         """(shape, row) of the slopes of H along the field of a noise; () if they are long."""
-        field = self._field(noise)
-        slope = _along(field, hamiltonian)
-        bend = _along(field, slope)
-        moved = [i for i, y in enumerate(self.world.variables) if y in field]
+        field = self.world.field(noise)
+        slope = self.world.along(hamiltonian, field)
+        bend = self.world.along(slope, field)
+        moved = sorted(field)
         row = (*moved, *sorted({*self.world.used(slope), *self.world.used(bend)}.difference(moved)))
         if not 0 < len(row) <= _MOST or sympy.count_ops(slope) + sympy.count_ops(bend) > _LONG:
             return ()
@@ -140,18 +537,6 @@ class Tables:
         self.length = max(self.length, len(row))
         number, _ = self.slopes.setdefault(tuple(text), (len(self.slopes), text))
         return number, row
-
-    def _field(self, function: Any) -> dict[Any, Any]:
-        """variable -> component of B grad of a function."""
-        variables = self.world.variables
-        gradient = {i: sympy.diff(function, variables[i]) for i in self.world.used(function)}
-        terms = []
-        for i, j, polynomial in self.world.bracket.entries(symbolic=True):
-            for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in gradient:
-                    products = (_exact(c) * sympy.Mul(*(variables[k] for k in m)) for m, c in polynomial.items())
-                    terms.append((variables[row], sign * sympy.Add(*products) * gradient[column]))
-        return {y: change for y, change in added(terms).items() if change != 0}
 
     # ---- the class -------------------------------------------------------------------------------------------------
 
@@ -177,22 +562,6 @@ class Tables:
         pad = ["0.0"] * self.length
         results = ((shape, [*shape.moved, *pad][: self.length]) for shape in self.shapes.values())
         return [[*shape.function, f"    return {', '.join(result)}"] for shape, result in results]
-
-
-def has_tables(world: Symbolics, coefficients: Coefficients | None) -> bool:
-    """Whether flows of a system are to be loops over tables; `coefficients` where something depends on time."""
-    return world.bracket.dimension >= FROM and coefficients is None
-
-
-def _along(field: Mapping[Any, Any], function: Any) -> Any:
-    """The derivative of a function along a field."""
-    return sympy.Add(*(change * sympy.diff(function, y) for y, change in field.items()))
-
-
-def _exact(c: Any) -> Any:
-    """A number as an integer where it is one."""
-    is_whole = not isinstance(c, sympy.Basic) and c == int(c)
-    return sympy.Integer(int(c)) if is_whole else sympy.sympify(c)
 
 
 Moves = Sequence[tuple[str, Sequence[Any]]]  #: (a time as source text, the rates of the angles a1, a2, ...), ...
@@ -240,7 +609,8 @@ class Writer(NamedTuple):
     def angle(self, made: Motion, moves: Moves) -> list[str]:
         """Lines that return a bound of all angles of which a motion takes sines."""
         formula = Formula(self.names, self.world.variables)
-        inside = formula.sines([rate for _, rates in moves for rate in rates])
+        sines = (sine for _, rates in moves for rate in rates for sine in rate.atoms(sympy.sin, sympy.cos))
+        inside = sorted({sine.args[0] for sine in sines}, key=str)
         needed = [n for n in range(len(moves[0][1])) if f"a{n + 1}" in words_in(made.angle)]
         lines, codes = formula.lines([*(rates[n] for _, rates in moves for n in needed), *inside])
         angles = _angles([(t, needed) for t, _ in moves], codes, range(len(needed)))
@@ -290,7 +660,7 @@ def families(flows: Sequence[tuple[Flow, bool]], noises: Sequence[tuple[Flow, bo
 
 def _leader(first: Flow, second: Flow) -> Flow | None:
     """That of two flows on whose linear functions the other one depends as well; None if there is none."""
-    if any(term.inner for flow in (first, second) for term in flow.terms):
+    if any(term.field for flow in (first, second) for term in flow.terms):
         return None
     a, b = (flow.reduced()[0] for flow in (first, second))
     leader = first if len(a) >= len(b) else second
@@ -389,10 +759,10 @@ def _parameters(by: Sequence[Generator], uses: bool) -> list[str]:
 
 def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> str:
     names = bracket.coordinates
-    if uses:  # without numbers, so that others make the same text
-        texts = [f"a {g.kind} function of {', '.join(names[i] for i in g.components)}" for g in by]
-    else:
-        texts = [g.text for g in by]
+    # without numbers where these are the model's, so that others make the same text
+    kind = {True: "a quadratic", False: "a linear"}
+    of = (f"{kind[g.key[0] == 'field']} function of {', '.join(names[i] for i in g.components)}" for g in by)
+    texts = list(of) if uses else [g.text for g in by]
     kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
     return f'    """By a1, a2, ... along the fields of {", ".join(texts)}: {kinds}."""'
 

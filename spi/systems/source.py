@@ -12,8 +12,22 @@ import sympy
 from .brackets import DIGITS, Bracket, precise
 from .code import Formula, Numbers, as_tuple, case, signed, written_sum
 from .driving import Coefficients, Driving
-from .flow_code import Call, Tables, Writer, divided_words, families, has_tables, motion_functions, phases_of
-from .motion_code import Generator, Motion, Moving, generators, motion, motions, rate
+from .flow_code import (
+    FROM,
+    Call,
+    Generator,
+    Motion,
+    Moving,
+    Tables,
+    Writer,
+    divided_words,
+    families,
+    generators,
+    motion,
+    motion_functions,
+    motions,
+    phases_of,
+)
 from .spectrum import Inseparable
 from .splitting import Flow, commute
 from .symbolics import Function, Symbolics
@@ -27,25 +41,12 @@ class System(NamedTuple):
     flows: tuple[Flow, ...]
     noises: tuple[Flow, ...]
     casimirs: tuple[Function, ...]
-    squared_length_first: bool  #: whether the first Casimir function is |y|^2
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
-    inner: str = ""  #: how compositions move by terms that have no exact flow
-    driving: Driving | None = None  #: how time enters; None where nothing depends on it
-
-
-def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
-    """{f, g} = sum_ij df/dy_i {y_i, y_j} dg/dy_j, expanded."""
-    bracket, y = world.bracket, world.variables
-    factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
-    slopes_f, slopes_g = ({i: sympy.diff(h, y[i]) for i in world.used(h)} for h in (f, g))
-    terms = []
-    for i, j, polynomial in bracket.entries(symbolic=True):
-        if not {i, j} & {*slopes_f} or not {i, j} & {*slopes_g}:
-            continue
-        entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
-        turned = slopes_f.get(i, 0) * slopes_g.get(j, 0) - slopes_f.get(j, 0) * slopes_g.get(i, 0)
-        terms.append(factor[i] * factor[j] * entry * turned)
-    return sympy.expand(sympy.Add(*terms))
+    inner: str  #: how compositions move by terms that have no exact flow
+    driving: Driving | None  #: how time enters; None where nothing depends on it
+    sizes: Mapping[str, int]
+    searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
+    independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -59,7 +60,7 @@ Moved = tuple[Any, list[Any]]  #: of a flow: the key of its motion, or a reason 
 def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable[int], at: str = "y") -> str:
     """B(y) v as a tuple, for a v that is 0 outside of some columns; `names` are those of parameters."""
     used, rows = set(columns), dict[int, list[Term]]()
-    for i, j in bracket.constants:
+    for i, j in bracket.entries:
         for row, column, sign in ((i, j, 1), (j, i, -1)):
             if column in used:
                 terms = [term for _, term in _terms(bracket, names, i, j, sign, lambda k: f"{at}[{k}]")]
@@ -73,7 +74,7 @@ def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable
 def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
     """[v, w], the gradient of w . B(y) v = sum_{i < j} {y_i, y_j} (w_i v_j - w_j v_i), as a tuple."""
     rows = dict[int, list[Term]]()
-    for i, j in bracket.constants:
+    for i, j in bracket.entries:
         product = f"(w[{i}] * v[{j}] - w[{j}] * v[{i}])"
         for k, term in _terms(bracket, names, i, j, 1, lambda k, product=product: product):  # type: ignore[misc]
             rows.setdefault(k, []).append(term)
@@ -86,8 +87,8 @@ def _terms(
     """(k, term) of {y_i, y_j}, or of its negative, with this factor in the place of each y_k."""
     if formulas := bracket.formulas.get((i, j)):
         writer = Formula(names, ())
-        return [(k, ("+" if sign > 0 else "-", f"{writer.code(c)} * {factor(k)}")) for k, c in formulas.items()]
-    return [(k, signed(sign * precise(c), factor(k))) for k, c in bracket.constants[i, j].items()]
+        return [(k, ("+" if sign > 0 else "-", f"{writer.code(c)} * {factor(k)}")) for (k,), c in formulas.items()]
+    return [(k, signed(sign * precise(c), factor(k))) for (k,), c in bracket.entries[i, j].items()]
 
 
 class Derivatives:
@@ -100,8 +101,7 @@ class Derivatives:
         self.system, self.variables, self.bracket = system, system.world.variables, system.world.bracket
         count = range(self.bracket.dimension)
         self.v, self.u = ([sympy.Symbol(f"{c}{n + 1}", real=True) for n in count] for c in "νυ")
-        self.names = {**names, **{v: f"v[{n}]" for n, v in enumerate(self.v)}}
-        self.names |= {u: f"u[{n}]" for n, u in enumerate(self.u)}
+        self.names = {s: f"{c}[{n}]" for c, several in (("v", self.v), ("u", self.u)) for n, s in enumerate(several)}
 
     def lines(self, inexact: Iterable[int]) -> list[str]:
         """All methods; `inexact` are the pieces without an exact flow, which need gradients of their own."""
@@ -128,8 +128,8 @@ class Derivatives:
         """The method for B v, and that for its derivative where B is not linear."""
         every = range(self.bracket.dimension)
         if self.bracket.is_lie:
-            lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.names, every)}"]
-            code = lie_bracket_code(self.bracket, self.names)
+            lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.given, every)}"]
+            code = lie_bracket_code(self.bracket, self.given)
             return [*lines, "", "def lie_bracket(model, v, w):", f"    return {code}"]
         lines = self.word("structure(model, y, v)", [self.rows(every)])
         return lines + self.word("structure_derivative(model, y, u, v)", [self.rows_along(every)])
@@ -144,52 +144,31 @@ class Derivatives:
         for head, at in zip(heads, "yu", strict=True):
             lines += ["", f"def {head}:"]
             for k, support in enumerate(supports):
-                code = structure_code(self.bracket, self.names, support, at)
+                code = structure_code(self.bracket, self.given, support, at)
                 lines += case(k, len(supports), [f"return {code}"])
         return lines
 
     def rows(self, columns: Iterable[int]) -> list[Any]:
-        """The components of B(y) v as formulas, for a v that is 0 outside of some columns.
-
-        {y_i, y_j} is {w_i, w_j}, times y_i and y_j where their logarithms are coordinates.
-        """
-        sums = self._sums(columns, lambda entry, j: entry * self._factor(j))
-        return [self._factor(i) * sympy.Add(*terms) for i, terms in enumerate(sums)]
+        """The components of B(y) v as formulas, for a v that is 0 outside of some columns."""
+        world = self.system.world
+        rates = world.rates({j: self.v[j] for j in columns})
+        return [world.factor(i) * rates.get(i, 0) for i in range(self.bracket.dimension)]
 
     def rows_along(self, columns: Iterable[int]) -> list[Any]:
         """The components of the derivative of B along u, applied to v."""
-        used = list(columns)
-        change = [u if i in self.bracket.logarithmic else sympy.Integer(0) for i, u in enumerate(self.u)]
-        still = self._sums(used, lambda entry, j: entry * self._factor(j))
-        moved = self._sums(used, lambda entry, j: entry * change[j] + self.along([entry], self.u)[0] * self._factor(j))
-        both = zip(still, moved, strict=True)
-        return [change[i] * sympy.Add(*a) + self._factor(i) * sympy.Add(*b) for i, (a, b) in enumerate(both)]
-
-    def _factor(self, i: int) -> Any:
-        """The derivative of y_i by its coordinate."""
-        return self.variables[i] if i in self.bracket.logarithmic else sympy.Integer(1)
-
-    def _sums(self, columns: Iterable[int], term: Callable[[Any, int], Any]) -> list[list[Any]]:
-        """For each i, the addends v_j term({w_i, w_j}, j) with j in some columns."""
-        used: set[int] = set(columns)
-        sums: list[list[Any]] = [[] for _ in self.variables]
-        for i, j, polynomial in self.bracket.entries(symbolic=True):
-            products = (c * sympy.Mul(*(self.variables[k] for k in monomial)) for monomial, c in polynomial.items())
-            entry = sympy.Add(*products)
-            for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in used:
-                    sums[row].append(sign * self.v[column] * term(entry, column))
-        return sums
+        world, u = self.system.world, dict(enumerate(self.u))
+        rates = world.rates({j: self.v[j] for j in columns})
+        return [
+            world.along(world.factor(i), u) * rates.get(i, 0)
+            + world.factor(i) * world.along(rates.get(i, sympy.S.Zero), u)
+            for i in range(self.bracket.dimension)
+        ]
 
     # ---- formulas ----------------------------------------------------------------------------------------------------
 
     def along(self, expressions: Sequence[Any], direction: Sequence[Any]) -> list[Any]:
         """The derivatives of some expressions along a vector."""
-        derivatives = []
-        for e in expressions:
-            used = [n for n, y in enumerate(self.variables) if y in e.free_symbols]
-            derivatives.append(sympy.Add(*(sympy.diff(e, self.variables[n]) * direction[n] for n in used)))
-        return derivatives
+        return [self.system.world.along(e, dict(enumerate(direction))) for e in expressions]
 
     def word(
         self, head: str, cases: Sequence[Sequence[Any]] | Mapping[int, Sequence[Any]], scalar: bool = False
@@ -199,80 +178,42 @@ class Derivatives:
         numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
         for k, expressions in numbered.items():
             frozen = self.frozen(expressions)
-            names = {**self.given, **self.names}
-            inner, codes = Formula(names, [*self.variables, *self.v, *self.u]).lines(frozen)
+            inner, codes = Formula({**self.given, **self.names}, [*self.variables, *self.v, *self.u]).lines(frozen)
             value = codes[0] if scalar else as_tuple(codes)
             lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if head.endswith('v)') else 'y'}"]
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Systems that the solvers without sampling know: a rigid body, and Maxwell-Bloch, with any constants.
-#
-# On so(3) a Hamiltonian and noises that are sums of squares of the components, at most one for each; on e(2) with the
-# variables (L, g1, g2) multiples of L^2 and of g2.
-# ---------------------------------------------------------------------------------------------------------------------
-
-_E2 = {(0, 1): {2: -1}, (0, 2): {1: 1}}
-Rates = dict[int, Any]  #: place -> rate or inertia of the flow there
-Read = Callable[[Flow, System], tuple[int, Any] | None]
+_E2 = {(0, 1): {(2,): -1}, (0, 2): {(1,): 1}}
 
 
 def solvable_lines(system: System, code: Callable[[Any], str]) -> list[str]:
-    """Lines of the class of a system by which a solver knows it; none if it is no such system."""
-    bracket = system.world.bracket
-    if system.driving or bracket.formulas:
-        return []
+    """Lines by which the solvers without sampling know a rigid body and Maxwell-Bloch, with any constants; or none.
+
+    On so(3) H and the noises are sums of squares of the components, at most one for each; on e(2) with the variables
+    (L, g1, g2) of multiples of L^2 and of g2.
+    """
+    world, bracket, rows, places = system.world, system.world.bracket, [], []
     if bracket.is_cross_product:
-        word, count, nothing, read = "axis_inertias", 3, "np.inf", _inertia
-    elif bracket.dimension == 3 and bracket.is_lie and dict(bracket.constants) == _E2:
-        word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
+        head, nothing, powers = "def axis_inertias(model):", "np.inf", {0: 2, 1: 2, 2: 2}
+    elif bracket.dimension == 3 and not bracket.formulas and dict(bracket.entries) == _E2:
+        head, nothing, powers = "def rotation_shear_rates(model):", "0.0", {0: 2, 2: 1}
     else:
         return []
-    drift, noise = _placed(system.flows, system, read), _placed(system.noises, system, read)
-    if drift is None or noise is None:
-        return []
-    both = ", ".join(
-        f"({', '.join(code(rates[place]) if place in rates else nothing for place in range(count))})"
-        for rates in (drift, noise)
-    )
-    places = tuple(drift), tuple(noise)
-    return ["", f"flow_places = {places!r}", "", f"def {word}(model):", f"    return {both}"]
-
-
-def _placed(flows: Sequence[Flow], system: System, read: Read) -> Rates | None:
-    """The rates of flows, in their order; None if a flow has none, or two have the same place."""
-    rates = [None if flow.lacking else read(flow, system) for flow in flows]
-    by_place = dict(rate for rate in rates if rate)
-    return by_place if len(by_place) == len(flows) else None
-
-
-def _power_of(flow: Flow, system: System) -> tuple[int, int, Any] | None:
-    """(component, exponent, factor) of a multiple of a power of one component."""
-    used = system.world.used(flow.expression)
-    variable = system.world.variables[used[0]] if len(used) == 1 else None
-    if variable is None or not flow.expression.is_polynomial(variable):
-        return None
-    powers = [(exponent, c) for (exponent,), c in sympy.Poly(flow.expression, variable).terms() if exponent]
-    return (used[0], *powers[0]) if len(powers) == 1 else None
-
-
-def _inertia(flow: Flow, system: System) -> tuple[int, Any] | None:
-    """(axis k, I) of y_k^2 / (2 I)."""
-    match _power_of(flow, system):
-        case k, 2, c:
-            return k, 1 / (2 * c)
-    return None
-
-
-def _rate(flow: Flow, system: System) -> tuple[int, Any] | None:
-    """(0, a) of a L^2 / 2, (1, c) of c g2."""
-    match _power_of(flow, system):
-        case 0, 2, c:
-            return 0, 2 * c
-        case 2, 1, c:
-            return 1, c
-    return None
+    for flows in (system.flows, system.noises):
+        rates: dict[int, Any] = {}
+        for flow in flows:
+            k, *others = world.used(flow.expression)
+            n, y = powers.get(k, 0), world.variables[k]
+            rate = sympy.diff(flow.expression, y, n)
+            rest = sympy.expand(flow.expression - rate * y**n / max(n, 1))
+            if system.driving or others or flow.lacking or not n or world.used(rate) or world.used(rest) or k in rates:
+                return []
+            rates[k] = rate if len(powers) == 2 else 1 / rate
+        places.append(tuple(map([*powers].index, rates)))
+        rows.append(", ".join(code(rates[k]) if k in rates else nothing for k in powers))
+    both = ", ".join(f"({row})" for row in rows)
+    return ["", f"flow_places = {tuple(places)!r}", "", head, f"    return {both}"]
 
 
 _HEAD = '''"""A {kind} system, generated by spi from its definition in YAML.
@@ -292,6 +233,11 @@ from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
+
+
+_HEAD_IN_TIME = """from spi.numerics.averages import mean as _mean, signed_root_mean_square as _signed_root_mean_square
+
+__system__ |= {{"driving": {}, "strengths": {}}}"""
 
 
 def head(
@@ -329,15 +275,15 @@ def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, st
     return {name: f"{name}_" if name in taken or keyword.iskeyword(name) else name for name in parameters}
 
 
-def generate(system: System, name: str, words: Iterable[str], sizes: Mapping[str, int]) -> Generated:
+def generate(system: System, name: str, words: Iterable[str]) -> Generated:
     """The module of a system, with a class of this name; `words` are the names with a meaning in model classes."""
     with mpmath.workdps(DIGITS):
-        return _Generator(system, name, words, sizes).generate()
+        return _Generator(system, name, words).generate()
 
 
 class _Generator:
-    def __init__(self, system: System, name: str, words: Iterable[str], sizes: Mapping[str, int]) -> None:
-        self.name, self.sizes = name, sizes
+    def __init__(self, system: System, name: str, words: Iterable[str]) -> None:
+        self.name = name
         self.system, self.world, self.bracket = system, system.world, system.world.bracket
         self.numbers = Numbers()
         words = {*words, "time", "driving"} if system.driving else words
@@ -353,7 +299,10 @@ class _Generator:
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
         noise = [self.moved(flow) for flow in self.system.noises]
-        lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
+        lacking = {
+            part: {k: key for k, (key, _) in enumerate(of) if isinstance(key, str)}  # reasons why there is no motion
+            for part, of in (("pieces", drift), ("noises", noise))
+        }
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.joint_words()
@@ -366,12 +315,12 @@ class _Generator:
         functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         functions += tables.functions()
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
-        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), self.numbers)]
+        parts = [head(kind, self.name, self.bracket.variables, self.system.sizes, self.inexact(lacking), self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
             functions.append(self.coefficients.function())
-            parts.append(self.coefficients.head())
+            parts.append(_HEAD_IN_TIME.format(len(self.coefficients.entries), list(self.coefficients.strengths)))
         parts += ["\n" + "\n".join(lines) for lines in functions]
         body = ["    " + line if line else "" for line in body]
         parts.append("\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *body]))
@@ -432,7 +381,7 @@ class _Generator:
 
     def tables(self, tables: Tables, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of many components, whose flows are loops over tables."""
-        if not has_tables(self.world, self.coefficients):
+        if self.bracket.dimension < FROM or self.coefficients:
             return []
         moving_tables = [
             [
@@ -453,7 +402,7 @@ class _Generator:
                 together, key = [flows[k], *(noises[n] for n in family.noises)], self.moved(family.leader)[0]
                 times = ["t", *(f"s[{n}]" for n in range(len(family.noises)))]
                 pivots = [part.key[0] for part in self.motions[key][2]]
-                rates = (self.frozen(rate(f, pivot, self.world) for pivot in pivots) for f in together)
+                rates = (self.frozen(self.world.derivative(f.expression, pivot) for pivot in pivots) for f in together)
                 calls.append(Call(k, key, list(zip(times, rates, strict=True)), together))
         groups = "".join(f"{family.noises!r}, " for family in grouped)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
@@ -482,7 +431,8 @@ class _Generator:
         pairs = itertools.combinations(enumerate(system.noises), 2)
         if commuting := [(k, other) for (k, a), (other, b) in pairs if self.commuting(a, b)]:
             lines.append(f"commuting_noises = {tuple(commuting)}")
-        if system.squared_length_first:
+        squares = sympy.Add(*(y**2 for y in self.world.variables))
+        if system.casimirs and system.casimirs[0].expression == squares:
             lines.append("squared_length_is_casimir = True")
         if len(self.bracket.logarithmic) == self.bracket.dimension:
             lines.append("populations = True")
@@ -496,7 +446,8 @@ class _Generator:
             return True
         if self.bracket.is_lie:
             return False
-        return not self.world.used(poisson_bracket(first.expression, second.expression, self.world))
+        bracket = self.world.along(first.expression, self.world.field(second.expression))
+        return not self.world.used(sympy.expand(bracket))
 
     def description(self) -> str:
         names = self.world.name
@@ -509,8 +460,3 @@ def _calls(flows: Sequence[Flow], moved: Sequence[Moved]) -> list[Call]:
     """The calls of flows, each by itself."""
     each = enumerate(zip(flows, moved, strict=True))
     return [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
-
-
-def _texts(moved: Sequence[Moved]) -> dict[int, str]:
-    """{k: reason} of the flows without a motion."""
-    return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}

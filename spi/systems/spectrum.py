@@ -6,12 +6,12 @@ e^z sum_n (sum_j a_j N_j)^n / n! with z = sum_j a_j chi_j: rotations by Im z, sc
 Complex eigenspaces come in conjugate pairs, of which one is kept.
 
 Where two eigenvalues are nearly equal, the projections on their spaces are large and cancel: of 16 digits those of
-1 over the gap are lost.  The two spaces are then moved together: N_j is a multiple c_j of one matrix K with
-K^2 = kappa, and exp(b K) = 1 + (cosh(sqrt(kappa) b) - 1) + sinh(sqrt(kappa) b)/sqrt(kappa) K has no such cancellation.
+1 over the gap are lost, see :func:`loss`.
 """
 
 import itertools
 import math
+import operator
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -19,8 +19,7 @@ import mpmath
 import numpy as np
 
 from .brackets import Matrix, added
-from .splitting import connected
-from .symbolics import echelon, without
+from .splitting import connected, echelon, without
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Joint generalised eigenspaces of commuting real matrices.
@@ -39,23 +38,14 @@ class Inseparable(ValueError):
     """The matrices have eigenvalues that cannot be told apart, or only with too great a loss of digits."""
 
 
-class Near(NamedTuple):
-    """The motion of a space of two eigenvalues about their mean: N_j = factors[j] K, K^2 = square."""
-
-    factors: tuple[mpmath.mpf, ...]
-    square: mpmath.mpf
-    entries: tuple[tuple[int, int, Any], ...]  #: (row, column, number) of K
-
-
 class Space(NamedTuple):
-    """A joint generalised eigenspace, one of a conjugate pair if it is complex; or two whose eigenvalues are near."""
+    """A joint generalised eigenspace, one of a conjugate pair if it is complex."""
 
     rates: tuple[mpmath.mpf, ...]  #: Re chi_j
     phases: tuple[mpmath.mpf, ...]  #: Im chi_j
     left: tuple[Row, ...]  #: u = left y are the coordinates in it, one row for each; y by component
     right: tuple[Row, ...]  #: y changes by right du, or by its real part where the space is complex (the 2 is in it)
     shears: tuple[tuple[tuple[int, int, Any], ...], ...]  #: of each N_j its (row, column, number)
-    near: Near | None = None  #: of two spaces that are moved together; the shears are none then
 
     @property
     def is_complex(self) -> bool:
@@ -63,7 +53,7 @@ class Space(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        return any(self.rates) or any(self.phases) or any(self.shears) or self.near is not None
+        return any(self.rates) or any(self.phases) or any(self.shears)
 
     def sheared_rows(self) -> list[set[int]]:
         """For n = 1, 2, ..., as long as there are any: the rows in which some product of n of the N_j is not 0.
@@ -92,31 +82,21 @@ class Eigen(NamedTuple):
     is_complex: bool
 
 
-def _mixture(matrices: Sequence[Any], attempt: int) -> Any:
-    """A sum of the matrices, with factors that let their joint eigenvalues meet by chance only."""
-    mixed = mpmath.zeros(matrices[0].rows)
-    for n, matrix in enumerate(matrices):
-        factor = mpmath.sqrt(2 + 5 * n) * (1 + mpmath.mpf(n) / 7) if not attempt else mpmath.exp(-mpmath.sqrt(n + 1))
-        mixed += matrix * factor
-    return mixed
-
-
-def separated(matrices: Sequence[Any], order: Sequence[int]) -> tuple[Any, list[Eigen], list[Space]]:
-    """(mixture, its eigenvalues, their spaces), with so many digits and such factors that they are told apart."""
+def separated(matrices: Sequence[Any], order: Sequence[int]) -> list[Space]:
+    """The joint eigenspaces, with so many digits and such factors in the mixture that eigenvalues are told apart."""
     digits = EIGEN_DIGITS
     for attempt in itertools.count():
         with mpmath.workdps(digits):
-            mixed = _mixture(matrices, attempt)
-            values = _eigenvalues(mixed)
+            # factors that let joint eigenvalues meet by chance only
+            first = [mpmath.sqrt(2 + 5 * n) * (1 + mpmath.mpf(n) / 7) for n in range(len(matrices))]
+            factors = [mpmath.exp(-mpmath.sqrt(n + 1)) for n in range(len(matrices))] if attempt else first
+            mixed = sum(map(operator.mul, matrices, factors), mpmath.zeros(matrices[0].rows))
             try:
-                spaces = [
-                    _space(matrices, power_of(mixed, e.value, e.multiplicity), e.multiplicity, e.is_complex, order)
-                    for e in values
-                ]
+                spaces = [_space(matrices, mixed, eigen, order) for eigen in _eigenvalues(mixed)]
             except ZeroDivisionError:
                 spaces = []
             if spaces and _are_right(spaces, _LARGEST if digits < _MOST_DIGITS else mpmath.inf):
-                return mixed, values, spaces
+                return spaces
         if digits >= _MOST_DIGITS:
             raise Inseparable(f"its field has eigenvalues that {digits} digits do not tell apart")
         digits *= 1 if not attempt and len(matrices) > 1 else 2
@@ -125,8 +105,12 @@ def separated(matrices: Sequence[Any], order: Sequence[int]) -> tuple[Any, list[
 
 def _eigenvalues(mixed: Any) -> list[Eigen]:
     """The eigenvalues, those that are close being one."""
-    values = [value for part in _triangular_parts(mixed) for value in _of_part(mixed, part)]
-    size = size_of(mixed, values)
+    values: list[Any] = []
+    for part in _triangular_parts(mixed):
+        block = mpmath.matrix([[mixed[i, j] for j in part] for i in part])
+        values += mpmath.eig(block, left=False, right=False) if len(part) > 1 else [block[0, 0]]
+    # differences of eigenvalues are judged by this size
+    size = max((abs(value) for value in values), default=mpmath.mpf(0)) + mpmath.mnorm(mixed, "f") + 1
     clusters: list[list[Any]] = []
     for value in sorted(values, key=lambda v: (float(abs(mpmath.im(v))), float(mpmath.re(v)), -float(mpmath.im(v)))):
         near = next((c for c in clusters if abs(c[0] - value) < CLOSE * size), None)
@@ -154,18 +138,6 @@ def _triangular_parts(mixed: Any) -> list[list[int]]:
     return [np.flatnonzero(row).tolist() for i, row in enumerate(both) if np.argmax(row) == i]
 
 
-def _of_part(mixed: Any, part: Sequence[int]) -> list[Any]:
-    """The eigenvalues of one of these blocks."""
-    if len(part) == 1:
-        return [mixed[part[0], part[0]]]
-    return list(mpmath.eig(mpmath.matrix([[mixed[i, j] for j in part] for i in part]), left=False, right=False))
-
-
-def size_of(mixed: Any, values: Sequence[Any]) -> Any:
-    """By which differences of eigenvalues are judged."""
-    return max((abs(value) for value in values), default=mpmath.mpf(0)) + mpmath.mnorm(mixed, "f") + 1
-
-
 def _are_right(spaces: Sequence[Space], most: Any) -> bool:
     """Whether each N_j is nilpotent, and no projection so large that roundings made several eigenvalues of one."""
     for space in spaces:
@@ -184,22 +156,10 @@ def _are_right(spaces: Sequence[Space], most: Any) -> bool:
     return True
 
 
-def power_of(mixed: Any, value: Any, multiplicity: int) -> Any:
-    """A matrix that is 0 on just the generalised eigenspace of a value."""
-    return (mixed - value * mpmath.eye(mixed.rows)) ** multiplicity
-
-
-class Coordinates(NamedTuple):
-    """Coordinates of an invariant space."""
-
-    left: list[Row]
-    right: list[Row]
-    acting: list[Any]  #: each of the matrices in them
-
-
-def coordinates(matrices: Sequence[Any], power: Any, multiplicity: int) -> Coordinates:
-    """Coordinates of the space on which `power` is 0."""
-    d = power.rows
+def _space(matrices: Sequence[Any], mixed: Any, eigen: Eigen, order: Sequence[int]) -> Space:
+    """The generalised eigenspace of the mixture, which is that of all."""
+    d, multiplicity = mixed.rows, eigen.multiplicity
+    power = (mixed - eigen.value * mpmath.eye(d)) ** multiplicity  # 0 on this space alone
     left = _null_rows(power.T, multiplicity)  # rows u with u power = 0
     columns = _null_rows(power, multiplicity)
     gram = mpmath.matrix([[_product(u, v) for v in columns] for u in left])
@@ -208,37 +168,25 @@ def coordinates(matrices: Sequence[Any], power: Any, multiplicity: int) -> Coord
         {r: mpmath.fsum(columns[m].get(r, 0) * inverse[m, n] for m in range(multiplicity)) for r in range(d)}
         for n in range(multiplicity)
     ]
-    acting = []
+    rates, phases, shears = [], [], []
     for matrix in matrices:
         rows = [_row(matrix, r) for r in range(d)]
         moved = [{r: _product(row, v) for r, row in enumerate(rows) if row} for v in right]
-        acting.append(mpmath.matrix([[_product(u, v) for v in moved] for u in left]))
-    return Coordinates(left, right, acting)
-
-
-def _space(matrices: Sequence[Any], power: Any, multiplicity: int, is_complex: bool, order: Sequence[int]) -> Space:
-    """The generalised eigenspace of the mixture, which is that of all."""
-    own = coordinates(matrices, power, multiplicity)
-    rates, phases, shears = [], [], []
-    for acting in own.acting:
+        acting = mpmath.matrix([[_product(u, v) for v in moved] for u in left])
         trace = mpmath.fsum(acting[n, n] for n in range(multiplicity)) / multiplicity
-        rates.append(cleaned(mpmath.re(trace)))
-        phases.append(cleaned(mpmath.im(trace)))
-        shears.append(entries_of(acting - trace * mpmath.eye(multiplicity)))
-    left, right = both_placed(own, is_complex, order)
-    return Space(tuple(rates), tuple(phases), left, right, tuple(shears))
-
-
-def entries_of(matrix: Any) -> tuple[tuple[int, int, Any], ...]:
-    places = itertools.product(range(matrix.rows), range(matrix.cols))
-    return tuple((m, n, _cleaned_number(matrix[m, n])) for m, n in places if abs(matrix[m, n]) > TINY)
-
-
-def both_placed(own: Coordinates, is_complex: bool, order: Sequence[int]) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
-    """The rows of coordinates by component."""
-    factor = 2 if is_complex else 1
-    left, right = ([_placed(row, order, c) for row in rows] for rows, c in ((own.left, 1), (own.right, factor)))
-    return tuple(left), tuple(right)
+        rates.append(_cleaned(mpmath.re(trace)))
+        phases.append(_cleaned(mpmath.im(trace)))
+        nilpotent = acting - trace * mpmath.eye(multiplicity)
+        places = itertools.product(range(multiplicity), repeat=2)
+        shears.append(tuple((m, n, _cleaned_number(nilpotent[m, n])) for m, n in places if abs(nilpotent[m, n]) > TINY))
+    factor = 2 if eigen.is_complex else 1
+    return Space(
+        tuple(rates),
+        tuple(phases),
+        tuple(_placed(row, order, 1) for row in left),
+        tuple(_placed(row, order, factor) for row in right),
+        tuple(shears),
+    )
 
 
 def _multiplied(shear: Sequence[tuple[int, int, Any]], product: Mapping[tuple[int, int], Any]) -> dict[Any, Any]:
@@ -264,13 +212,13 @@ def _placed(row: Row, order: Sequence[int], factor: int) -> Row:
     return {order[i]: _cleaned_number(c * factor) for i, c in sorted(row.items()) if abs(c) > TINY}
 
 
-def cleaned(value: Any) -> mpmath.mpf:
+def _cleaned(value: Any) -> mpmath.mpf:
     return mpmath.mpf(0) if abs(value) < TINY else value
 
 
 def _cleaned_number(value: Any) -> Any:
     """Without a real or imaginary part that is only a rounding."""
-    real, imaginary = cleaned(mpmath.re(value)), cleaned(mpmath.im(value))
+    real, imaginary = _cleaned(mpmath.re(value)), _cleaned(mpmath.im(value))
     return mpmath.mpc(real, imaginary) if imaginary else real
 
 
@@ -295,7 +243,6 @@ def _null_rows(matrix: Any, count: int) -> list[Row]:
 
 
 _BEARABLE, _MOST_LOSS = 30.0, 1e4  # see :func:`loss`: roundings of 1e-16 become so many times larger
-_NEAR = mpmath.mpf(10) ** -2  # relative: so near are eigenvalues whose spaces may be moved together
 
 
 class Block(NamedTuple):
@@ -331,14 +278,9 @@ def blocks(matrices: Sequence[Matrix]) -> list[Block]:
 
 def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tuple[list[Space], float]:
     """(spaces, their :func:`loss`); Inseparable if that is too much and there is no other way."""
-    mixed, values, spaces = separated(matrices, order)
+    spaces = separated(matrices, order)
     lost = loss(spaces, matrices, order)
-    if lost < _BEARABLE or has_turn:
-        return spaces, lost
-    joint = together(matrices, mixed, values, spaces, order)
-    if (less := loss(joint, matrices, order)) < lost / 10:
-        spaces, lost = joint, less
-    if lost > _MOST_LOSS:
+    if lost > _MOST_LOSS and not has_turn:
         digits = f"{math.ceil(math.log10(lost))} of 16 digits, and {math.log10(_MOST_LOSS):.0f} may be lost"
         raise Inseparable(f"its field has eigenvalues so close to one another that each step would lose {digits}")
     return spaces, lost
@@ -373,7 +315,7 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     """
     size = np.abs(sum(np.array(matrix.apply(abs).tolist(), float) for matrix in matrices))
     radius = float(max(abs(np.linalg.eigvals(size))))
-    fastest = max((_speed(space) for space in spaces), default=0.0)
+    fastest = max((float(abs(x)) for space in spaces for x in (*space.rates, *space.phases)), default=0.0)
     if not radius or not fastest:
         return 1.0
     natural = np.linalg.inv(np.eye(len(order)) - size / (2.0 * radius))
@@ -381,28 +323,14 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     return float(np.max(added / np.maximum(natural, 1.0)))
 
 
-def _speed(space: Space) -> float:
-    own = 0.0 if space.near is None else float(mpmath.sqrt(abs(space.near.square)) * max(map(abs, space.near.factors)))
-    return max(*(float(abs(x)) for x in (*space.rates, *space.phases)), own)
-
-
 def _added(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
     """The sizes of the terms by which each component moves with each other, an array (component, component)."""
-    left, right = _by_component(space.left, order), _by_component(space.right, order).T
-    rate = min(1.0, time * sum(float(abs(x)) for x in space.rates))
-    phase = min(1.0, time * sum(float(abs(x)) for x in space.phases))
-    (a, b), (c, d) = ((np.abs(x.real), np.abs(x.imag)) for x in (left, right))
-    moved_by = (c @ a + d @ b) * (rate + phase**2) + (c @ b + d @ a) * (phase + rate)
-    inner = np.zeros((len(space.left), len(space.left)))
+    left, right = (np.abs(_by_component(rows, order)) for rows in (space.left, space.right))
+    inner = min(1.0, time * sum(float(abs(x)) for x in (*space.rates, *space.phases))) * np.eye(len(left))
     for shear in space.shears:
         for m, n, value in shear:
             inner[m, n] += time * float(abs(value))
-    if space.near is not None:
-        moved = time * float(max(map(abs, space.near.factors)))
-        inner += min(1.0, moved**2 * float(abs(space.near.square))) * np.eye(len(inner))
-        for m, n, value in space.near.entries:
-            inner[m, n] += moved * float(abs(value))
-    return moved_by + np.abs(right) @ inner @ np.abs(left)
+    return right.T @ inner @ left
 
 
 def _by_component(rows: Sequence[Row], order: Sequence[int]) -> np.ndarray:
@@ -412,83 +340,3 @@ def _by_component(rows: Sequence[Row], order: Sequence[int]) -> np.ndarray:
         for component, value in row.items():
             dense[n, place[component]] = complex(value)
     return dense
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Two spaces as one
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def together(
-    matrices: Sequence[Any], mixed: Any, values: Sequence[Eigen], spaces: Sequence[Space], order: Sequence[int]
-) -> list[Space]:
-    """The spaces, those of eigenvalues that are nearly equal put together two by two, the nearest first."""
-    left = dict(enumerate(spaces))
-    joined = []
-    for first, second in _pairs(mixed, values):
-        if first in left and second in left:
-            joint = _joint(matrices, mixed, values[first], values[second], (spaces[first], spaces[second]), order)
-            if joint is not None:
-                left.pop(first)
-                left.pop(second, None)
-                joined.append(joint)
-    return [*left.values(), *joined]
-
-
-def _pairs(mixed: Any, values: Sequence[Eigen]) -> list[tuple[int, int]]:
-    """Numbers of eigenvalues that are nearly equal; of one twice where it is nearly its own conjugate."""
-    size = size_of(mixed, [e.value for e in values])
-    gaps = []
-    for n, first in enumerate(values):
-        if first.is_complex:
-            gaps.append((2 * mpmath.im(first.value), n, n))
-        for m, second in enumerate(values[n + 1 :], n + 1):
-            if first.is_complex == second.is_complex:
-                gaps.append((abs(first.value - second.value), n, m))
-    return [(n, m) for gap, n, m in sorted(gaps) if gap < _NEAR * size]
-
-
-def _joint(
-    matrices: Sequence[Any],
-    mixed: Any,
-    first: Eigen,
-    second: Eigen,
-    spaces: tuple[Space, Space],
-    order: Sequence[int],
-) -> Space | None:
-    """The two spaces as one; None if there they are not K with K^2 a real number times factors."""
-    multiplicity = first.multiplicity + second.multiplicity
-    if first is second:  # and its conjugate
-        power = power_of(mixed, first.value, 1) * power_of(mixed, mpmath.conj(first.value), 1)
-        power = power.apply(mpmath.re) ** first.multiplicity
-    else:
-        power = power_of(mixed, first.value, first.multiplicity) * power_of(mixed, second.value, second.multiplicity)
-    is_complex = first.is_complex and first is not second
-    own = coordinates(matrices, power, multiplicity)
-    rates = [(a + b) / 2 for a, b in zip(spaces[0].rates, spaces[1].rates, strict=True)]
-    phases = [(a + b) / 2 * is_complex for a, b in zip(spaces[0].phases, spaces[1].phases, strict=True)]
-    means = [mpmath.mpc(rate, phase) if phase else rate for rate, phase in zip(rates, phases, strict=True)]
-    near = _near([acting - mean * mpmath.eye(acting.rows) for acting, mean in zip(own.acting, means, strict=True)])
-    if near is None:
-        return None
-    left, right = both_placed(own, is_complex, order)
-    return Space(tuple(rates), tuple(phases), left, right, tuple(() for _ in matrices), near)
-
-
-def _near(rests: Sequence[Any]) -> Near | None:
-    """K and its multiples, if the matrices about their mean eigenvalues are such."""
-    largest = max(rests, key=lambda rest: mpmath.mnorm(rest, "f"))
-    size = mpmath.mnorm(largest, "f")
-    if not size:
-        return None
-    d = largest.rows
-    row, column = max(((m, n) for m in range(d) for n in range(d)), key=lambda place: abs(largest[place]))
-    factors = [rest[row, column] / largest[row, column] for rest in rests]
-    square = largest * largest
-    kappa = mpmath.fsum(square[n, n] for n in range(d)) / d
-    exact = all(
-        mpmath.mnorm(rest - c * largest, "f") <= TINY * size for rest, c in zip(rests, factors, strict=True)
-    ) and mpmath.mnorm(square - kappa * mpmath.eye(d), "f") <= CLOSE * abs(kappa)
-    if not exact or any(abs(mpmath.im(x)) > TINY * abs(x) for x in (kappa, *factors)):
-        return None
-    return Near(tuple(mpmath.re(c) for c in factors), mpmath.re(kappa), entries_of(largest))

@@ -6,31 +6,112 @@ y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Field, Matrix, Monomial, precise, summed
-from .driving import by_factor, split_in_time
+from .brackets import DIGITS, NOTHING, Bracket, Field, Monomial, is_curved, precise, summed
+from .driving import split_in_time
 from .symbolics import (
-    Functional,
-    NoExactFlow,
-    NowhereFinite,
-    Quadratic,
-    Span,
     Symbolics,
-    commuting,
     degree_of,
-    form_text,
-    functionals_of,
     merged_powers,
-    reduced,
+    numeric,
     shortened,
-    unmoved,
 )
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Linear functions of the state, by the factors of components.
+# ---------------------------------------------------------------------------------------------------------------------
+
+Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
+Span = tuple[tuple[Functional, ...], tuple[int, ...]]  #: linear functions, reduced, and their pivots
+
+
+class NoExactFlow(ValueError):
+    """A term whose flow is not known in closed form; the message names it."""
+
+
+class NowhereFinite(NoExactFlow):
+    """A term that has no finite value."""
+
+
+def functionals_of(expression: Any, world: Symbolics) -> Span:
+    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
+    used = world.used(expression)
+    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
+    if len(used) == 1:
+        return coordinates, used
+    if (
+        expression.is_Mul
+        and not world.bracket.logarithmic.intersection(used)
+        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
+    ):
+        return coordinates, used  # a monomial
+    gradient = [world.slope(expression, i) for i in used]
+    in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
+    symbols = [*(world.variables[i] for i in used), *in_time]
+    value = numeric(symbols, gradient)
+    rows = []
+    with mpmath.workdps(DIGITS + 20):
+        for n in range(len(used) + 2):
+            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(symbols))]
+            try:
+                row = [mpmath.mpmathify(g) for g in value(*point)]
+            except (TypeError, ZeroDivisionError, ValueError):
+                continue  # not defined there
+            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
+            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
+            rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
+        if not rows:
+            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
+    span, pivots = reduced(rows)
+    return (coordinates, used) if len(span) == len(used) else (span, pivots)
+
+
+def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> Span:
+    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
+    with mpmath.workdps(DIGITS + 20):
+        by_pivot = echelon(rows, mpmath.mpf(10) ** -30)
+    pivots = tuple(sorted(by_pivot))
+    return tuple(by_pivot[pivot] for pivot in pivots), pivots
+
+
+def echelon(rows: Iterable[Mapping[int, Any]], tiny: mpmath.mpf) -> dict[int, dict[int, Any]]:
+    """The span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
+
+    All other rows have 0 there; entries up to `tiny` are 0.
+    """
+    left = [dict(row) for row in rows]
+    by_pivot: dict[int, dict[int, Any]] = {}
+    while left := [row for row in left if any(abs(c) > tiny for c in row.values())]:
+        row = left.pop(0)
+        largest = max(abs(c) for c in row.values())
+        pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
+        row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
+        row[pivot] = mpmath.mpf(1)
+        left = [without(other, pivot, row, tiny) for other in left]
+        by_pivot = {p: without(other, pivot, row, tiny) for p, other in by_pivot.items()}
+        by_pivot[pivot] = row
+    return by_pivot
+
+
+def without(row: dict[int, Any], pivot: int, by: dict[int, Any], tiny: mpmath.mpf) -> dict[int, Any]:
+    """A row minus the multiple of another one that makes its entry at the pivot 0."""
+    factor = row.get(pivot)
+    if not factor:
+        return row
+    new = {i: row.get(i, 0) - factor * by.get(i, 0) for i in sorted({*row, *by} - {pivot})}
+    return {i: c for i, c in new.items() if abs(c) > tiny}
+
+
+def form_text(functional: Functional, names: Sequence[str]) -> str:
+    """A linear function in words."""
+    parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
+    return " + ".join(parts)
+
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Flows that are polynomials in the time: Lie series that end.
@@ -51,34 +132,25 @@ class EndlessSeries(ValueError):
 
 def series(fields: Sequence[Field]) -> dict[int, Series]:
     """By how much each coordinate is moved that is moved at all, X w_i + X^2 w_i / 2 + ...; or EndlessSeries."""
-    rows: dict[int, Series] = {}
-    for n, field in enumerate(fields):
-        for (row, monomial), c in field.items():
-            rows.setdefault(row, {})[(n,), monomial] = c
+    rows = _first(fields)
     with mpmath.workdps(DIGITS):
         return {row: _summed(motion, rows) for row, motion in rows.items()}
 
 
-def constant_rates(matrices: Sequence[Matrix], unit: int) -> tuple[dict[int, Series], list[Matrix]]:
-    """(how coordinates are moved that move at constant rates and move no others, the matrices without them)."""
-    others = {n for entries in matrices for row, column in entries if column != unit for n in (row, column)}
-    rates: dict[int, Series] = {}
-    for n, entries in enumerate(matrices):
-        for (row, _), c in entries.items():
-            if row not in others:
-                rates.setdefault(row, {})[(n,), ()] = c
-    return rates, [{place: c for place, c in entries.items() if place[0] in others} for entries in matrices]
+def constant_rates(fields: Sequence[Field]) -> tuple[dict[int, Series], list[Field]]:
+    """(how coordinates are moved that move at constant rates and move no others, the fields without them)."""
+    others = {n for field in fields for row, monomial in field if monomial for n in (row, *monomial)}
+    steady = [{place: c for place, c in field.items() if place[0] not in others} for field in fields]
+    return _first(steady), [{place: c for place, c in field.items() if place[0] in others} for field in fields]
 
 
-def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> bool:
-    """Whether the flow along the fields of linear functions is known: all are affine, or their series ends."""
-    if not any(map(bracket.curved, functionals)):
-        return True
-    try:
-        series(list(map(bracket.polynomial_field, functionals)))
-    except EndlessSeries:
-        return False
-    return True
+def _first(fields: Sequence[Field]) -> dict[int, Series]:
+    """sum_n a_n X_n w_i for each coordinate w_i that is moved."""
+    rows: dict[int, Series] = {}
+    for n, field in enumerate(fields):
+        for (row, monomial), c in field.items():
+            rows.setdefault(row, {})[(n,), monomial] = c
+    return rows
 
 
 def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
@@ -105,25 +177,15 @@ Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i
 
 
 class Term(NamedTuple):
-    """A function of commuting linear functions, or of all functions that its flow keeps."""
+    """A function of commuting linear functions, or one whose own field is affine."""
 
     expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    values: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the invariant functions whose values they are
-    original: Any = None  #: where it has such symbols: the same in the variables alone
-    inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: those of these functions that are no Casimir functions
-
-    @property
-    def whole(self) -> Any:
-        """The expression without such symbols."""
-        return self.expression if self.original is None else self.original
-
-    def slope(self, variable: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
-        inner = [sympy.diff(self.expression, s) * sympy.diff(u.form, variable) for s, u in self.inner.items()]
-        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.values))
+    field: Mapping[
+        tuple[int, Monomial], mpmath.mpf
+    ] = {}  #: where that is affine, without a factor that depends on time alone
 
 
 class Constants:
@@ -149,11 +211,7 @@ class Flow(NamedTuple):
 
     @property
     def expression(self) -> Any:
-        return sympy.Add(*(term.whole for term in self.terms))
-
-    def slope(self, variable: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept."""
-        return sympy.Add(*(term.slope(variable) for term in self.terms))
+        return sympy.Add(*(term.expression for term in self.terms))
 
     @property
     def varying(self) -> bool:
@@ -164,9 +222,6 @@ class Flow(NamedTuple):
         return reduced([f for term in self.terms for f in term.functionals])
 
 
-Otherwise = Callable[[Any], Term | None]  #: another term for an addend without a flow of its own
-
-
 def single(expression: Any, world: Symbolics) -> Term:
     """The term that an expression is; NoExactFlow if it is none."""
     functionals, pivots = functionals_of(expression, world)
@@ -175,22 +230,18 @@ def single(expression: Any, world: Symbolics) -> Term:
             names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
             text = shortened(world.name(expression))
             raise NoExactFlow(f"'{text}' depends on {names.replace('+ -1.0*', '- ')}, which do not commute")
-    if world.bracket.higher and not ends(world.bracket, functionals):
-        raise NoExactFlow(f"'{shortened(world.name(expression))}' moves by a Lie series that does not end")
+    fields = list(map(world.bracket.field, functionals))
+    try:
+        if any(map(is_curved, fields)):
+            series(fields)
+    except EndlessSeries:
+        raise NoExactFlow(f"'{shortened(world.name(expression))}' moves by a Lie series that does not end") from None
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying)
 
 
-def split(
-    addends: Sequence[Any],
-    world: Symbolics,
-    constants: Constants,
-    otherwise: Otherwise = lambda addend: None,
-) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
-
-    `otherwise(addend)`: another term for an addend without an exact flow of its own.
-    """
+def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> list[Flow]:
+    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none."""
     terms: list[Term] = []
     crossing: list[Any] = []
     lacking: list[tuple[Any, str]] = []  # (addend without an exact flow, reason)
@@ -198,7 +249,7 @@ def split(
     while left:
         addend = left.pop(0)
         try:
-            more, cross = _terms([addend], world, otherwise)
+            more, cross = _terms([addend], world)
         except NowhereFinite:
             raise
         except NoExactFlow as refused:
@@ -208,9 +259,13 @@ def split(
                 lacking.append((addend, str(refused)))
         else:
             terms, crossing = terms + more, crossing + cross
-    for factor, products in by_factor(crossing, world.time).items():
+    by_factor: dict[Any, list[Any]] = {}  # of time alone
+    for product in crossing:
+        factor, rest = split_in_time(product, world.time)
+        by_factor.setdefault(factor, []).append(rest)
+    for factor, products in by_factor.items():
         for component in connected(map(world.used, products)):
-            inside = [t for t in terms if not t.values and _is_square_within(t.expression, component, factor, world)]
+            inside = [t for t in terms if _is_square_within(t.expression, component, factor, world)]
             terms = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
             terms += _diagonalised(form, component, factor, world, constants)
@@ -221,43 +276,49 @@ def split(
     return flows
 
 
+def by_affine_field(function: Any, world: Symbolics) -> Term | None:
+    """The term of a function whose field is affine, as that of q*p is where {q, p} is a number."""
+    field: dict[tuple[int, Monomial], mpmath.mpf] = {}
+    for row, change in world.field(split_in_time(function, world.time)[1]).items():
+        change = sympy.expand(change.xreplace(dict(world.parameters)))
+        if world.bracket.logarithmic or not change.is_polynomial(*world.variables):
+            return None
+        for powers, c in sympy.Poly(change, *world.variables).terms():
+            if sum(powers) > 1 or c.free_symbols:
+                return None
+            field[row, tuple(n for n, power in enumerate(powers) if power)] = precise(c)
+    return Term(function, (), (), bool(world.bracket.formulas) or world.varies(function), field)
+
+
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
     """The stand-in for the flow of a function that has none in closed form."""
     expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
-def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
-    """Whether all linear and quadratic functions that some terms depend on commute with those of others."""
-    both = (list(terms), list(others))
-    first, second = ([f for term in side for f in term.functionals] for side in both)
-    if not all(bracket.commuting(f, g) for f, g in itertools.product(first, second)):
+def commute(terms: Sequence[Term], others: Sequence[Term], bracket: Bracket) -> bool:
+    """Whether all linear functions that some terms depend on commute with those of others."""
+    if any(term.field for term in (*terms, *others)):
         return False
-    mine, theirs = ([u for term in side for u in term.inner.values() if u.fields] for side in both)
-    if not all(unmoved(f, u) for f, u in (*itertools.product(first, theirs), *itertools.product(second, mine))):
-        return False
-    return all(commuting(u, other, bracket.dimension) for u, other in itertools.product(mine, theirs))
+    first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
+    return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
 
 
 def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     """Each term in the first flow with which it commutes, or in one of its own."""
-    flows: list[list[Term]] = []
+    flows: list[tuple[bool, list[Term]]] = []
     for term in terms:
-        for flow in flows:
-            if commute([term], flow, bracket) and _is_curved(term, bracket) == _is_curved(flow[0], bracket):
+        curved = any(map(is_curved, map(bracket.field, term.functionals)))  # so that its flow is a series
+        for is_series, flow in flows:
+            if curved == is_series and commute([term], flow, bracket):
                 flow.append(term)
                 break
         else:
-            flows.append([term])
-    return [Flow(tuple(flow)) for flow in flows]
+            flows.append((curved, [term]))
+    return [Flow(tuple(flow)) for _, flow in flows]
 
 
-def _is_curved(term: Term, bracket: Bracket) -> bool:
-    """Whether its fields are not affine, so that its flow is a series."""
-    return any(map(bracket.curved, term.functionals))
-
-
-def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
+def _terms(addends: Sequence[Any], world: Symbolics) -> Parts:
     """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
     terms: list[Term] = []
     crossing: list[Any] = []
@@ -273,28 +334,23 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Pa
             continue  # so does a Casimir function
         expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
         if len(expanded) > 1:
-            more, cross = _of_parts(addend, expanded, world, otherwise)
+            more, cross = _of_parts(addend, expanded, world)
             terms, crossing = terms + more, crossing + cross
         elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
-        elif (term := otherwise(addend)) is not None:
-            terms.append(term)
         else:
             raise reason
     return terms, crossing
 
 
-def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Otherwise) -> Parts:
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics) -> Parts:
     """The terms of a sum that is written as a product: expanded, or else its parts as they are written."""
     try:
-        return _terms(expanded, world, lambda part: None)
-    except NoExactFlow as refused:
-        reason = refused
-    if (term := otherwise(addend)) is not None:
-        return [term], []
-    if parts := _written_parts(addend, world):
-        return _terms(parts, world, otherwise)
-    raise reason
+        return _terms(expanded, world)
+    except NoExactFlow:
+        if parts := _written_parts(addend, world):
+            return _terms(parts, world)
+        raise
 
 
 def _written_parts(addend: Any, world: Symbolics) -> list[Any]:

@@ -1,15 +1,13 @@
 """Formulas of a system: their variables, their names, whether they commute with everything."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, Matrix, Polynomial, added, summed
-from .keys import DefinitionError
-from .text import TAKEN, NumberError, Symbols
+from .brackets import DIGITS, NOTHING, Bracket, added
 
 
 class Symbolics(NamedTuple):
@@ -44,16 +42,39 @@ class Symbolics(NamedTuple):
         words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
         return str(expression.xreplace(words)).replace("**", "^")
 
-    def by_coordinate(self, derivative: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i, from that by y_i; see :attr:`Bracket.coordinates`."""
-        if i not in self.bracket.logarithmic:
-            return derivative
-        return sympy.Add(*(self.variables[i] * term for term in sympy.Add.make_args(derivative)))
+    def derivative(self, function: Any, i: int) -> Any:
+        """The derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
+        slope = sympy.diff(function, self.variables[i])
+        return sympy.Add(*(self.factor(i) * term for term in sympy.Add.make_args(slope)))
+
+    def factor(self, i: int) -> Any:
+        """The derivative of y_i by its coordinate w_i."""
+        return self.variables[i] if i in self.bracket.logarithmic else sympy.Integer(1)
+
+    def rates(self, v: Mapping[int, Any]) -> dict[int, Any]:
+        """w_i' for y' = B(y) v, by coordinate, with the parameters as symbols; v by component."""
+        terms: dict[int, list[Any]] = {}
+        for i, j, polynomial in self.bracket.in_symbols():
+            for row, column, sign in ((i, j, 1), (j, i, -1)):
+                if column in v:
+                    products = (c * sympy.Mul(*(self.variables[k] for k in m)) for m, c in polynomial.items())
+                    entry = sympy.Add(*products) * self.factor(column)
+                    terms.setdefault(row, []).append(sign * v[column] * entry)
+        return {i: sympy.Add(*of) for i, of in terms.items()}
+
+    def field(self, function: Any) -> dict[int, Any]:
+        """B(y) grad f by component."""
+        rates = self.rates({i: sympy.diff(function, self.variables[i]) for i in self.used(function)})
+        return {i: self.factor(i) * rate for i, rate in rates.items() if rate != 0}
+
+    def along(self, function: Any, direction: Mapping[int, Any]) -> Any:
+        """The derivative of a function along a vector."""
+        moved = (i for i in self.used(function) if i in direction)
+        return sympy.Add(*(sympy.diff(function, self.variables[i]) * direction[i] for i in moved))
 
     def slope(self, function: Any, i: int) -> Any:
         """The derivative of a function by the coordinate w_i, at the values of the parameters."""
-        derivative = self.by_coordinate(sympy.diff(function, self.variables[i]), i)
-        return derivative.xreplace(dict(self.parameters))
+        return self.derivative(function, i).xreplace(dict(self.parameters))
 
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
         """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
@@ -120,27 +141,6 @@ def degree_of(value: Any, world: Symbolics) -> int | None:
     return sympy.Poly(value, *world.variables).homogeneous_order()
 
 
-def check_name(name: str, key: str) -> None:
-    """DefinitionError if a parameter or a size cannot have this name in formulas."""
-    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
-    if not is_name or name in TAKEN:
-        right = "use letters from a to z and digits, and not the name of a function"
-        raise DefinitionError(f"is not a valid name; {right}", key, name)
-
-
-def polynomial(value: Any, formulas: Symbols) -> Polynomial:
-    """A polynomial in the variables, as factors by monomial; NumberError if it is none."""
-    symbols = list(formulas.variables.values())
-    expanded = sympy.expand(value)
-    if not expanded.is_polynomial(*symbols):
-        raise NumberError("a bracket must be a polynomial in the variables")
-    factors: Polynomial = {}
-    for powers, c in sympy.Poly(expanded, *symbols).terms():
-        if c != 0:
-            factors[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
-    return factors
-
-
 def merged_powers(function: Any) -> Any:
     """A function in which (b - a)^2 is written as (a - b)^2, so that terms which differ by that alone are merged."""
 
@@ -155,157 +155,3 @@ def shortened(text: Any) -> str:
     """At most 60 characters of a text."""
     text = str(text)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[Any, Any]) -> None:
-    """DefinitionError if the parameters make one of some Hamiltonians infinite or complex everywhere."""
-    for function in functions:
-        for y in world.used(function):
-            derivative = sympy.diff(function, world.variables[y])
-            for factor in derivative.atoms(sympy.Pow):
-                if not factor.exp.is_negative or factor.free_symbols & set(world.variables):
-                    continue
-                value = factor.base.xreplace(world.parameters).xreplace(constants)
-                if value == 0:
-                    name = min(map(str, factor.base.free_symbols), default="")
-                    keys = ("parameters", name) if name in map(str, world.parameters) else ("hamiltonian",)
-                    fault = f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0"
-                    raise DefinitionError(f"{fault}; take another value", *keys)
-        if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
-            name = world.name(function)
-            fault = f"has no finite real value at these parameters: '{shortened(name)}'"
-            raise DefinitionError(f"{fault}; take others", "parameters")
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Linear functions of the state, by the factors of components, and quadratic functions that a flow keeps.
-# ---------------------------------------------------------------------------------------------------------------------
-
-Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
-Span = tuple[tuple[Functional, ...], tuple[int, ...]]  #: linear functions, reduced, and their pivots
-
-
-class NoExactFlow(ValueError):
-    """A term whose flow is not known in closed form; the message names it."""
-
-
-class NowhereFinite(NoExactFlow):
-    """A term that has no finite value."""
-
-
-def functionals_of(expression: Any, world: Symbolics, fixed: Iterable[Any] = ()) -> Span:
-    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
-    used = world.used(expression)
-    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
-    if len(used) == 1:
-        return coordinates, used
-    if (
-        expression.is_Mul
-        and not world.bracket.logarithmic.intersection(used)
-        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
-    ):
-        return coordinates, used  # a monomial
-    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(fixed)}
-    gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
-    in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
-    symbols = [*(world.variables[i] for i in used), *in_time]
-    value = numeric(symbols, gradient)
-    rows = []
-    with mpmath.workdps(DIGITS + 20):
-        for n in range(len(used) + 2):
-            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(symbols))]
-            try:
-                row = [mpmath.mpmathify(g) for g in value(*point)]
-            except (TypeError, ZeroDivisionError, ValueError):
-                continue  # not defined there
-            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
-            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
-            rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
-        if not rows:
-            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
-    span, pivots = reduced(rows)
-    return (coordinates, used) if len(span) == len(used) else (span, pivots)
-
-
-def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> Span:
-    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
-    with mpmath.workdps(DIGITS + 20):
-        by_pivot = echelon(rows, mpmath.mpf(10) ** -30)
-    pivots = tuple(sorted(by_pivot))
-    return tuple(by_pivot[pivot] for pivot in pivots), pivots
-
-
-def echelon(rows: Iterable[Mapping[int, Any]], tiny: mpmath.mpf) -> dict[int, dict[int, Any]]:
-    """The span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
-
-    All other rows have 0 there; entries up to `tiny` are 0.
-    """
-    left = [dict(row) for row in rows]
-    by_pivot: dict[int, dict[int, Any]] = {}
-    while left := [row for row in left if any(abs(c) > tiny for c in row.values())]:
-        row = left.pop(0)
-        largest = max(abs(c) for c in row.values())
-        pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
-        row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
-        row[pivot] = mpmath.mpf(1)
-        left = [without(other, pivot, row, tiny) for other in left]
-        by_pivot = {p: without(other, pivot, row, tiny) for p, other in by_pivot.items()}
-        by_pivot[pivot] = row
-    return by_pivot
-
-
-def without(row: dict[int, Any], pivot: int, by: dict[int, Any], tiny: mpmath.mpf) -> dict[int, Any]:
-    """A row minus the multiple of another one that makes its entry at the pivot 0."""
-    factor = row.get(pivot)
-    if not factor:
-        return row
-    new = {i: row.get(i, 0) - factor * by.get(i, 0) for i in sorted({*row, *by} - {pivot})}
-    return {i: c for i, c in new.items() if abs(c) > tiny}
-
-
-def form_text(functional: Functional, names: Sequence[str]) -> str:
-    """A linear function in words."""
-    parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
-    return " + ".join(parts)
-
-
-class Quadratic(NamedTuple):
-    """A quadratic function u, in one of two ways.
-
-    Either u = Q(s) + C with Q of degree 2 in linear functions that u keeps and a Casimir function C; or its field is
-    sum_c y_c M_c y with components y_c that commute with everything, or y_d = 1.
-    """
-
-    function: Any  #: u in the variables
-    form: Any  #: Q(s) in the variables; 0 where there are fields
-    fields: tuple[tuple[int, Matrix], ...]  #: of (c, M_c)
-    slopes: Matrix  #: grad u = slopes y, needed where there are fields
-
-
-def unmoved(functional: Mapping[int, mpmath.mpf], u: Quadratic) -> bool:
-    """Whether a linear function commutes with u, by the fields of u."""
-    return not any(
-        summed((column, functional[row] * c) for (row, column), c in entries.items() if row in functional)
-        for _, entries in u.fields
-    )
-
-
-def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
-    """Whether {u, other} = 0, both having fields: at random points, to 40 digits."""
-    with mpmath.workdps(DIGITS):
-        for n in range(3):
-            point = [mpmath.frac(mpmath.sqrt(5 + 3 * n + 7 * j) * 19) + mpmath.mpf(1) / 8 for j in range(dimension)]
-            point.append(mpmath.mpf(1))
-            slopes = _times(u.slopes, point)
-            total = size = mpmath.mpf(0)
-            for c, entries in other.fields:
-                for row, value in _times(entries, point).items():
-                    term = point[c] * value * slopes.get(row, 0)
-                    total, size = total + term, max(size, abs(term))
-            if abs(total) > NOTHING * (1 + size):
-                return False
-    return True
-
-
-def _times(entries: Matrix, y: Sequence[Any]) -> dict[int, Any]:
-    return added((row, value * y[column]) for (row, column), value in entries.items())

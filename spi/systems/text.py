@@ -167,18 +167,22 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
 
 def _signed(text: str) -> list[tuple[str, str]]:
     """The parts of a sum, each with its sign; the sign of a factor or in a literal such as 1e-3 does not separate."""
-    signed_parts, depth = [["+", ""]], 0
-    for n, c in enumerate(text):
-        depth += {"(": 1, ")": -1}.get(c, 0)
-        before = text[:n].rstrip()
-        if c in "+-" and depth == 0 and before[-1:] not in ("^", "*", "/") and not re.search(r"[\d.][eE]$", text[:n]):
-            if not signed_parts[-1][1].strip():
-                signed_parts[-1][0] = "-" if (signed_parts[-1][0] == "-") != (c == "-") else "+"
-            else:
-                signed_parts.append([c, ""])
-        else:
+    signed_parts = [["+", ""]]
+    for n, (c, outer) in enumerate(zip(text, _outside(text), strict=True)):
+        is_sign = outer in "+-" and text[:n].rstrip()[-1:] not in ("^", "*", "/")
+        if not is_sign or re.search(r"[\d.][eE]$", text[:n]):
             signed_parts[-1][1] += c
+        elif signed_parts[-1][1].strip():
+            signed_parts.append([c, ""])
+        else:
+            signed_parts[-1][0] = "-" if (signed_parts[-1][0] == "-") != (c == "-") else "+"
     return [(sign, part) for sign, part in signed_parts]
+
+
+def _outside(text: str) -> str:
+    """The text with all that stands in parentheses, and these, replaced by characters without a meaning."""
+    depth = itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in text)
+    return "".join("\0" if d or c == ")" else c for c, d in zip(text, depth, strict=True))
 
 
 def whole(text: str, algebra: Symbols) -> int:
@@ -208,10 +212,11 @@ def entries(text: str, algebra: Symbols) -> list[tuple[str, Symbols]]:
 
 def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
     """(body, symbols with the indices bound) for ``body for i = a..b, j = c..d``; a text without ``for`` once."""
-    body, word, ranges = _split_for(text)
-    if not word:
+    separator = re.search(r"\bfor\b", _outside(text))
+    if not separator:
         yield text, algebra
         return
+    body, ranges = text[: separator.start()], text[separator.end() :]
     bound = [algebra]
     for part in parts(ranges):
         if not (match := _RANGE.match(part)):
@@ -231,26 +236,10 @@ def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
         yield body, inner
 
 
-def _split_for(text: str) -> tuple[str, str, str]:
-    """Body, "for" and ranges, separated by the word "for" outside of parentheses."""
-    depth = 0
-    for match in re.finditer(r"[()]|\bfor\b", text):
-        depth += {"(": 1, ")": -1}.get(match[0], 0)
-        if match[0] == "for" and depth == 0:
-            return text[: match.start()], "for", text[match.end() :]
-    return text, "", ""
-
-
 def parts(text: str, separators: str = ",") -> list[str]:
     """The parts of a text between separators outside of parentheses."""
-    parts, depth = [""], 0
-    for c in text:
-        depth += {"(": 1, ")": -1}.get(c, 0)
-        if c in separators and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += c
-    return parts
+    ends = [n for n, c in enumerate(_outside(text)) if c in separators]
+    return [text[start + 1 : end] for start, end in zip([-1, *ends], [*ends, len(text)], strict=True)]
 
 
 __all__ = [

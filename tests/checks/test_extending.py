@@ -11,11 +11,9 @@ import pytest
 import test_model_fields
 import test_models
 from extending import Oscillator
-from helpers import INITIAL, LANES, RIGID_BODY, composed, final_states, loop_in_python, random_states, take_step
+from helpers import LANES, RIGID_BODY, composed, final_states, loop_in_python, random_states, take_step
 
-from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian
-from spi.exact import kolmogorov
 from spi.models import MODELS
 from spi.schemes import SCHEMES, has_theory, typical_ns
 from spi.schemes.splitting import has_antithetic_path
@@ -80,29 +78,6 @@ def test_the_composition_is_what_its_row_says():
         assert (np.abs(new - expected).max() < 1e-13) == same
     assert has_theory(row, RIGID_BODY) and not has_antithetic_path(row.record)
     assert typical_ns(SCHEMES[NAME], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
-
-
-def test_its_expectations_without_sampling_are_those_of_its_paths():
-    def phi(y):
-        return np.sin(2.0 * y[0]) + y[1] * y[2]
-
-    h = 0.5
-    exact, other = (
-        kolmogorov.expectations(
-            RIGID_BODY, compositions(SCHEMES[name].composition, RIGID_BODY), INITIAL, 1.0, [h], [phi], 1e-6
-        )
-        for name in (NAME, "splitting")
-    )
-    generator, y = np.random.default_rng(7), np.repeat(np.reshape(INITIAL, (3, 1)), 2**17, axis=1)
-    ((_, acting),) = compositions(SCHEMES[NAME].composition, RIGID_BODY)
-    for dW in np.sqrt(h) * generator.standard_normal((2, *y.shape)):
-        with uncompiled():
-            y = composed(RIGID_BODY, acting, h, tuple(y), dW)
-    values = phi(y)
-    stderr = values.std() / np.sqrt(values.size)
-    assert abs(values.mean() - exact.value[0, 0]) < 4.5 * stderr + exact.value_bound[0, 0]
-    for wrong in (exact.limit[0], other.value[0, 0]):  # neither the equation itself nor another order would pass
-        assert abs(values.mean() - wrong) > 10 * stderr
 
 
 def test_the_page_shows_this_code():

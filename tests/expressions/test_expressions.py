@@ -9,10 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from spi.expressions import (
-    Constant,
     as_numpy,
     canonical,
-    is_constant,
     parse_expression,
     trees,
 )
@@ -114,13 +112,6 @@ def test_parsing_never_fails_otherwise(text):
         assert parse_expression(canonical(expression), 3) == expression
 
 
-def test_constants():
-    assert is_constant(parse_expression("2*pi + sin(1)^0.3", 3))
-    assert parse_expression("y1^0", 3) == Constant(1.0)
-    assert not is_constant(parse_expression("0*y1", 3))
-    assert as_numpy(Constant(2.0))(np.zeros((3, 5))).tolist() == [2.0] * 5
-
-
 # --- values ----------------------------------------------------------------------------------------------------------
 
 
@@ -204,17 +195,6 @@ def test_every_record_occurs_here():
     assert all(cls.__name__ + "(" in text for cls in vars(trees).values() if hasattr(cls, "meaning"))
 
 
-def test_large_arguments():
-    """Sines are right wherever the paths are."""
-    y = states()
-    y[0, :4] = 1.0, 123.456, 1e5, 1e300
-    values = values_of(["sin(1e7*y1)", "cos(1e7*y1)"], y)
-    for lane in range(LANES):
-        argument = 1e7 * y[0, lane]
-        assert close(values[0, lane], float(mpmath.sin(mpmath.mpf(argument))), 1e-15)
-        assert close(values[1, lane], float(mpmath.cos(mpmath.mpf(argument))), 1e-15)
-
-
 @pytest.mark.parametrize("scale", [0.1, 1.0, 1e7])
 def test_values_of_a_block_do_not_depend_on_what_is_evaluated_beside_it(scale):
     """To the last bit, as results must not depend on how many blocks are computed together."""
@@ -236,11 +216,3 @@ def test_what_has_no_value_is_nan_or_infinite():
     assert values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:].tolist() != [0.0]
     assert np.isnan(values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:]).all()
     assert (values_of(["exp(1000*y1)"], 1.0 + np.abs(y))[0, 10:] == math.inf).all()
-
-
-def test_long_expressions():
-    y = states()
-    hundred, alternating = values_of(["+".join(["y1"] * 100), "2-(" * 20 + "y1" + ")" * 20], y)
-    assert close(hundred, 100 * y[0], 1e-12) and close(alternating, y[0], 1e-12)
-    many = [f"y{k % 3 + 1}^{k % 14 + 2}" for k in range(12)]
-    assert values_of(many, y).shape == (12, LANES)

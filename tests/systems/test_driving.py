@@ -17,7 +17,6 @@ from spi.ensemble.observer import invariants_of
 from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
 from spi.models.delegation import damped
 from spi.numerics.rng import LANES
-from spi.systems.definition import make
 
 INITIAL = (0.5, -0.3, 0.7)
 
@@ -100,41 +99,6 @@ def test_the_beginning_can_be_at_another_time():
     y = steps_by_hand(SCHEMES["splitting_symmetric"].record, model, 1.0, 32)
     assert np.linalg.norm(y - reference(1.0, math.pi / 7)) < 4e-3 < 0.02 < np.linalg.norm(y - reference(1.0))
     assert type(model) is type(record(PLAIN))
-
-
-#: The same with time as a variable, whose pair is E.
-EXTENDED = """
-algebra: so(3) * heisenberg
-variables: [y1, y2, y3, tau, E, i]
-parameters: {eps: 1/2, w: 3}
-hamiltonian: y1^2/4 + y2^2/2 + 3*y3^2/4 + eps*cos(w*tau)*((y1 + y2)^2 - (y1 - y2)^2)/4 + sin(y3 - w*tau)/2 + E
-"""
-
-
-def test_time_as_a_variable_is_another_road_to_the_same_limit():
-    model, steps = record(EXTENDED, "Extended"), 32
-    y, h = np.repeat(np.array([*INITIAL, 0.0, 0.0, 1.0])[:, None], LANES, axis=1), 1.0 / steps
-    with uncompiled():
-        for _ in range(steps):
-            y, _ = take_step(SCHEMES["splitting_symmetric"].record, model, h, np.zeros((0, LANES)), y)
-    assert y[3, 0] == pytest.approx(1.0, abs=1e-15)
-    assert np.linalg.norm(y[:3, 0] - reference(1.0)) < 1e-3
-
-
-def test_damping_that_depends_on_time_is_a_hamiltonian_that_does():
-    """y = a z, a = exp(-0.3 (t + sin t)), obeys y' = y x grad H - 0.3 (1 + cos t) y where z has the Hamiltonian a H."""
-    text = "{algebra: so(3), hamiltonian: 'exp(-0.3*(t + sin(t)))*(y1^2/4 + y2^2/2 + 3*y3^2/4)'}"
-    z = steps_by_hand(SCHEMES["splitting_symmetric"].record, record(text), 1.0, 32)
-    solved = solve_ivp(
-        lambda t, y: np.cross(y, [y[0] / 2, y[1], 1.5 * y[2]]) - 0.3 * (1 + math.cos(t)) * y,
-        (0.0, 1.0),
-        INITIAL,
-        "DOP853",
-        rtol=1e-12,
-        atol=1e-13,
-    )
-    assert np.linalg.norm(math.exp(-0.3 * (1 + math.sin(1.0))) * z - solved.y[:, -1]) < 1e-4
-    assert np.linalg.norm(math.exp(-0.3) * z - solved.y[:, -1]) > 0.1
 
 
 # --- what is frozen --------------------------------------------------------------------------------------------------
@@ -254,19 +218,3 @@ def test_damping_keeps_what_depends_on_time():
 
 
 # --- definitions -----------------------------------------------------------------------------------------------------
-
-
-def test_a_system_without_time_is_what_it_was():
-    text = systems.made(
-        definition("{algebra: so(3), parameters: {t: 2}, hamiltonian: t*y1^2, noises: [cos(y2*t)]}"), "x"
-    ).text
-    assert "frozen" not in text and "driving" not in text and "model.t_ " in text
-
-
-def test_what_is_said_of_time():
-    lines = make(definition(ONE_AXIS), "x")[3]
-    (line,) = [line for line in lines if line.startswith("time: ")]
-    assert "cos(t*w)" in line and "by its mean over a step" in line and "sigma of noise 1, 3*cos(t*w)/5, by its" in line
-    (line,) = [line for line in make(definition(PLAIN), "x")[3] if line.startswith("time: ")]
-    assert "; t at the middle of a step" in line
-    assert not [line for line in make(definition("{algebra: so(3), hamiltonian: y1}"), "x")[3] if "time" in line]

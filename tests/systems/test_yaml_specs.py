@@ -1,6 +1,5 @@
 """Systems written in YAML in experiments: layers, sweeps, several at once, and errors with their place."""
 
-import re
 import sys
 import time
 from pathlib import Path
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 from damage import call
 from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
-from own_models import check_other_processes
 
 from spi import systems
 from spi.running import run as runs
@@ -37,37 +35,6 @@ noises:
   - y1
   - y3
 """
-
-
-def test_a_system_that_is_too_large_is_the_only_thing_that_is_told(tmp_path):
-    """Not also the entries of initial, whose sizes are not known then."""
-    ring = "algebra: so(3)^n\nsizes: {n: 32}\nhamiltonian: y1^2\nnoises: [y1]\n"
-    spec = SPEC.replace("\n  parameters: {a: 3}", "").replace("[1, 0.5, 0.2]", '["cos(2*pi*i/n), 0, 1/n for i = 1..n"]')
-    (tmp_path / "top.yaml").write_text(ring)
-    (tmp_path / "s.yaml").write_text(spec)
-    with pytest.raises(SpecError) as caught:
-        runs.load(tmp_path / "s.yaml")
-    assert len(caught.value.messages) == 1 and "it has more than 64 components" in caught.value.messages[0]
-
-
-def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
-    """What the generic checks find is no error of a class that somebody wrote; the text is one that never passed."""
-    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*sqrt(y3) + y1/{time.time_ns()}"))
-    with pytest.raises(SpecError, match=r"^s.yaml:3: model.system: .*; near the initial state the formulas must be"):
-        spec(SPEC.replace("0.2]", "-3]"))
-    assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
-
-
-def test_what_is_wrong_with_a_generated_class_names_none_of_its_lines(spec, tmp_path, monkeypatch):
-    """Nobody wrote it: the words are about the formulas."""
-    (tmp_path / "top.yaml").write_text(FILE)
-    complaint = "rate, line 94, raises ZeroDivisionError at y = (1e150, 0, 0): float division by zero"
-    monkeypatch.setattr("spi.specs.models.check_once", lambda *_: [complaint])
-    told = (
-        "a number cannot be computed at y = (1e150, 0, 0): float division by zero; near the initial state the formulas"
-    )
-    with pytest.raises(SpecError, match=f"^s.yaml:3: model.system: {re.escape(told)} must be finite; "):
-        spec(SPEC)
 
 
 FINITE = "near the initial state the formulas must be finite"
@@ -110,12 +77,6 @@ def test_what_passed_with_other_numbers_is_checked_again(spec, tmp_path):
             spec(right.replace("0.6, 0, 0.8]", "0, 0, 3]"))
 
 
-@pytest.mark.parametrize("stem", ["class", "2d", "my-top", "None", "_x"])
-def test_a_file_may_be_called_anything(spec, tmp_path, stem):
-    (tmp_path / f"{stem}.yaml").write_text(FILE)
-    assert spec(SPEC.replace("top.yaml", f"{stem}.yaml")).cases[0].model.a == 3.0
-
-
 @pytest.fixture
 def top(spec, tmp_path):
     """top(replaced in pairs, options of load) -> the experiment of SPEC, with FILE beside it."""
@@ -131,13 +92,6 @@ def test_the_spec_overrides_the_file(top):
     found = top(overrides=["model.parameters.b=7", "model.noises=[y1]"]).cases[0].model
     assert (found.a, found.b, type(found).noises) == (3.0, 7.0, 1)
     assert top("{a: 3}", "{a: 3}\n  name: spinning").cases[0].model_name == "spinning"
-
-
-def test_a_layer_may_bring_parameters_for_its_own_formulas(top):
-    model = top("{a: 3}", "{c: 3, d: c/2}\n  hamiltonian: d*y1^2").cases[0].model
-    assert (model.c, model.d, model.a) == (3.0, 1.5, 2.0)
-    model = top(overrides=["model.parameters.c=4", "model.noises=[c*y1]"]).cases[0].model
-    assert model.c == 4.0
 
 
 def test_other_values_need_no_other_kernel(top):
@@ -192,13 +146,6 @@ def test_two_systems_of_one_name_and_the_same_fields_in_one_process(spec):
     for model, z in zip((first, second), found, strict=True):
         assert np.allclose(z, take_step(scheme, model, 0.1, dW, y)[0], rtol=1e-13, atol=1e-14)
     assert not np.allclose(*found, rtol=0, atol=1e-3)
-
-
-@pytest.mark.skipif(not COMPILED, reason="about compiled code")
-def test_workers_on_other_machines_know_the_system(top):
-    """Without the file, and without what this process knows of it."""
-    edited = FILE.replace("b*y2", "2*b*y2")
-    check_other_processes(top("[splitting]", "[euler_maruyama]"), Path("top.yaml"), edited)
 
 
 def test_a_wrong_system_ends_in_one_line_and_writes_nothing(tmp_path, monkeypatch):

@@ -1,12 +1,8 @@
 """Systems written in YAML with terms that have no exact flow: what is found, what runs, what is refused and how."""
 
-import math
-
-import numpy as np
 import pytest
 import sympy
-from helpers import LANES, take_step
-from yaml_cases import commutators, definition, heisenberg, made, product, rigid, structure
+from yaml_cases import commutators, definition, heisenberg, made, product, rigid
 
 from spi.checks.model_checks import check_model
 from spi.compiler.inlining import uncompiled
@@ -20,9 +16,8 @@ from spi.ensemble.protocol import (
     pieces,
     structure_is_kept,
 )
-from spi.schemes import SCHEMES
 from spi.specs import SpecError
-from spi.systems.definition import DefinitionError, define, make
+from spi.systems.definition import make
 from spi.systems.symbolics import merged_powers
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"
@@ -105,53 +100,6 @@ def test_they_pass_the_generic_checks_and_wrong_ones_do_not(name):
     assert "piece_hessian" in check_model(wrong, [y], written=False)[0]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_schemes_that_need_no_flows_make_their_steps(name):
-    """The step of Euler-Maruyama by formulas of SymPy, and the equation of the midpoint rule."""
-    text, c, *_ = SYSTEMS[name]
-    system, h = made(text), 0.01
-    world, m, d = system.system.world, len(system.record.sigma), len(c)
-    fields = [world.bracket and _field(system, f) for f in (system.system.hamiltonian, *_noises(system))]
-    y = np.repeat(np.array(Y[d], float)[:, np.newaxis], LANES, axis=1)
-    dW = math.sqrt(h) * np.clip(np.random.default_rng(3).standard_normal((m, LANES)), -1.5, 1.5)
-    new, _ = take_step(SCHEMES["euler_maruyama"].record, system.record, h, dW, y)
-    expected = y.copy()
-    for lane in range(3):
-        at = y[:, lane]
-        change = h * fields[0](at)
-        for k, f in enumerate(fields[1:]):
-            step = 1e-6 * f(at)
-            along = (f(at + step) - f(at - step)) / 2e-6
-            change = change + dW[k, lane] * f(at) + 0.5 * h * along
-        expected[:, lane] = at + change
-        assert np.allclose(new[:, lane], expected[:, lane], rtol=0, atol=1e-9)
-    new, report = take_step(SCHEMES["midpoint"].record, system.record, h, dW, y)
-    middle = 0.5 * (y + new)
-    for lane in range(3):
-        total = h * fields[0](middle[:, lane])
-        total = total + sum(dW[k, lane] * f(middle[:, lane]) for k, f in enumerate(fields[1:]))
-        assert np.allclose(new[:, lane] - y[:, lane], total, rtol=0, atol=1e-11)
-    assert report[2] == 0
-
-
-def _noises(system):
-    return [flow.expression for flow in system.system.noises]
-
-
-def _field(system, function):
-    """y -> B(y) grad f(y)."""
-    world = system.system.world
-    values = sympy.lambdify(
-        [world.variables], [sympy.diff(function.xreplace(world.parameters), y) for y in world.variables]
-    )
-    c = _bracket(system)
-    return lambda y: structure(c, y) @ np.array(values(y), float)
-
-
-def _bracket(system):
-    return next(c for text, c, *_ in SYSTEMS.values() if made(text) is system)
-
-
 def test_noises_without_flows_that_commute_are_known():
     """Those of landmarks that depend on different particles; not a noise that depends on both."""
     assert commuting_noises(made(SYSTEMS["landmarks"][0]).record) == ((0, 1),)
@@ -175,18 +123,6 @@ def test_the_report_says_which_and_why():
     assert line == "inner: midpoint is not needed, all flows are exact"
 
 
-def test_pieces_of_the_user_stay_what_they_are():
-    text = "{algebra: heisenberg, variables: [q, p, z], pieces: [p^2/(1 + q^2) + p^2, q^2, p*q^3], noises: []}"
-    record = made(text).record
-    assert (pieces(record), inexact_pieces(record)) == (3, (0, 2))
-
-
-def test_modules_of_systems_whose_flows_are_exact_say_nothing_of_it():
-    """Their texts, and what is compiled of them, are what they were."""
-    text = made("{algebra: heisenberg, variables: [q, p, z], hamiltonian: p^2/2 + q^4, noises: [q]}").text
-    assert "inexact" not in text and "inner" not in text and "piece_" not in text
-
-
 def test_terms_of_double_sums_are_merged():
     """(q(2) - q(1))^2 is (q(1) - q(2))^2; an odd power is another."""
     (a, b), text = sympy.symbols("a b", real=True), made(SYSTEMS["landmarks"][0]).text
@@ -205,16 +141,6 @@ def test_so_3_is_known_by_its_bracket():
         found = made(text)
         assert cross_product(found.record) == is_so_3 and lie_poisson(found.record)
         assert "axis_inertias" not in found.text and "rotation_shear_rates" not in found.text
-
-
-@pytest.mark.parametrize(
-    ("inner_method", "message"),
-    [("newton", "is 'newton'; must be midpoint or munthe_kaas"), ("[a]", "must be midpoint or munthe_kaas")],
-)
-def test_a_wrong_inner_method(inner_method, message):
-    with pytest.raises(DefinitionError, match=message) as error:
-        define(definition(f"{{algebra: so(3), hamiltonian: y1, inner: {inner_method}}}"))
-    assert error.value.keys == ("inner",)
 
 
 SPEC = """\
