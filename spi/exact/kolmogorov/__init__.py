@@ -49,7 +49,7 @@ class Expectations(NamedTuple):
     value_bound: np.ndarray  #: (F, S)
     limit_bound: np.ndarray  #: (F,)
     weak_error_bound: np.ndarray  #: (F, S)
-    notes: dict[str, Any]  #: resolution, seconds and the like
+    notes: dict[str, Any]  #: the resolution
 
 
 class Demands(NamedTuple):

@@ -54,11 +54,10 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     problem = _Problem.of(model, initial, final_time, functions, compositions, steps)
     if problem.at_rest:
         return _at_rest(problem)
-    rounding = ROUNDING * problem.size()[0]
-    limits, weak, weak_error, weak_error_bound, goal = _settled_weak_errors(problem, rounding, accuracy)
+    limits, weak, weak_error, weak_error_bound, goal = _settled_weak_errors(problem, accuracy)
     degree = LEVELS[len(weak) - 1]
-    goal = goal.min(axis=1) if accuracy is None else accuracy / 2
-    limit, limit_bound = _refined_limit(problem, limits, goal, rounding)
+    goal = goal.min(axis=1, keepdims=True) if accuracy is None else accuracy / 2
+    limit, limit_bound = (each[:, 0] for each in _refined_limit(problem, limits, goal, [problem.time]))
     extrapolated, doubt = extrapolate(problem.steps, weak_error)
     # two estimates of the limit; a difference above the extrapolation error is added to its bound
     limit_bound = limit_bound + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_bound.max(axis=1), 0.0)
@@ -105,20 +104,20 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     return Demands(1.5 * problem.seconds(weak, finer) + 1.0, memory, least=least)
 
 
-def _settled_weak_errors(problem, rounding, accuracy):
+def _settled_weak_errors(problem, accuracy):
     """(limits by degree, weak errors by degree, the last weak errors, their bound, the goal for it)."""
-    limits, weak, level = [], [], problem.level(problem.waves()[1])
+    limits, weak, level, rounding = [], [], problem.level(problem.waves()[1]), problem.rounding()
     for number, L in enumerate(LEVELS):
         if len(weak) >= 3 and problem.cost(L) > LONGEST:
             break
         degrees, finer = problem.tried(max(level, number))
         expected(problem.seconds(degrees[number:], finer))
         parts = problem.parts(L)
-        limits.append(problem.limits(parts, [problem.time])[:, 0])
-        weak.append(problem.values(parts) - limits[-1][:, None])
-        weak_error, weak_error_bound = _settled(weak, rounding[:, None], problem.rough[:, None])
+        limits.append(problem.limits(parts, [problem.time]))
+        weak.append(problem.values(parts) - limits[-1])
+        weak_error, weak_error_bound = _settled(weak, rounding, problem.rough)
         goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
-        if len(weak) >= 3 and np.all(weak_error_bound <= np.maximum(goal, 2 * rounding[:, None])):
+        if len(weak) >= 3 and np.all(weak_error_bound <= np.maximum(goal, 2 * rounding)):
             break
     return limits, weak, weak_error, weak_error_bound, goal
 
@@ -137,7 +136,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
     elif not problem.seconds_of_first_limits() <= most_seconds:
         limit, bound = (np.full((len(functions), len(times)), unknown) for unknown in (np.nan, np.inf))
     else:
-        limit, bound = _refined_limit(problem, [], accuracy, ROUNDING * problem.size()[0][:, None], times)
+        limit, bound = _refined_limit(problem, [], accuracy, times)
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
@@ -160,7 +159,7 @@ class Refining:
         self.problem = _Problem.of(model, initial, final_time, functions)
         self.known = _at_rest(self.problem).limit if self.problem.at_rest else None
         self.rough = self.problem.rough
-        self.rounding = ROUNDING * self.problem.size()[0]
+        self.rounding = self.problem.rounding()[:, 0]
         self.effort = USED * len(functions)
 
     def costs(self, columns):
@@ -174,19 +173,17 @@ class Refining:
         return limit, self.rounding, sum(V.shape[1] for *_, V in parts.classes)
 
 
-def _refined_limit(problem, limits, goal, rounding, times=None):
-    """The limit and its error, from `limits` by degree, to which as many higher degrees are added as the goal needs.
-
-    With `times` (T,) the limits at all of them, (F, T).
-    """
-    rough = problem.rough if times is None else problem.rough[:, None]
+def _refined_limit(problem, limits, goal, times):
+    """(F, T) the limit and its error, from `limits` by degree, to which as many higher degrees are added as needed."""
+    rounding = problem.rounding()
     for L in LEVELS[len(limits) :]:
-        settled = len(limits) >= 3 and np.all(_settled(limits, rounding, rough)[1] <= np.maximum(goal, 2 * rounding))
+        settled = len(limits) >= 3 and np.all(
+            _settled(limits, rounding, problem.rough)[1] <= np.maximum(goal, 2 * rounding)
+        )
         if settled or (len(limits) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
-        at = problem.limits(problem.parts(L), [problem.time] if times is None else times)
-        limits.append(at[:, 0] if times is None else at)
-    return _settled(limits, rounding, rough)
+        limits.append(problem.limits(problem.parts(L), times))
+    return _settled(limits, rounding, problem.rough)
 
 
 def _at_rest(problem):
@@ -198,8 +195,8 @@ def _at_rest(problem):
 
 
 def _settled(by_degree, rounding, rough):
-    """The last of a sequence of refinements, and its error, infinite where there are too few of them."""
-    return by_degree[-1], settling(by_degree, rough).error + rounding
+    """(F, n) the last of a sequence of refinements, and its error, infinite where there are too few of them."""
+    return by_degree[-1], settling(by_degree, rough[:, None]).error + rounding
 
 
 def extrapolate(steps, weak_error):
@@ -271,6 +268,10 @@ class _Problem(NamedTuple):
         points = self.radius * _all_over()
         values = np.array([np.broadcast_to(f(points), points.shape[1]) for f in self.functions])
         return abs(values).max(axis=1), 4 * np.pi * np.mean(values**2, axis=1)
+
+    def rounding(self):
+        """(F, 1) the rounding errors of expectations."""
+        return ROUNDING * self.size()[0][:, None]
 
     def words(self, h):
         return [(p, factors(self.turn, self.spread, word, h)) for p, word in self.compositions]

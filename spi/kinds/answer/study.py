@@ -154,8 +154,8 @@ class Decisions(NamedTuple):
     @classmethod
     def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
         """The pilot of the first scheme is wanted, if anything is sampled."""
-        wanted = glance(sets) if sampling else np.zeros(sets, np.int64)
-        return cls(wanted, *np.zeros((2, 0, functions)), np.zeros(0), UNDECIDED if sampling else SOLVING)
+        wanted, none = glance(sets) if sampling else np.zeros(sets, np.int64), np.zeros((0, functions))
+        return cls(wanted, none, none, np.zeros(0), UNDECIDED if sampling else SOLVING)
 
     @property
     def set_of_base(self) -> int:
@@ -749,19 +749,20 @@ class AnswerPlan(SamplesPlan):
 
     def prediction(self, extra: Decisions) -> Prediction | None:
         """The prediction after the pilot, or once it is solved for with a finite error; None before."""
-        end, reason = self.case.final_time, why(extra, self.case.accuracy) if self.solvable else ""
+        solving, reason = extra.solving == SOLVING, why(extra, self.case.accuracy)
         both = f" ({reason})" if reason else ""
         if extra.stage == PILOTING:
-            if extra.solving != SOLVING:
+            if not solving:
                 return None
             solution, ahead = self.prospect(extra)
             finite = np.isfinite(solution.bound).all() and math.isfinite(ahead.seconds)
             if not finite and ahead.next_seconds <= 10 * SURE:
                 return None
-        if extra.solving == SOLVING:
+        if solving:
             return Prediction(f"without sampling{both}", extra.solving_seconds, math.nan)
+        largest, smallest = (self.case.final_time / 2**level for level in (extra.base, extra.finest))
         how = f"{self.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "
-        how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}{both}"
+        how += f"{largest:g} to {smallest:g}, for {extra.aim:g}{both}"
         return Prediction(how, extra.predicted_cpu_seconds, extra.next_cpu_seconds)
 
     # -----------------------------------------------------------------------------------------------------------------
