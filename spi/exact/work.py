@@ -103,7 +103,7 @@ def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
 def expected(seconds: float) -> None:
     """Replace the prediction of the remaining work by `seconds`."""
     if (meter := _METER.get()) is not None and math.isfinite(seconds):
-        meter.total = meter.done + seconds
+        meter.total = max(meter.done + seconds, meter.done / _NEARLY)
 
 
 def counted(seconds: float) -> None:
