@@ -101,7 +101,8 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, problem.words(h)).length for h in steps) * weak[-1] ** 3
     memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2
     least = 2 * ROUNDING * float(problem.size()[0].max())
-    return Demands(1.5 * problem.seconds(weak, finer) + 1.0, memory, least=least)
+    seconds = sum(map(problem.cost, weak)) + sum(map(problem.cost_of_limit, finer))
+    return Demands(1.5 * seconds + 1.0, memory, least=least)
 
 
 def _settled_weak_errors(problem, accuracy):
@@ -110,8 +111,8 @@ def _settled_weak_errors(problem, accuracy):
     for number, L in enumerate(LEVELS):
         if len(weak) >= 3 and problem.cost(L) > LONGEST:
             break
-        degrees, finer = problem.tried(max(level, number))
-        expected(problem.seconds(degrees[number:], finer))
+        degrees, _ = problem.tried(max(level, number))
+        expected(sum(map(problem.cost, degrees[number:])))
         parts = problem.parts(L)
         limits.append(problem.limits(parts, [problem.time]))
         weak.append(problem.values(parts) - limits[-1])
@@ -368,7 +369,3 @@ class _Problem(NamedTuple):
         """The degrees at which schemes are solved if number `level` is enough, and those for the limit alone."""
         weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= level and self.cost(L) <= LONGEST)]
         return weak, [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
-
-    def seconds(self, weak, finer):
-        """The seconds of schemes and limit at the degrees `weak` and of the limit alone at `finer` ones, roughly."""
-        return sum(map(self.cost, weak)) + sum(map(self.cost_of_limit, finer))
