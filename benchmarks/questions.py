@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from spi.kinds.answer import study
-from spi.kinds.answer.planner import ALONG, LEVELS, SETS, choose, pilot_of
+from spi.kinds.answer.planner import bound, choose
+from spi.kinds.answer.study import ALONG, LEVELS, SETS, pilot_of
 from spi.kinds.answer.study import ALONG_PILOT as PILOT_ALONG
 from spi.kinds.plans import State
 from spi.running import workers
@@ -91,8 +92,8 @@ def truth_of(name: str, keys: dict[str, Any], finer: float) -> tuple[float, floa
     if name in SOLVED:
         other = {**keys, "sampling": False, "accuracy": keys["accuracy"] / 20, "seconds": 3600}
         plan, state = answered(other)
-        if state.extra.scheme < 0:
-            found = plan.results(state)
+        found = plan.results(state)
+        if found.chosen is None:
             return float(found.value[0]), float(found.half[0])
     exact = {
         "schemes": ["splitting_symmetric"],
@@ -135,8 +136,6 @@ def best_fixed(plan: Any, state: State, accuracy: float) -> float:
 
 
 def _bias(known: Any, exponents: Any, levels: int, finest: int) -> float:
-    from spi.kinds.answer.planner import bound
-
     return float(bound(known, exponents, levels, finest).max())
 
 

@@ -6,6 +6,7 @@ an edit of this file empties the cache of the tests (see conftest.py).
 
 import contextlib
 import io
+import itertools
 import json
 import math
 import os
@@ -272,6 +273,21 @@ def composed(model, flows, h, y, dW):
         elif model.sigma[k] is not None:
             y = noise_flow(model, k, model.sigma[k] * dW[k], y, ANY_ANGLES)
     return y
+
+
+def by_quadrature(model, compositions, initial, h, n, phi, points):
+    """E phi after n steps of ((probability, flows), ...), by Gauss-Hermite quadrature in all increments."""
+    on = [k for k, sigma in enumerate(model.sigma) if sigma is not None]
+    x, w = np.polynomial.hermite_e.hermegauss(points)
+    grid = math.sqrt(h) * np.array(np.meshgrid(*[x] * (n * len(on)))).reshape(n, len(on), -1)
+    weight = math.prod(np.meshgrid(*[w / w.sum()] * (n * len(on)))).ravel()
+    total = 0.0
+    for words in itertools.product(compositions, repeat=n):
+        y = tuple(np.full(weight.shape, v) for v in initial)
+        for (_, word), increments in zip(words, grid, strict=True):
+            y = composed(model, word, h, y, dict(zip(on, increments, strict=True)))
+        total += math.prod(p for p, _ in words) * np.sum(weight * phi(np.array(y)))
+    return total
 
 
 def random_states(generator, d=3):

@@ -19,13 +19,10 @@ from ..kinds.plans import State, path_grid
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
 from ..printing.text import human_time
-from ..running import workers
-from ..running.compiling import compile_missing
-from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
-from .paths import plan_of
+from .paths import computed, plan_of
 from .progress import Line
 from .specs import of_mapping, whole
 
@@ -68,18 +65,21 @@ def expectations(
     h, finest = [plan.case.step for plan in each], each[-1]
     of_case: Any = {"case": finest.case, "part": finest.part, "functions": _callables(functions, finest)}
     plan = MeansPlan(**of_case, h=tuple(h), count=count)
-    state = State(plan)
     with Line("expectations", progress) as line:
-        compile_missing([(scheme, call) for call in plan.kernel_calls()], line.watch.report_compiling)
-        workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
+        state = computed(plan, line, lambda state: line.share("paths", state.tally().paths, count))
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
     return _dataset(state.total(), list(plan.functions), h, about)
+
+
+def _by_name(functions: Any) -> Mapping[str, Any]:
+    """The functions by their names, one alone as phi."""
+    return functions if isinstance(functions, Mapping) else {"phi": functions}
 
 
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     """The functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
-    for name, phi in functions.items() if isinstance(functions, Mapping) else [("phi", functions)]:
+    for name, phi in _by_name(functions).items():
         try:
             phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, finest.case.variables))
         except NumberError as error:
@@ -204,7 +204,7 @@ def answer(
     Raises SpecError if anything is wrong with what is asked for.
     """
     keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
-    named = functions if isinstance(functions, Mapping) else {"phi": functions}
+    named = _by_name(functions)
     python = {str(name): phi for name, phi in named.items() if callable(phi)}
     if python:  # formulas that every system has stand for them
         named = {name: f"y1^{n}" if callable(phi) else phi for n, (name, phi) in enumerate(named.items(), 2)}
@@ -218,15 +218,12 @@ def answer(
     (case,) = of_mapping(data, "answer", place="").cases
     own = tuple((name, of_blocks(name, phi)) for name, phi in python.items())
     plan: Any = replace(study.plan(case, study.parts(case)[0]), python=own)
-    state = State(plan)
 
-    def tick(number: int) -> None:
+    def show(state: State) -> None:
         """Show the share of the predicted work, which no clock decides."""
         done, total, _ = plan.progress(state)
         line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)
 
     with Line("answer", progress) as line:
-        compile_missing(kernel_calls([plan]), line.watch.report_compiling)
-        workers.advance_here([state], tick)
-    result: Answer = plan.results(state)
+        result: Answer = plan.results(computed(plan, line, show))
     return result

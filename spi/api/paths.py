@@ -99,11 +99,17 @@ def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
     return study.plan(case, Part(name, eps=eps))
 
 
-def _one_path(plan: Any, line: Line) -> xr.Dataset:
-    """One path with its invariants."""
+def computed(plan: Any, line: Line, show: Callable[[State], None]) -> State:
+    """The final state of a plan; until then `show` is called with the state now and then."""
     state = State(plan)
     compile_missing(kernel_calls([plan]), line.watch.report_compiling)
-    workers.advance_here([state], lambda number: line.share("path", plan.progress(state).done, 1))
+    workers.advance_here([state], lambda number: show(state))
+    return state
+
+
+def _one_path(plan: Any, line: Line) -> xr.Dataset:
+    """One path with its invariants."""
+    state = computed(plan, line, lambda state: line.share("path", plan.progress(state).done, 1))
     dataset = dataset_of(plan.results(state).group())
     dataset.attrs = _of_paths(dataset.attrs)
     return dataset

@@ -3,7 +3,7 @@
 import difflib
 from collections import Counter
 from collections.abc import Iterator
-from functools import cached_property, partial
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,12 +35,12 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
     """Draw a quantity of every part against the step size or the time; ValueError if a part has none of that name."""
     readings = views.readings(results.stored)
     looks = style.looks(by_case(readings))
-    for reading, name in zip(readings, results.parts, strict=True):
-        arrays = results[name].dataset
+    for reading, group in zip(readings, results.stored.groups, strict=True):
+        arrays = dataset_of(group)
         wanted = quantity or ("error" if "error" in arrays else "y")
         able = [str(array) for array, values in arrays.items() if {"h", "t"} & set(values.dims)]
         if wanted not in able:
-            raise ValueError(f"{name} has no {wanted} against h or t; give quantity= one of {', '.join(able)}")
+            raise ValueError(f"{group.name} has no {wanted} against h or t; give quantity= one of {', '.join(able)}")
         x = "h" if "h" in arrays[wanted].dims else "t"
         marker, colour = looks[reading.about.variant]
         own: dict[str, Any] = {"marker": marker} if x == "h" else {}
@@ -54,12 +54,9 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
             ax.set_xscale("log", base=2)
             if wanted == "error":
                 ax.set_yscale("log", nonpositive="clip")
-        for get, set_label, values in (
-            (ax.get_xlabel, ax.set_xlabel, arrays[x]),
-            (ax.get_ylabel, ax.set_ylabel, arrays[wanted]),
-        ):
-            if not get():
-                set_label(str(values.attrs.get("long_name", str(values.name).replace("_", " "))))
+        for axis, values in ((ax.xaxis, arrays[x]), (ax.yaxis, arrays[wanted])):
+            if not axis.get_label_text():
+                axis.set_label_text(values.attrs.get("long_name", str(values.name).replace("_", " ")))
     return ax
 
 
@@ -187,10 +184,6 @@ class Results:
         """The arrays of the only part."""
         if len(self) != 1:
             raise AttributeError(f"{wanted} is of one part; choose one by its name: {self._listed()}")
-        return self._dataset
-
-    @cached_property
-    def _dataset(self) -> xr.Dataset:
         return dataset_of(self.stored.groups[0])
 
     def _listed(self) -> str:
@@ -204,18 +197,16 @@ class Results:
     @property
     def orders(self) -> pd.DataFrame:
         """The fitted orders of convergence, their 95 % intervals and those of theory; empty where none is fitted."""
-        rows = []
-        for case in by_case(views.readings(self.stored)):
-            expected = {
-                (part.about.variant, part.about.estimator): getattr(part, "expected_order", None) for part in case
+        rows = [
+            {
+                **{"case": order.about.case, "scheme": order.about.variant, "estimator": order.about.estimator},
+                **{"function": order.function, "quantity": order.name},
+                **{"order": order.value, "low": order.low, "high": order.high, "expected": order.expected},
             }
-            for fitted in quantities(case):
-                if fitted.name in ("order", "uniform_order"):
-                    about = fitted.about
-                    part = {"case": about.case, "scheme": about.variant, "estimator": about.estimator}
-                    interval = {"order": fitted.value, "low": fitted.low, "high": fitted.high}
-                    theory = {"expected": expected.get((about.variant, about.estimator))}
-                    rows.append(part | {"function": fitted.function, "quantity": fitted.name} | interval | theory)
+            for case in by_case(views.readings(self.stored))
+            for order in quantities(case)
+            if order.name in ("order", "uniform_order")
+        ]
         frame = pd.DataFrame(rows)
         return frame.drop(columns=[name for name in ("estimator", "function") if rows and not any(frame[name])])
 

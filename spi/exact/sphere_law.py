@@ -24,7 +24,7 @@ from ..ensemble.random_states import RandomState
 from .surfaces import strengths_by_place
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Rules of quadrature on spheres, for the normal law and in the unit cube.
+# Rules of quadrature on spheres and for the normal law.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -48,14 +48,6 @@ def hermite(count):
     """(nodes, weights) for the normal law."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
     return nodes, weights / weights.sum()
-
-
-def along(slow, s, d):
-    """(d, n) points on a line through the unit cube: `slow`, and coordinates that turn with s at irrational rates."""
-    root = 2.0
-    for _ in range(50):  # of g^(d - 1) = g + 1
-        root = (1.0 + root) ** (1.0 / (d - 1))
-    return np.array([slow, *(0.5 + s * root**-k for k in range(d - 1))])
 
 
 #: Bins of equal probability.

@@ -127,13 +127,18 @@ def _turned(triple):
 
 
 def polynomial(f, d):
-    """(c, b, A) of c + b.y + y.Ay/2, which agrees with f at 0, the unit vectors, and the sums of two of them."""
-    unit = np.eye(d)
-    with np.errstate(all="ignore"):
-        zero = float(np.broadcast_to(f(np.zeros((d, 1))), 1)[0])
-        up, down = (np.broadcast_to(f(sign * unit), d) for sign in (1.0, -1.0))
-        both = np.array([np.broadcast_to(f(unit + unit[:, i : i + 1]), d) for i in range(d)])
-        return zero, 0.5 * (up - down), both - up - up[:, np.newaxis] + zero
+    """(c, b, A) of the function c + b.y + y.Ay/2 of states (d, n) that f is; None where it is none."""
+    unit, y = np.eye(d), np.random.default_rng(6).standard_normal((d, _TRIALS))
+    try:
+        with np.errstate(all="ignore"):
+            zero = float(np.broadcast_to(f(np.zeros((d, 1))), 1)[0])
+            up, down = (np.broadcast_to(f(sign * unit), d) for sign in (1.0, -1.0))
+            both = np.array([np.broadcast_to(f(unit + unit[:, i : i + 1]), d) for i in range(d)])
+            form = zero, 0.5 * (up - down), both - up - up[:, np.newaxis] + zero
+            size = value_of(*map(np.abs, (*form, y)))
+            return form if (np.abs(f(y) - value_of(*form, y)) <= _CLOSE * (1.0 + size)).all() else None
+    except (ArithmeticError, ValueError):  # f need not be defined at 0
+        return None
 
 
 def value_of(c, b, A, y):
@@ -150,11 +155,11 @@ def quadratic(model):
             b = np.array(drift_gradient(model, zero), float)
             columns = [np.array(drift_gradient(model, tuple(e)), float) - b for e in np.eye(d).tolist()]
             c, matrix = float(hamiltonian(model, zero)), np.array(columns)
-            for y in np.random.default_rng(1).standard_normal((_TRIALS, d)):
-                value = float(hamiltonian(model, tuple(y.tolist())))
-                terms = np.abs(y) @ np.abs(matrix) @ np.abs(y) + np.abs(b) @ np.abs(y) + abs(c)
-                if not abs(value - (c + b @ y + 0.5 * y @ matrix @ y)) <= _CLOSE * terms:
-                    return None
+            y = np.random.default_rng(1).standard_normal((d, _TRIALS))
+            values = at_states(partial(hamiltonian, model), y)
+            size = value_of(abs(c), np.abs(b), np.abs(matrix), np.abs(y))
+            if not (np.abs(values - value_of(c, b, matrix, y)) <= _CLOSE * size).all():
+                return None
     except (ArithmeticError, ValueError):  # H need not be defined at 0
         return None
     return c, b, 0.5 * (matrix + matrix.T)
@@ -327,16 +332,11 @@ def _bracket(model):
 
 def casimir_form(model, c):
     """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant; ValueError if it is not quadratic."""
-    d, function = dimension(model), partial(at_states, lambda y: casimirs(model, y)[c])
-    y = np.random.default_rng(6).standard_normal((d, 1))
-    try:
-        _, b, Q = form = polynomial(function, d)
-        is_quadratic = abs(function(y) - value_of(*form, y))[0] <= 1e-9 * (1.0 + np.abs(Q).max()) * (1.0 + d)
-    except (ArithmeticError, ValueError):  # it need not be defined at 0
-        is_quadratic = False
-    if not is_quadratic:
+    form = polynomial(partial(at_states, lambda y: casimirs(model, y)[c]), dimension(model))
+    if form is None:
         raise ValueError(f"Casimir function number {c + 1} is not quadratic")
-    return np.where(np.abs(b) > 1e-12, b, 0.0), np.where(np.abs(Q) > 1e-12, Q, 0.0)
+    _, b, Q = (np.where(np.abs(part) > 1e-12, part, 0.0) for part in form)
+    return b, Q
 
 
 def semidefinite(Q):

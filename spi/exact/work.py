@@ -2,8 +2,7 @@
 
     with reporting_to(report):              # the caller, who wants reports
         with work("solving", seconds):      # the whole work, with its predicted seconds
-            with part(seconds):             # a part of it, likewise
-                counted(seconds)            # in its loops
+            counted(seconds)                # in its loops
 
 Without a report, counting costs a look at a variable.
 """
@@ -53,23 +52,21 @@ class _Meter:
     def __init__(self, title: str, seconds: float, done: float, report: Report) -> None:
         self.title, self.report = title, report
         self.first = self.done = done
-        self.ends = [done + seconds]  #: of the whole, and of each of the nested parts in progress
+        self.total = done + seconds
         self.began = self.last = _clock()
         report(self.work())
 
     def work(self) -> Work:
         """The state of this work."""
         counted, left = self.done - self.first, math.nan
-        if counted > _KNOWN * (self.ends[0] - self.first):
-            left = (_clock() - self.began) * (self.ends[0] - self.done) / counted
-        return Work(self.title, self.done, self.ends[0], left)
+        if counted > _KNOWN * (self.total - self.first):
+            left = (_clock() - self.began) * (self.total - self.done) / counted
+        return Work(self.title, self.done, self.total, left)
 
     def count(self, seconds: float) -> None:
-        """Count `seconds` as done, in a part of the whole at most up to its predicted end."""
+        """Count `seconds` as done; a whole that turns out to be more is raised."""
         self.done += seconds
-        if len(self.ends) > 1:
-            self.done = min(self.done, self.ends[-1])
-        self.ends[0] = max(self.ends[0], self.done / _NEARLY)
+        self.total = max(self.total, self.done / _NEARLY)
         if (now := _clock()) - self.last >= PAUSE:
             self.last = now
             self.report(self.work())
@@ -91,10 +88,9 @@ def reporting_to(report: Report) -> Iterator[None]:
 
 @contextlib.contextmanager
 def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
-    """The block is work predicted to take `seconds`, after `done` seconds before it; within other work it is a part."""
+    """The block is work predicted to take `seconds`, after `done` seconds before it; other work may be part of it."""
     if _METER.get() is not None or (report := _REPORT.get()) is None:
-        with part(seconds):
-            yield
+        yield
         return
     before = _METER.set(_Meter(title, seconds if math.isfinite(seconds) else 0.0, done, report))
     try:
@@ -104,25 +100,10 @@ def work(title: str, seconds: float, done: float = 0.0) -> Iterator[None]:
         report(None)
 
 
-@contextlib.contextmanager
-def part(seconds: float) -> Iterator[None]:
-    """The block is a part of the work in progress, predicted to take `seconds`; at its end these count as done."""
-    if (meter := _METER.get()) is None:
-        yield
-        return
-    end, before = meter.done + (seconds if math.isfinite(seconds) else 0.0), meter.ends
-    meter.ends = [*(max(end, outer) for outer in before), end]
-    try:
-        yield
-    finally:
-        meter.ends = meter.ends[: len(before)]
-        meter.count(max(end - meter.done, 0.0))
-
-
 def expected(seconds: float) -> None:
-    """Replace the prediction of the remaining work by `seconds`; without effect within a part."""
-    if (meter := _METER.get()) is not None and len(meter.ends) == 1 and math.isfinite(seconds):
-        meter.ends[0] = meter.done + seconds
+    """Replace the prediction of the remaining work by `seconds`."""
+    if (meter := _METER.get()) is not None and math.isfinite(seconds):
+        meter.total = max(meter.done + seconds, meter.done / _NEARLY)
 
 
 def counted(seconds: float) -> None:

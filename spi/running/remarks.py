@@ -44,17 +44,15 @@ def _of(experiment: specs.Experiment, case: specs.BaseCase, line: str) -> str:
 
 def _of_temperature(case: specs.BaseCase, model: Any) -> str:
     """A warning where exp(-H/T) is not the only stationary law, as further functions are conserved; "" elsewhere."""
-    names = systems.variables(model) or [f"y{i + 1}" for i in range(dimension(model))]
     try:
-        rank, surface, invariants = reach(model, case.initial, names)
+        rank, surface = reach(model, case.initial)
     except (ValueError, ArithmeticError):  # of formulas that are not for several states at once
         return ""
     if rank >= surface:
         return ""
-    conserved = " and ".join(invariants) if invariants else "no linear or quadratic function"
     return (
         f"warning: the noises and the drift move a state in {rank} of the {surface} dimensions of its Casimir surface,"
-        f" so that exp(-H/T) is not the only stationary law; besides Casimir functions they keep {conserved}"
+        " so that exp(-H/T) is not the only stationary law"
     )
 
 

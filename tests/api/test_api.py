@@ -116,47 +116,71 @@ def test_mappings_override_what_they_name():
     assert model_of()["model_inertia"][0] == 2
 
 
+def of_mapping(**changed):
+    return lambda: spi.run(SPEC | changed, out=None)
+
+
+def of_path(**changed):
+    return lambda: spi.trajectory(BODY, "splitting", **PATH | changed)
+
+
+def of_means(functions="y1", **changed):
+    keys = {"initial": INITIAL, "final_time": 1.5, "samples": 10, "steps": 0.25} | changed
+    return lambda: spi.expectations(BODY, "splitting", functions, **keys)
+
+
+IN_NO_FILE = type("Mine", (RigidBody,), {"__module__": "__main__"})
+NEEDLESS = ["panels", "title", "asks", "figure", "cases", "profiles", "sweep", "expect", "kind", "schemes"]
+
+
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("call", "told"),
     [
-        ({"steps": [0.3]}, "spec: steps: has 0.3, which is not 2, 4, 8, ... times the reference_step 2^-5"),
-        ({"sampels": 3}, "spec: sampels: is not a known key; did you mean 'samples'?"),
-        ({"model": "rigid_bod"}, "spec: model.name: is 'rigid_bod'; did you mean 'rigid_body'?"),
-        ({"model": {**BODY, "inertia": [1, 2]}}, "spec: model.inertia: has 2 entries; must have 3"),
-        ({"initial": [float("nan"), 0, 0]}, "spec: initial: entry 1 is '.nan'"),
+        (of_mapping(steps=[0.3]), "spec: steps: has 0.3, which is not 2, 4, 8, ... times the reference_step 2^-5"),
+        (of_mapping(sampels=3), "spec: sampels: is not a known key; did you mean 'samples'?"),
+        (of_mapping(model="rigid_bod"), "spec: model.name: is 'rigid_bod'; did you mean 'rigid_body'?"),
+        (of_mapping(model={**BODY, "inertia": [1, 2]}), "spec: model.inertia: has 2 entries; must have 3"),
+        (of_mapping(initial=[float("nan"), 0, 0]), "spec: initial: entry 1 is '.nan'"),
+        (lambda: spi.run(SPEC), "spec: name: missing; add name='...' for the results file, or out=None to write none"),
+        (lambda: spi.run(3), "spec: is 3; must be a spec file, a name that spi.experiments() lists, or a mapping"),
+        (lambda: spi.run("rigid_body_stron"), "rigid_body_stron: no such file"),
+        (
+            lambda: spi.run("rigid_body_strong", samples=4.5),
+            "rigid_body_strong: samples: is '4.5' (not whole); must be a",
+        ),
+        (lambda: spi.run("rigid_body_strong", kind="weak"), "kind: cannot be overridden; give a spec of the kind"),
+        (lambda: spi.run("rigid_body_strong", threads=10**4), "threads: is 10000; must be at most "),
+        (lambda: spi.run("rigid_body_strong", threads="1"), "threads: is '1'; must be a whole number, at least 1"),
+        (lambda: spi.run("rigid_body_strong", workers=0), "workers: is 0; must be a whole number, at least 1"),
+        (lambda: spi.load(3), "results: is 3; must be a results file, or the name"),
+        (lambda: spi.trajectory(IN_NO_FILE, "splitting", **PATH), "model: the class Mine is in no file"),
+        (of_path(times=[0, 0.5]), "times: chooses fields of a figure; every=k stores each k-th state"),
+        *((of_path(**{key: 1}), f"{key}: ") for key in NEEDLESS),
+        (
+            of_path(step=0.3),
+            "step: is 0.3, of which final_time 0.5 is not a multiple; the nearest multiples are 0.3 and",
+        ),
+        (of_path(sede=4), "sede: is not a known key"),
+        (of_path(samples=0), "samples: is 0; must be a whole number, at least 1"),
+        (of_path(observe=max), "samples: missing"),
+        (of_means({"a": "y1", "b": "y4"}), "functions.b: is 'y4' (unknown word 'y4'"),
+        (of_means(steps=[0.25, 0.75]), "steps: has 0.75, which is not 1, 2, 4, 8, ... times the smallest, 0.25; take"),
+        (of_means(steps=[]), "steps: is an empty list"),
+        (of_means(samples=1), "samples: is 1; must be a whole number, at least 2"),
     ],
 )
-def test_what_is_wrong_with_a_mapping_is_told_without_lines(changed, told):
-    found = messages(spi.run, SPEC | changed, out=None)
-    assert any(line.startswith(told) for line in found), found
-    assert not any("yaml" in line for line in found)
+def test_mistakes_are_told_in_words_of_python(call, told):
+    """Without lines of a file that there is not, and without options of the command line."""
+    lines = messages(call)
+    assert any(line.startswith(told) for line in lines), lines
+    assert not any("experiment.yaml" in line or "--" in line for line in lines)
 
 
-def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
-    (line,) = messages(spi.run, "rigid_body_strong", samples=4.5)
-    assert line == ("rigid_body_strong: samples: is '4.5' (not whole); must be a whole number such as 500 or 10^6")
-    assert messages(spi.run, SPEC) == [
-        "spec: name: missing; add name='...' for the results file, or out=None to write none"
-    ]
-    assert "no such file" in messages(spi.run, "rigid_body_stron")[0]
+def test_profiles_and_results_that_there_are_not():
     (line,) = messages(spi.run, "rigid_body_strong", profile="papr")
     assert "profile: 'papr' is not a known profile; did you mean 'paper'?" in line and "--" not in line
-
-    foreign = type("Mine", (RigidBody,), {"__module__": "__main__"})
-    assert "the class Mine is in no file" in messages(spi.trajectory, foreign, "splitting", **PATH)[0]
-    with pytest.raises(spi.StorageError, match="no such file"):
-        spi.load("nowhere.h5")
     with pytest.raises(spi.StorageError, match=r"toda_weak\.h5: no such file; spi.run\('toda_weak'\) writes"):
         spi.load("toda_weak")
-    (line,) = messages(spi.run, 3)
-    assert line.startswith("spec: is 3; must be a spec file, a name that spi.experiments() lists, or a mapping")
-    assert messages(spi.load, 3)[0].startswith("results: is 3; must be a results file, or the name")
-
-
-def test_the_kind_of_an_experiment_stays():
-    assert messages(spi.run, "rigid_body_strong", kind="weak") == [
-        "kind: cannot be overridden; give a spec of the kind that you want"
-    ]
 
 
 def test_an_interrupted_run_goes_on(monkeypatch, capsys):
@@ -193,12 +217,6 @@ def test_threads_and_workers_are_those_of_the_run(monkeypatch):
         with pytest.raises(spi.StorageError, match=r"choose a folder with out=$"):
             spi.run("rigid_body_strong", **asked)
     assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
-    (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
-    assert line.startswith("threads: is 10000; ") and len(told) == 3
-    assert messages(spi.run, "rigid_body_strong", threads="1") == [
-        "threads: is '1'; must be a whole number, at least 1"
-    ]
-    assert messages(spi.run, "rigid_body_strong", workers=0) == ["workers: is 0; must be a whole number, at least 1"]
 
 
 # --- paths -----------------------------------------------------------------------------------------------------------
@@ -270,32 +288,12 @@ def test_observers_see_all_paths(monkeypatch, most):
         spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: y.sum(), **PATH)
     with pytest.raises(ValueError, match="observe returned t, which is the name of an axis; take another"):
         spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: {"t": y[..., 0]}, **PATH)
-    assert messages(spi.trajectory, BODY, "splitting", observe=observe, **PATH)[0].startswith("samples: missing")
 
 
 def test_an_axis_that_may_be_one_of_components_is_not_taken_for_that_of_times():
     short = PATH | {"final_time": 0.25}
     found = spi.trajectory(BODY, "splitting", samples=2, observe=lambda t, y: y[:, -1], **short)
     assert len(found.t) == 3 and found.observed.dims == ("path", "observed_1")
-
-
-@pytest.mark.parametrize(
-    "key", ["times", "panels", "title", "asks", "figure", "cases", "profiles", "sweep", "expect", "kind", "schemes"]
-)
-def test_keys_that_decide_nothing_of_a_path_are_refused(key):
-    (told,) = messages(spi.trajectory, BODY, "splitting", **PATH, **{key: [0, 0.5]})
-    assert told.startswith(f"{key}: ") and ("every=k" in told) == (key == "times")
-
-
-def test_what_is_wrong_with_a_trajectory_is_told_at_once():
-    assert messages(spi.trajectory, BODY, "splitting", **PATH | {"step": 0.3}) == [
-        "step: is 0.3, of which final_time 0.5 is not a multiple; the nearest multiples are 0.3 and 0.6"
-    ]
-    found = messages(spi.trajectory, "lotka_volterra", "splittin", **PATH, sede=4)
-    assert {line.partition(":")[0] for line in found} >= {"sede"}
-    assert messages(spi.trajectory, BODY, "splitting", samples=0, **PATH) == [
-        "samples: is 0; must be a whole number, at least 1"
-    ]
 
 
 # --- expectations ----------------------------------------------------------------------------------------------------
@@ -334,27 +332,13 @@ def test_standard_errors_are_those_of_the_paths(monkeypatch):
             )
 
 
-def test_what_is_wrong_with_expectations_is_told():
-    keys = {"initial": INITIAL, "final_time": 1.5, "samples": 10}
-    functions = {"a": "y1", "b": "y4"}
-    assert messages(spi.expectations, BODY, "splitting", functions, steps=0.25, **keys)[0].startswith(
-        "functions.b: is 'y4' (unknown word 'y4'"
-    )
-    assert messages(spi.expectations, BODY, "splitting", "y1", steps=[0.25, 0.75], **keys) == [
-        "steps: has 0.75, which is not 1, 2, 4, 8, ... times the smallest, 0.25; take others"
-    ]
-    assert messages(spi.expectations, BODY, "splitting", "y1", steps=[], **keys)[0].startswith(
-        "steps: is an empty list"
-    )
-    assert messages(spi.expectations, BODY, "splitting", "y1", steps=0.25, **keys | {"samples": 1})[0].startswith(
-        "samples:"
-    )
+def test_functions_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match=r"the function phi returned shape \(\) for 10 paths"):
-        spi.expectations(BODY, "splitting", np.sum, steps=0.5, **keys)
+        of_means(np.sum)()
     with pytest.raises(ValueError, match="read-only"):  # the next function would be given other states
-        spi.expectations(BODY, "splitting", lambda y: np.negative(y[0], out=y[0]), steps=0.5, **keys)
+        of_means(lambda y: np.negative(y[0], out=y[0]))()
     with pytest.raises(ValueError, match="returned complex numbers"):
-        spi.expectations(BODY, "splitting", lambda y: 1j * y[0], steps=0.5, **keys)
+        of_means(lambda y: 1j * y[0])()
 
 
 # --- the package -----------------------------------------------------------------------------------------------------

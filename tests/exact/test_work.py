@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from spi.exact import kolmogorov, work
-from spi.exact.work import counted, expected, part, reporting_to
+from spi.exact.work import counted, expected, reporting_to
 from spi.models import MaxwellBloch, RigidBody
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
@@ -42,50 +42,37 @@ def test_reports_come_with_the_clock_and_say_what_is_left(monkeypatch):
     assert reports[-1] is None
 
 
-def test_a_part_takes_what_was_predicted_and_the_whole_what_it_takes(monkeypatch):
+def test_a_whole_takes_what_it_takes_and_may_have_parts(monkeypatch):
     clock, reports = Clock(monkeypatch), []
     with reporting_to(reports.append), work.work("solving", 10.0):
-        with part(4.0):
-            clock.count(9.0, 1.0)  # more than was predicted
-        with work.work("what is part of it", 1.0):
-            clock.count(0.25, 1.0)
+        with work.work("part of it", 1.0):
+            clock.count(4.0, 1.0)
+        clock.count(16.0, 1.0)  # more than was predicted
+        expected(20.0)
         clock.count(0.0, 1.0)
-        with part(15.0):  # more than the whole
-            clock.count(5.0, 1.0)
-        clock.count(30.0, 1.0)  # nor was this
-        expected(50.0)
-        clock.count(0.0, 1.0)
-    # 4/10, 4.25/10, 5/10, 10/20, 50/50, 50/100
-    assert shares(reports) == [0, 40, 42, 50, 50, 98, 50] and {one.title for one in reports if one} == {"solving"}
+    assert shares(reports) == [0, 40, 98, 50] and {one.title for one in reports if one} == {"solving"}
 
 
 def test_what_cannot_be_predicted_has_no_share_and_what_was_done_counts(monkeypatch):
     clock, reports = Clock(monkeypatch), []
     with reporting_to(reports.append):
-        with work.work("compiling splitting", 0.0):
+        with work.work("solving", math.inf):
             clock.count(0.0, 1.0)
-        with work.work("solving", math.inf), part(math.inf):
-            clock.count(1.0, 1.0)
         with work.work("solving", 5.0, 5.0):
             clock.count(2.5, 1.0)
-    assert [one.so_far for one in reports if one] == [
-        *["compiling splitting"] * 2,
-        *["solving"] * 2,  # of no part is more counted than was predicted
-        *["solving 50%", "solving 75%"],
-    ]
+    assert [one.so_far for one in reports if one] == [*["solving"] * 2, "solving 50%", "solving 75%"]
 
 
 def test_nobody_is_told_after_the_block_nor_after_an_error():
     reports = []
-    with pytest.raises(KeyboardInterrupt), reporting_to(reports.append), work.work("solving", 1.0), part(1.0):
+    with pytest.raises(KeyboardInterrupt), reporting_to(reports.append), work.work("solving", 1.0):
         raise KeyboardInterrupt
     number = len(reports)
     with work.work("solving", 1.0):
         counted(1.0)
     assert len(reports) == number and reports[-1] is None
     with reporting_to(reports.append), work.work("solving", 2.0):
-        pass
-    assert reports[number].done == 0.0
+        assert reports[number].done == 0.0
 
 
 CYLINDER = MaxwellBloch(sigma=(0.5, 0.5)), (0.3, 0.5, -0.3)
@@ -164,13 +151,3 @@ def test_predicted_seconds_are_those_taken_up_to_the_speed_of_the_machine():
         refiner.refine(3)
         ratios.append((time.process_time() - began) / refiner.costs(effort)[3])
     assert max(ratios) / min(ratios) < 3.0, ratios
-
-
-def test_a_large_matrix_is_squared_in_strips(monkeypatch):
-    from spi.exact.kolmogorov import operators
-
-    E, steps = np.random.default_rng(1).standard_normal((700, 700)), []
-    monkeypatch.setattr(operators, "_AT_ONCE", 600)
-    monkeypatch.setattr(operators, "counted", steps.append)
-    np.testing.assert_allclose(operators._squared(E), E @ E, rtol=0, atol=1e-11)
-    assert len(steps) == 2 and sum(steps) == pytest.approx(operators._squaring(700))

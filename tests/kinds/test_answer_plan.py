@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spi.kinds.answer import study
-from spi.kinds.answer.planner import DONE, PILOTING, SETS, WHOLE, Decisions
+from spi.kinds.answer.study import DONE, PILOTING, SETS, WHOLE, Decisions
 from spi.printing.text import short
 
 TRUTH = 0.5
@@ -84,7 +84,8 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
         assert said.endswith(f", sampling {sampling_seconds}")
         assert extra.sampling_seconds == sampling
     if solves:
-        assert abs(extra.known[0] - TRUTH) <= extra.known_bound[0] <= accuracy
+        solution, _ = study.AnswerPlan(case=SimpleNamespace(accuracy=accuracy), part=None).prospect(extra)
+        assert abs(solution.value[0] - TRUTH) <= solution.bound[0] <= accuracy
 
 
 def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):

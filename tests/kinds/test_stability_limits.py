@@ -118,7 +118,7 @@ def test_truth_where_it_is_elementary():
     """On an axis nothing moves; with equal inertia and noise, E y falls as exp(-(sigma r)^2 T) to first order."""
     limit, error = kolmogorov.exact_expectations(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)
     assert limit.tolist() == [0.0, 4.0, 0.0] and not error.any()
-    with pytest.raises(ValueError, match="no limit without schemes for MaxwellBloch"):
+    with pytest.raises(ValueError, match="no solver without sampling for MaxwellBloch"):
         kolmogorov.exact_expectations(MaxwellBloch(), (1.0, 2.0, 3.0), 1.0, PHI, 1e-3)
     time = 1e-3
     ito = rigid_euler_step(RIGID_BODY, time, np.zeros((3, 1)), np.array(INITIAL)[:, None], [])[:, 0]

@@ -12,7 +12,6 @@ from kills import numbers
 import spi
 from spi import storage
 from spi.exact import kolmogorov, work
-from spi.kinds.answer import study as answers
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak.estimators.kolmogorov import study
@@ -42,7 +41,7 @@ SPECS = {"weak": WEAK, "answer": ANSWER, "statistics": STATISTICS, "stability": 
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Writes a spec of a kind and loads it; nothing of other tests is known, and all is told."""
-    for known in (study._solution, answers._refining, references._exact, stability._true_expectations):
+    for known in (study._solution, references._exact, stability._true_expectations):
         known.cache_clear()
     monkeypatch.setattr(work, "PAUSE", 0.0)
 

@@ -8,7 +8,6 @@ The solver is chosen by a method of the model, see ``spi.ensemble.protocol``: ``
 ``rotation_shear_rates`` for cylinders.
 """
 
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -50,7 +49,7 @@ class Expectations(NamedTuple):
     value_bound: np.ndarray  #: (F, S)
     limit_bound: np.ndarray  #: (F,)
     weak_error_bound: np.ndarray  #: (F, S)
-    notes: dict[str, Any]  #: resolution, seconds and the like
+    notes: dict[str, Any]  #: the resolution
 
 
 class Demands(NamedTuple):
@@ -63,38 +62,28 @@ class Demands(NamedTuple):
     least: float = 0.0  #: numerical error below which rounding lets no accuracy be reached
 
 
-class _Solver(NamedTuple):
-    word: Callable  #: the method that a model must have
-    module: str
-    equation: bool  #: whether it solves the equation alone, without a scheme
-
-
-_SOLVERS = (
-    _Solver(axis_inertias, "sphere", equation=True),
-    _Solver(rotation_shear_rates, "cylinder", equation=False),
-)
-
-
-def _solvers(model, equation=False):
-    return [s for s in _SOLVERS if answers(s.word, model) and (s.equation or not equation)]
-
-
-def _solver(model, equation=False):
-    if solvers := _solvers(model, equation):
-        return import_module(f".{solvers[0].module}", __name__)
-    words = " or ".join(s.word.__name__ for s in _SOLVERS if s.equation or not equation)
-    purpose = "limit without schemes" if equation else "solver without sampling"
-    raise ValueError(f"no {purpose} for {class_of(model).__qualname__}, which does not answer {words}")
+#: The method that a model must have -> the module with the solver.
+_SOLVERS = {axis_inertias: "sphere", rotation_shear_rates: "cylinder"}
 
 
 def can_solve(model):
     """Whether :func:`expectations` works for a model, or a class of models."""
-    return bool(_solvers(model))
+    return any(answers(method, model) for method in _SOLVERS)
 
 
 def can_solve_equation(model):
     """Whether :func:`exact_expectations` works for a model, or a class of models."""
-    return bool(_solvers(model, equation=True))
+    return answers(axis_inertias, model)
+
+
+def _solver(model, *methods):
+    """The module that solves a model with one of these methods, or any; ValueError where it has none."""
+    methods = methods or tuple(_SOLVERS)
+    for method in methods:
+        if answers(method, model):
+            return import_module(f".{_SOLVERS[method]}", __name__)
+    names = " or ".join(method.__name__ for method in methods)
+    raise ValueError(f"no solver without sampling for {class_of(model).__qualname__}, which does not answer {names}")
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -128,14 +117,14 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
 
     No scheme is involved.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
-    solver = _solver(model, equation=True)
+    solver = _solver(model, axis_inertias)
     with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions, **limits)):
         return solver.exact_expectations(model, initial, final_time, functions, accuracy, **limits)
 
 
 def seconds_of_equation(model, initial, final_time, functions, **limits):
     """The seconds of :func:`exact_expectations`, roughly; takes milliseconds, as :func:`demands`."""
-    return _solver(model, equation=True).seconds_of_equation(model, initial, final_time, functions, **limits)
+    return _solver(model, axis_inertias).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 
 def refiner(model, initial, final_time, functions, accuracy):

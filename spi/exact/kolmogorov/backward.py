@@ -5,7 +5,8 @@ with one number commute.
 """
 
 from collections import Counter
-from itertools import takewhile
+
+import numpy as np
 
 
 def numbers_of_steps(final_time, steps):
@@ -15,6 +16,12 @@ def numbers_of_steps(final_time, steps):
         if n < 1 or abs(n * h - final_time) > 1e-9 * final_time:
             raise ValueError(f"the step size {h} does not divide the final time {final_time}")
     return numbers
+
+
+def values_at(point, functions):
+    """(F,) the functions of states (d, n) at one point."""
+    y = np.asarray(point, float)[:, None]
+    return np.array([np.ravel(f(y))[0] for f in functions])
 
 
 def acting_on_functions(flows, active):
@@ -66,15 +73,23 @@ def weak_order(words, commute=lambda a, b: a[1] == b[1]):
     return 2
 
 
-def plan(words):
-    """(begin, branches, end): the common beginning and end of all words, and branches (probability, groups) between."""
+def split(words):
+    """(beginning, branches, end) of [(probability, word)]: what all words have in common, and (probability, middle)."""
+    words = list(words)
+    first = words[0][1]
     if len(words) == 1:
-        return joined(next(iter(words))), (), ()
-    shortest = min(map(len, words))
-    same = [len(set(letters)) == 1 for letters in zip(*words, strict=False)]
-    begin = len(list(takewhile(bool, same)))
-    same = [len(set(letters)) == 1 for letters in zip(*(word[::-1] for word in words), strict=False)]
-    end = min(len(list(takewhile(bool, same))), shortest - begin)
-    word = next(iter(words))
-    branches = tuple((p, joined(w[begin : len(w) - end])) for w, p in words.items())
-    return joined(word[:begin]), branches, joined(word[len(word) - end :])
+        return first, (), ()
+    begin = _common([word for _, word in words])
+    end = _common([word[begin:][::-1] for _, word in words])
+    return first[:begin], tuple((p, word[begin : len(word) - end]) for p, word in words), first[len(first) - end :]
+
+
+def _common(words):
+    """The length of the common beginning."""
+    return next((i for i, same in enumerate(zip(*words, strict=False)) if len(set(same)) > 1), min(map(len, words)))
+
+
+def plan(words):
+    """(beginning, branches, end) of {word: probability} as of :func:`split`, in groups as of :func:`joined`."""
+    begin, branches, end = split((p, word) for word, p in words.items())
+    return joined(begin), tuple((p, joined(word)) for p, word in branches), joined(end)

@@ -28,7 +28,6 @@ interpolation in h, plus the probability to be killed.
 """
 
 from math import prod
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +36,7 @@ from ...ensemble.protocol import rotation_shear_rates
 from ..surfaces import strengths_by_place
 from ..work import expected
 from . import Demands, Expectations
-from .backward import numbers_of_steps, plan, weak_order, words_of
+from .backward import numbers_of_steps, plan, values_at, weak_order, words_of
 from .grids import (
     LAYER,
     POINTS,
@@ -59,7 +58,6 @@ from .ladders import (
     ladder_of_scheme,
     limit_of_scheme,
     limit_on,
-    prediction,
     richardson,
     weak_error,
 )
@@ -78,7 +76,6 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     `compositions` is a step as ``schemes.stages.compositions`` gives it; the refinement of the grid stops at an
     estimated error below `accuracy`.
     """
-    start = perf_counter()
     accuracy = ACCURACY if accuracy is None else accuracy
     problem = _problem(model, initial, final_time, functions)
     numbers = numbers_of_steps(final_time, steps)
@@ -86,14 +83,21 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     scheme, order = plan(words), weak_order(words)
 
     half_width, killed = domain(problem, strang, min(numbers), accuracy)
-    size, seconds_probe = resolution(problem, strang, half_width, accuracy)
+    size = resolution(problem, strang, half_width, accuracy)
     rough = problem.rough(half_width)
     grids = _grids(problem, size, half_width, rough.any())
     limit_ladder = ladder_of_limit(grids[0], strang, accuracy)
     ladder = ladder_of_scheme(grids[0], scheme, strang, limit_ladder, order, numbers, accuracy)
-    asked = scheme, strang, order, numbers, limit_ladder, ladder
-    expected(sum(_seconds_on(grid, scheme, strang, numbers, limit_ladder, ladder) for grid in grids[1:]))
-    runs = [_on_grid(grid, *asked) for grid in grids]
+    computed = sorted(n for n in {*numbers, *ladder} if n <= ladder[-1])
+
+    def on_grid(grid):
+        limit, uncertain = limit_on(grid, strang, limit_ladder)
+        direct = {n: grid.run(scheme, n) for n in computed}
+        parts = [weak_error(problem.T, direct, ladder, limit, uncertain, order, n) for n in numbers]
+        return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
+
+    expected(sum(sum(limit_ladder) * grid.seconds(strang) + sum(computed) * grid.seconds(scheme) for grid in grids[1:]))
+    runs = [on_grid(grid) for grid in grids]
     largest = grids[0].largest
     floor = 2 * killed * largest + ROUNDING * np.sqrt(ladder[-1]) * largest
     limit, weak, direct = runs[0].limit, runs[0].weak, runs[0].direct
@@ -104,12 +108,8 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         "grid": size,
         "period": grids[0].period,
         "killed": killed,
-        "steps_computed": [int(n) for n in sorted(direct)],
+        "steps_computed": [int(n) for n in computed],
         "limit_steps": limit_ladder,
-        "limit_from_scheme": disagreement,
-        "prediction": prediction(problem.T, direct, ladder, limit, order),
-        "seconds_resolution": seconds_probe,
-        "seconds": perf_counter() - start,
     }
     return Expectations(np.asarray(steps, float), limit[:, None] + weak, limit, weak, *bounds, notes)
 
@@ -119,9 +119,7 @@ class Refining:
 
     def __init__(self, model, initial, final_time, functions, accuracy):
         self.problem, self.accuracy = _problem(model, initial, final_time, functions), accuracy
-        self.known = None
-        if self.problem.r == 0.0:
-            self.known = np.array([np.ravel(f(np.asarray(initial, float)[:, None]))[0] for f in functions])
+        self.known = values_at(initial, functions) if self.problem.r == 0.0 else None
         self.strang = plan(words_of(STRANG, self.problem.active))
         self.half_width, self.killed = domain(self.problem, self.strang, FIRST, accuracy)
         self.rough = self.problem.rough(self.half_width)
@@ -209,17 +207,6 @@ def _grids(problem, size, half_width, rough):
     return grids + [Grid(problem, *each, half_width) for each in more]
 
 
-def _steps_of(numbers, ladder):
-    """The numbers of steps with which the scheme is run."""
-    return [n for n in {*numbers, *ladder} if n <= ladder[-1]]
-
-
-def _seconds_on(grid, scheme, strang, numbers, limit_ladder, ladder):
-    """The seconds that :func:`_on_grid` takes, roughly."""
-    steps = {strang: sum(limit_ladder), scheme: sum(_steps_of(numbers, ladder))}
-    return sum(n * grid.seconds(plan) for plan, n in steps.items())
-
-
 class _Run(NamedTuple):
     """The results on one grid for F functions and S step sizes, with their uncertainties."""
 
@@ -229,13 +216,6 @@ class _Run(NamedTuple):
     weak_uncertain: np.ndarray
     value_uncertain: np.ndarray
     direct: dict  #: number of steps -> values that were computed, (F,)
-
-
-def _on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder):
-    limit, uncertain = limit_on(grid, strang, limit_ladder)
-    direct = {n: grid.run(scheme, n) for n in _steps_of(numbers, ladder)}
-    parts = [weak_error(grid.problem.T, direct, ladder, limit, uncertain, order, n) for n in numbers]
-    return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
 
 
 def _bounds(runs, rough, floor, disagreement):

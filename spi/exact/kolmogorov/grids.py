@@ -4,7 +4,6 @@ A grid is periodic in y_1, and so wide that hardly any path gets to its end; see
 """
 
 from math import prod
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -213,7 +212,7 @@ def domain(problem, strang, fewest, accuracy):
 
 def resolution(problem, strang, half_width, accuracy):
     """A grid from which going back by REFINEMENT in one direction or the other changes the values by `accuracy`."""
-    start, n, values = perf_counter(), 16, {}
+    n, values = 16, {}
 
     def value(size):
         if size not in values:
@@ -229,4 +228,4 @@ def resolution(problem, strang, half_width, accuracy):
         if sum(change) < accuracy:
             break
         size = (finer[0], size[1]) if change[0] >= change[1] else (size[0], finer[1])
-    return finer, perf_counter() - start
+    return finer

@@ -76,9 +76,16 @@ class Harmonics:
         return np.arange(first, degree + 1, 2)
 
     def _chain(self, which, m, nodes, vectors):
+        _, states, cosine = self._states(which, m)
+        return Chain(m, states, np.where(cosine, 1.0, -1.0), nodes, vectors)
+
+    def _states(self, which, m):
+        """(degrees, positions, whether they have cos(m phi)) of the states of order m in a class."""
         degrees = np.arange(m, self.L + 1)
-        states = np.array([self.starts[which][i] + (m - self.orders[which][i][0]) // 2 for i in degrees])
-        return Chain(m, states, np.where([is_cosine(which, i) for i in degrees], 1.0, -1.0), nodes, vectors)
+        if m == 0:
+            degrees = degrees[is_cosine(which, degrees)]
+        states = [self.starts[which][i] + (m - self.orders[which][i][0]) // 2 for i in degrees]
+        return degrees, np.array(states), is_cosine(which, degrees)
 
     def _turns(self):
         """With M_k multiplication by y_k from degree l - 1 to l: U_l = (2l+1)/l sum_k M_{k+1} U_{l-1} M_k^T.
@@ -110,41 +117,26 @@ class Harmonics:
 
     def _generator(self, which, k):
         inner = shifted(which, 2 - k)  # U^(2-k) takes axis k to the third
-        rows, columns, values = [], [], []
-        for chain in self.chains[inner]:
-            couple = chain.order * _jacobi(chain.order, self.L) * chain.sign[:-1]
-            rows += [chain.states[1:], chain.states[:-1]]
-            columns += [chain.states[:-1], chain.states[1:]]
-            values += [couple, -couple]
-        n = self.size[inner]
-        A = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (n, n)).tocsr()
+        chains = self.chains[inner]
+        couples = [chain.order * _jacobi(chain.order, self.L) * chain.sign[:-1] for chain in chains]
+        lower = [chain.states[1:] for chain in chains], [chain.states[:-1] for chain in chains]
+        A = _antisymmetric(*lower, couples, self.size[inner])
         if k == 2:
             return A
-        starts, turned = self.starts[inner], []
-        for degree in range(1, self.L + 1):
-            low, mid, high = starts[degree - 1 : degree + 2]
-            block = self.rotate(A[mid:high, low:mid].toarray(), which, k, degree, degree - 1)
-            block[abs(block) < 1e-13 * self.L] = 0.0
-            turned.append(block)
-            counted(_making(self.L, degree) / 2 / 8)  # there are two such axes in each of four classes
-        starts = self.starts[which]
+        # A_0 = U A_2 U^-1, from class which - 1
+        turn = self.turn[shifted(which, -1)] if k == 0 else [matrix.T for matrix in self.turn[which]]
+        first, starts = self.starts[inner], self.starts[which]
         rows, columns, values = [], [], []
-        for degree, block in enumerate(turned, start=1):
+        for degree in range(1, self.L + 1):
+            low, middle, high = first[degree - 1 : degree + 2]
+            block = turn[degree] @ A[middle:high, low:middle].toarray() @ turn[degree - 1].T
+            block[abs(block) < 1e-13 * self.L] = 0.0
             i, j = np.nonzero(block)
-            i_all, j_all = i + starts[degree], j + starts[degree - 1]
-            rows += [i_all, j_all]
-            columns += [j_all, i_all]
-            values += [block[i, j], -block[i, j]]
-        n = self.size[which]
-        return coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (n, n)).tocsr()
-
-    def rotate(self, block, which, k, left, right):
-        """A block (degrees left, right) of an operator about the third axis, turned to axis k, in class `which`."""
-        if k == 0:  # A_0 = U A_2 U^-1, from class which - 1
-            turn = self.turn[shifted(which, -1)]
-            return turn[left] @ block @ turn[right].T
-        turn = self.turn[which]
-        return turn[left].T @ block @ turn[right]
+            rows.append(i + starts[degree])
+            columns.append(j + starts[degree - 1])
+            values.append(block[i, j])
+            counted(_making(self.L, degree) / 2 / 8)  # there are two such axes in each of four classes
+        return _antisymmetric(rows, columns, values, self.size[which])
 
     def project(self, functions, radius, rough=()):
         """Coefficients of phi(radius n) for each class: arrays (size, number of functions).
@@ -205,19 +197,18 @@ class Harmonics:
         by_class = {c: np.zeros((self.size[c], count)) for c in CLASSES}
         for m, P in enumerate(legendre(self.L, z)):
             cosine, sine = parts(P if m == 0 else np.sqrt(2) * P, m)
-            for c in CLASSES:
-                if m % 2 != (c < 2):
-                    continue
-                for degree in range(m, self.L + 1):
-                    if is_cosine(c, degree) or m > 0:
-                        part = cosine if is_cosine(c, degree) else sine
-                        by_class[c][self.starts[c][degree] + (m - self.orders[c][degree][0]) // 2] = part[degree - m]
+            for c in CLASSES[:2] if m % 2 else CLASSES[2:]:
+                degrees, states, cosines = self._states(c, m)
+                by_class[c][states] = np.where(cosines[:, None], cosine[degrees - m], sine[degrees - m])
         return by_class
 
 
 def harmonics_up_to(L):
     """The :class:`Harmonics` of a degree; those of low degrees, of which many fit into memory, are cached."""
     return _cached(L) if L <= KEPT else Harmonics(L)
+
+
+_cached = functools.cache(Harmonics)
 
 
 def seconds_to_make(L):
@@ -230,9 +221,11 @@ def _making(L, degree):
     return seconds_to_make(L) * 3 * degree**2 / L**3
 
 
-@functools.cache
-def _cached(L):
-    return Harmonics(L)
+def _antisymmetric(rows, columns, values, size):
+    """The sparse antisymmetric matrix with these entries below the diagonal, lists of arrays."""
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    lower = coo_array(entries, (size, size)).tocsr()
+    return lower - lower.T.tocsr()
 
 
 def _jacobi(m, L):

@@ -78,16 +78,11 @@ def limit_of_scheme(T, direct, ladder, limit, order):
     """(distance of the limit of the scheme's own values from `limit`, its uncertainty)."""
     h = np.array([T / m for m in ladder[-DEPTH:]])
     e = np.stack([direct[m] - limit for m in ladder[-DEPTH:]])
-
-    def at_zero(h, e):
-        return np.linalg.solve(h[:, None] ** np.r_[0, order : order + len(h) - 1], e)[0]
-
-    full = at_zero(h, e)
-    return abs(full), np.maximum(abs(full - at_zero(h[1:], e[1:])), abs(full - at_zero(h[:-1], e[:-1])))
+    full = at_zero(h, e, order)
+    doubts = [abs(full - at_zero(h[part], e[part], order)) for part in (slice(1, None), slice(-1))]
+    return abs(full), np.maximum(*doubts)
 
 
-def prediction(T, direct, ladder, limit, order):
-    """Distance of the weak error at the finest step computed from its prediction by the coarser ones."""
-    h = np.array([T / m for m in ladder[-DEPTH:]])
-    e = np.stack([direct[m] - limit for m in ladder[-DEPTH:]])
-    return abs(_weights(h[:-1], order, h[-1]) @ e[:-1] - e[-1])
+def at_zero(h, values, order=1):
+    """(F,) at h = 0 the combination of 1, h^order, h^(order + 1), ... through values (steps, F) at the steps h."""
+    return np.linalg.solve(h[:, None] ** np.r_[0, order : order + len(h) - 1], values)[0]

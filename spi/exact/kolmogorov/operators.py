@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ive
 
 from ..work import counted
-from .backward import acting_on_functions, joined
+from .backward import acting_on_functions, joined, split
 from .harmonics import shifted
 
 #: Matrices of at most so many rows are squared at once, within a second.
@@ -43,12 +43,9 @@ class Step:
 
     def __init__(self, harmonics, which, words):
         self.harmonics, self.which, self.cache = harmonics, which, {}
-        lists = [word for _, word in words]
-        a = _common(lists)
-        b = _common([word[a:][::-1] for word in lists])
-        self.before, self.after = lists[0][:a], lists[0][len(lists[0]) - b :]
-        self.nothing = sum(p for p, word in words if len(word) == a + b)
-        self.branches = [(p, word[a : len(word) - b]) for p, word in words if len(word) > a + b]
+        self.before, branches, self.after = split(words)
+        self.nothing = sum(p for p, word in branches if not word)
+        self.branches = [(p, word) for p, word in branches if word]
 
     @property
     def length(self):
@@ -120,11 +117,6 @@ class Step:
             V = V + E @ V
             counted(_multiplying(L))
         return V
-
-
-def _common(lists):
-    """The length of the common beginning of the lists."""
-    return next((i for i, group in enumerate(zip(*lists, strict=False)) if len(set(group)) > 1), min(map(len, lists)))
 
 
 def cheapest(L, n, length):

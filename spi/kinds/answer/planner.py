@@ -16,79 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.increments import RandomStream, dimensions_of
-from spi.ensemble.loop import grid
-from spi.kinds.blocks import Sample, two_steps
-from spi.numerics.rng import ANSWERS, LANES
-from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
-from spi.schemes import typical_ns
-from spi.schemes.splitting import has_antithetic_path
-from spi.statistics.estimators import GROUPS, ROUND, kurtosis, weights
+from spi.statistics.estimators import GROUPS, kurtosis, weights
 from spi.statistics.intervals import skewed_half_width, zero_share_bound
 from spi.storage.records import INTERVAL
-
-from .keys import FINEST, PILOT_LEVELS, PILOT_SAMPLES
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The paths of an answer: those of a difference between neighbouring levels, and those of one level alone.
-# ---------------------------------------------------------------------------------------------------------------------
-
-LEVELS = FINEST + 1  #: levels 0, ..., FINEST
-ALONG = 2 * LEVELS  #: behind differences and values, the path sets of values along quasi-random points
-AGAINST = 3 * LEVELS  #: behind these, those of differences from the reference scheme on the same noise
-SETS = 4 * LEVELS  #: path sets of a scheme
-
-#: What a path costs besides its steps, its beginning and phi at its end, and the sums over a quantity of a function;
-#: measured, of typical speed.
-PATH_NS, SUM_NS = 25.0, 15.0
-
-
-def paths_of_set(case: Any, row: Any, number: int) -> Sample:
-    """The paths of set number `number` of all: of scheme number // SETS, whose row of the table is `row`.
-
-    VALUE is that of one path, of a level alone the only quantity.  Against a reference scheme DIFFERENCE is that at the
-    fine step, VALUE that at the fine step less that at the coarse one.
-    """
-    own, record = number % SETS, row.record
-    level, alone = own % LEVELS, own >= LEVELS  # along points or not
-    shape: dict[str, Any] = {"doublings": (0,)}
-    weights = [[1.0]]
-    if own >= AGAINST:
-        shape, weights = two_steps(False)[0], [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
-    elif not alone:
-        shape, difference = two_steps(has_antithetic_path(record))
-        weights = [difference, [1.0 * (i == len(difference) // 2) for i in range(len(difference))]]
-    steps, h = 2**level, case.final_time / 2.0**level
-    records = [record, case.row(case.reference_scheme).record] if own >= AGAINST and case.reference_scheme else [record]
-    terms = fourier_terms(case.model, records, h, areas=case.areas)
-    times = grid(h, steps, by_reference=(0,) * len(shape["doublings"]), area_terms=terms, **shape)
-    stream = RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number))
-    return Sample.of(times, stream, weights)
-
-
-def seconds_of(case: Any, row: Any, sample: Sample) -> float:
-    """The seconds of one sample of a path set, by one thread of typical speed."""
-    quantities, count = sample.weights.shape
-    besides = PATH_NS * count + SUM_NS * quantities * len(case.functions)
-    return 1e-9 * (typical_ns(row, case.model) * sample.steps + besides)
-
-
-def most_points(row: Any, model: Any) -> int:
-    """The largest level at which a scheme can follow quasi-random points."""
-    return sum(dimensions_of(row.record, None, model, 2**level)[1] <= MOST_DIMENSIONS for level in range(LEVELS)) - 1
-
-
-def power_of_two(paths: float) -> int:
-    """The least power of two, a number of paths along points, that is at least `paths`."""
-    return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
-
-
-def whole_blocks(paths: np.ndarray, least: int) -> np.ndarray:
-    """Numbers of paths as multiples of `least` blocks, 0 where there are none."""
-    size = least * LANES
-    return (np.ceil(np.minimum(paths, 1e15) / size) * size).astype(np.int64)
-
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Moments from sums over samples, also where all values are equal, or few differ.
@@ -108,11 +38,12 @@ class Spread(NamedTuple):
     unknown: np.ndarray  #: whether their range is infinite, too
 
     @classmethod
-    def of(cls, sums: np.ndarray, paths: int, span: np.ndarray) -> "Spread":
+    def of(cls, sums: np.ndarray, paths: int, span: np.ndarray, scrambles: bool = False) -> "Spread":
         """The moments from sums (POWERS, F, GROUPS) over some paths, of values that are at most `span` (F,) apart.
 
         Where all values are equal, the share of others is at most that of the rule of three, and so the variance at
-        most that times span^2.  Equal values have equal sums in all groups, to the last bit.
+        most that times span^2.  Equal values have equal sums in all groups, to the last bit.  Where groups are
+        `scrambles` of points the variance is `paths` times that of their mean.
         """
         with np.errstate(all="ignore"):
             moments = sums.sum(axis=-1) / np.float64(paths)
@@ -124,7 +55,7 @@ class Spread(NamedTuple):
             bounded = np.where(np.isfinite(span), span, 0.0) ** 2 * zero_share_bound(paths)
             third = np.where(equal, 0.0, m3 - 3.0 * m1 * m2 + 2.0 * m1**3)
             tails = np.where(equal, np.nan, kurtosis(moments, variance))
-            variance = np.where(equal, bounded, variance)
+            variance = np.where(equal, bounded, of_groups if scrambles else variance)
             return cls(m1, variance, third, tails, equal & (span > 0.0), equal & np.isinf(span))
 
     def range_seen(self, paths: int) -> np.ndarray:
@@ -135,14 +66,6 @@ class Spread(NamedTuple):
         with np.errstate(all="ignore"):
             fourth = paths * np.maximum(self.kurtosis, 1.0) * self.variance**2
             return np.where(self.equal | ~(fourth > 0.0), np.inf, 2.0 * fourth**0.25)
-
-    @classmethod
-    def along(cls, sums: np.ndarray, paths: int, span: np.ndarray) -> "Spread":
-        """The moments along points, whose groups are scrambles: the variance is `paths` times that of their mean."""
-        spread = cls.of(sums, paths, span)
-        with np.errstate(all="ignore"):
-            of_mean = (sums[0] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1) / GROUPS
-            return spread._replace(variance=np.where(spread.equal, spread.variance, paths * of_mean))
 
     @classmethod
     def together(cls, each: "Sequence[Spread]") -> "Spread":
@@ -193,15 +116,14 @@ _FALLS = 1 / 8, 1.0  # the least and the most that a variance is assumed to fall
 
 
 class Measured(NamedTuple):
-    """Estimates of the levels 0, ..., K of a scheme; arrays (K + 1, F), costs (K + 1,); row 0 has no difference."""
+    """Estimates of the levels 0, ..., K of a scheme; arrays (K + 1, F), costs (2 (K + 1),); row 0 has no difference."""
 
     mean: np.ndarray  #: of Y_l
     stderr: np.ndarray
     variance: np.ndarray
     kurtosis: np.ndarray
     value_variance: np.ndarray  #: of P_l
-    cost: np.ndarray  #: of a sample of Y_l
-    value_cost: np.ndarray
+    cost: np.ndarray  #: of samples of Y_l, and behind them of P_l
     last: int  #: the last level with samples
     along: np.ndarray  #: (K + 1,) paths of P_l along quasi-random points, 0 where it does not follow them
     value_kurtosis: np.ndarray  #: of P_l
@@ -214,7 +136,6 @@ class Measured(NamedTuple):
         samples: np.ndarray,
         values: Spread,
         cost: np.ndarray,
-        value_cost: np.ndarray,
         along: Sequence[int] = (),
     ) -> "Measured":
         """The estimates from the moments of Y_l and P_l, arrays (K + 1, F), and the numbers of samples.
@@ -247,9 +168,8 @@ class Measured(NamedTuple):
             kurtosis=tails,
             value_variance=value_variance,
             cost=cost,
-            value_cost=value_cost,
             last=last,
-            along=np.asarray(along or [0] * len(cost)),
+            along=np.asarray(along or [0] * len(samples)),
             value_kurtosis=of_values,
             unseen=unseen,
         )
@@ -274,7 +194,7 @@ def shares(w: np.ndarray, base: int, finest: int, count: int) -> np.ndarray:
 
 def changed(measured: Measured, w: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
     """R(finest) - R(finest - 1) by the means, and its standard error, (F,); it needs finest >= len(w)."""
-    count = len(measured.cost)
+    count = len(measured.mean)
     t = shares(w, 0, finest, count) - shares(w, 0, finest - 1, count)
     used = np.flatnonzero(t)
     mean, stderr = measured.mean[used], measured.stderr[used]
@@ -316,7 +236,7 @@ def choose(
     Of all `allowed` numbers of levels of extrapolation, of all levels, or those of `steps`, and of all largest steps,
     or those of `bases`.  If the bias is too large even at the smallest step, the choice has that.
     """
-    steps = steps or range(len(measured.cost) - 1)  # one level more is for the check
+    steps = steps or range(len(measured.mean) - 1)  # one level more is for the check
     most, choices = max(steps), []
     for levels in allowed:
         if levels and len(exponents) <= levels:
@@ -327,17 +247,13 @@ def choose(
                 if bias <= BIAS_SHARE * accuracy or finest == most:
                     choice = Choice(levels, base, finest, 0.0, bias)
                     samples = allocation(measured, exponents, choice, accuracy)
-                    work = float(np.dot(samples, _costs(measured)))
+                    work = float(np.dot(samples, measured.cost))
                     choices.append(choice._replace(work=work if math.isfinite(work) else math.inf))
                     break
     good = [choice for choice in choices if choice.bias <= BIAS_SHARE * accuracy]
     if good:
         return min(good, key=lambda choice: (choice.work, choice.finest))
     return min(choices, key=lambda choice: (choice.bias, choice.work))
-
-
-def _costs(measured: Measured) -> np.ndarray:
-    return np.concatenate([measured.cost, measured.value_cost])
 
 
 def allocation(
@@ -354,21 +270,18 @@ def allocation(
     check; a level has at least :data:`TAILS` times its kurtosis of paths.  Half of the
     interval has `factor` standard errors.
     """
-    count, w = len(measured.cost), weights(exponents[: choice.levels])
+    count, w = len(measured.mean), weights(exponents[: choice.levels])
     target = (accuracy - min(choice.bias if bias is None else bias, accuracy / 2)) / factor
     s = shares(w, choice.base, choice.finest, count)
     of_differences, of_values = (each.max(axis=1) for each in (measured.variance, measured.value_variance))
-    variance = np.append(np.where(s != 0.0, s**2 * np.where(s != 0.0, of_differences, 0.0), 0.0), np.zeros(count))
-    variance[count + choice.base] = of_values[choice.base]
-    cost = _costs(measured)
+    cost, base, there = measured.cost, count + choice.base, measured.along[choice.base]
     with np.errstate(invalid="ignore"):  # a level that is not finite has no work that is
-        samples = np.nan_to_num(
-            np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2, nan=np.inf, posinf=np.inf
-        )
-    if measured.along[choice.base]:
-        samples = _in_powers_of_two(
-            samples, variance, cost, target**2, count + choice.base, measured.along[choice.base]
-        )
+        variance = np.append(np.where(s != 0.0, s**2 * of_differences, 0.0), np.zeros(count))
+        variance[base] = of_values[choice.base]
+        samples = np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2
+    samples = np.nan_to_num(samples, nan=np.inf, posinf=np.inf)
+    if there:
+        samples = _in_powers_of_two(samples, variance, cost, target**2, base, there)
     check = choice.finest + 1
     samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
     tails = TAILS * np.concatenate([measured.kurtosis, measured.value_kurtosis]).max(axis=1)
@@ -377,7 +290,7 @@ def allocation(
     samples[:count], tails[:count] = _enough(measured, samples[:count], tails[:count], s[:, np.newaxis] / allowed)
     s[check] = 0.0
     used = np.append(s != 0.0, np.zeros(count, bool))
-    used[[check, count + choice.base]] = True
+    used[[check, base]] = True
     return np.where(used, np.maximum(np.maximum(samples, np.minimum(tails, MOST_TAILS)), 1.0), 0.0)
 
 
@@ -441,96 +354,3 @@ def contradicted(measured: Measured, exponents: Sequence[float], lowest: int, ac
             low = np.where(clear & (orders + 2 * doubt < exponents[0] - 0.5), orders, np.inf).min()
             return max(float(low), 0.25) if math.isfinite(low) else None
     return None
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The decisions of an answer, and the samples of its pilot.
-# ---------------------------------------------------------------------------------------------------------------------
-
-#: The stages: the pilot, a share of the work, the whole of it and more for its checks; and the end.
-PILOTING, BEGINNING, WHOLE, DONE = 0, 1, 2, 99
-
-#: The samples of each level of a first glance before the pilot, and the number of its levels, of larger steps.
-GLANCE, GLANCE_LEVELS = ROUND * LANES, 4
-
-
-class Decisions(NamedTuple):
-    """Results besides sums over paths, for F functions."""
-
-    seconds: float  #: wall clock, of what needs no paths
-    cpu_seconds: float
-    stage: int
-    wanted: np.ndarray  #: (path sets,) samples
-    piloted: int  #: the number of schemes with a pilot
-    looked: int  #: whether it is decided if the pilot needs its small steps
-    pointed: int  #: whether there is a pilot along quasi-random points
-    points: int  #: whether the largest step follows such points
-    scheme: int  #: the number of the scheme that was chosen; -1 for the solution without sampling
-    levels: int  #: of extrapolation
-    base: int  #: the level that is sampled alone
-    finest: int
-    compared: int  #: level at whose step the reference scheme is compared, 0 before that
-    order: float  #: of the bias, where it is not that of theory; NaN else
-    aim: float  #: half the width of the interval that is aimed at
-    work: float  #: predicted, in seconds of typical speed
-    pilot_cpu_seconds: float
-    predicted_cpu_seconds: float
-    next_cpu_seconds: float  #: of an answer to a tenth of the accuracy
-    works: np.ndarray  #: (schemes, 4) predicted work by levels of extrapolation, NaN where it is not predicted
-    known: np.ndarray  #: (F,) expectations without sampling, where they are the answer
-    known_bound: np.ndarray  #: (F,) of their errors
-    solving: int  #: whether it is solved for, one of UNDECIDED, SOLVING and SAMPLING of ``study``
-    refined: np.ndarray  #: (refinements, F) expectations without sampling
-    uncertain: np.ndarray  #: (refinements, F) the uncertainty of each refinement by itself
-    efforts: np.ndarray  #: (refinements,) that each of them took
-    solving_seconds: float  #: predicted, of typical speed; NaN before
-    sampling_seconds: float
-
-    @classmethod
-    def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
-        """The pilot of the first scheme is wanted, if anything is sampled."""
-        nothing, nan = np.full(functions, np.nan), float("nan")
-        wanted = glance(sets) if sampling else np.zeros(sets, np.int64)
-        fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
-        fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
-        fields |= dict.fromkeys(("solving_seconds", "sampling_seconds"), nan)
-        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points", "looked", "compared"), 0)
-        return cls(
-            **fields,
-            stage=PILOTING,
-            wanted=wanted,
-            piloted=1,
-            works=np.full((sets // SETS, 4), nan),
-            known=nothing,
-            known_bound=nothing,
-            solving=int(not sampling),
-            refined=np.zeros((0, functions)),
-            uncertain=np.zeros((0, functions)),
-            efforts=np.zeros(0),
-        )
-
-    @property
-    def set_of_base(self) -> int:
-        """The number of the path set with the largest step alone among those of the scheme."""
-        return (ALONG if self.points else LEVELS) + self.base
-
-    def with_choice(self, choice: Choice, order: float | None) -> "Decisions":
-        """The decisions with other levels."""
-        levels, base, finest, work, _ = choice
-        order = float("nan") if order is None else order
-        return self._replace(levels=levels, base=base, finest=finest, work=work, order=order)
-
-
-def pilot_of(scheme: int, sets: int) -> np.ndarray:
-    """(sets,) the samples of the pilot of a scheme: of differences, and of the largest step alone."""
-    wanted = np.zeros(sets, np.int64)
-    wanted[scheme * SETS + 1 : scheme * SETS + PILOT_LEVELS + 1] = PILOT_SAMPLES
-    wanted[scheme * SETS + LEVELS] = PILOT_SAMPLES
-    return wanted
-
-
-def glance(sets: int) -> np.ndarray:
-    """(sets,) the samples of the first steps of the pilot of the first scheme."""
-    wanted = np.zeros(sets, np.int64)
-    wanted[[*range(1, GLANCE_LEVELS + 1), LEVELS]] = GLANCE
-    return wanted

@@ -34,7 +34,6 @@ class Chosen(Described):
     check: Array = array("function", "by how much one step finer differs", "value")
     check_stderr: Array = array("function", "standard error of that difference", "value")
     passed: bool = fact("whether one step finer differs by no more than the bias that is stated")
-    consistency: float = fact("largest of the levels' checks, above 1 with probability 0.3 % each")
     levels: Levels = nested(prefix="level_")
 
 

@@ -17,48 +17,39 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
-from spi.ensemble.increments import points_of
-from spi.ensemble.loop import thread_count
-from spi.ensemble.protocol import dimension, has_friction, large
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.increments import RandomStream, dimensions_of, points_of
+from spi.ensemble.loop import grid, thread_count
+from spi.ensemble.protocol import has_friction, large
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import SOLVING as TITLE
-from spi.exact.kolmogorov import can_solve, refiner
+from spi.exact.kolmogorov import can_solve, demands, refiner
 from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
-from spi.exact.work import part
 from spi.exact.work import work as working
-from spi.expressions import canonical, functions_of, range_of
-from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, values_of_blocks
+from spi.expressions import canonical, range_of
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, two_steps, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
-from spi.numerics.rng import LANES
+from spi.numerics.rng import ANSWERS, LANES
+from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.printing.text import joined, short
-from spi.schemes import SCHEMES, weak_exponents
+from spi.schemes import typical_ns, weak_exponents
+from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.accumulators import Array, Sums, moments
 from spi.statistics.estimators import ROUND, weights
 from spi.statistics.tallies import Chunk
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Part
 
-from .keys import PILOT_LEVELS, PILOT_SAMPLES, ROUNDING
+from .keys import FINEST, PILOT_LEVELS, PILOT_SAMPLES, ROUNDING
 from .planner import (
-    AGAINST,
-    ALONG,
-    BEGINNING,
     BIAS_SHARE,
     CHECK_SHARE,
-    DONE,
-    GLANCE_LEVELS,
-    LEVELS,
-    PILOTING,
-    SETS,
-    WHOLE,
     Choice,
-    Decisions,
     Measured,
     Spread,
     Term,
@@ -67,26 +58,32 @@ from .planner import (
     changed,
     choose,
     contradicted,
-    glance,
-    most_points,
     order_of,
-    paths_of_set,
-    pilot_of,
-    power_of_two,
     sampling_error,
-    seconds_of,
     shares,
-    whole_blocks,
 )
 from .results import Answer, Chosen, Compared, Levels
 
-_SOLVING_SCHEME = "splitting_order2"  # by whose steps the solvers check the limit
+LEVELS = FINEST + 1  #: levels 0, ..., FINEST
+ALONG = 2 * LEVELS  #: behind differences and values, the path sets of values along quasi-random points
+AGAINST = 3 * LEVELS  #: behind these, those of differences from the reference scheme on the same noise
+SETS = 4 * LEVELS  #: path sets of a scheme
+
+#: The costs of a path besides its steps, its beginning and phi at its end, and of the sums over a quantity of a
+#: function; measured, of typical speed.
+PATH_NS, SUM_NS = 25.0, 15.0
+
+#: The samples of each level of a first glance before the pilot, and the number of its levels, of larger steps.
+GLANCE, GLANCE_LEVELS = ROUND * LANES, 4
+
 _ORDERS = 4  # powers of h that extrapolation removes, and the next
 
 #: Seconds of solving below which there is no pilot, which has kernels compiled.
 SURE = 3.0
 _LEAST_SHARE = 0.02  # of the seconds, which may be sampled in any case
 _SMALL = 0.1  # of the seconds of sampling, for which a refinement is tried
+#: The stages: the pilot, a share of the work, the whole of it and more for its checks; and the end.
+PILOTING, BEGINNING, WHOLE, DONE = 0, 1, 2, 99
 #: The states of `solving`: not decided, as long as the pilot goes on; solved for; and sampled.
 UNDECIDED, SOLVING, SAMPLING = 0, 1, 2
 
@@ -103,13 +100,86 @@ _MARGIN = 0.98  # of the accuracy, the aim after it was missed
 _ROOM = 0.3  # of the accuracy, the most that the bias may have in the end
 
 _CHECK_WIDTH = 2.0  # standard errors by which the check may be off
-_DOUBT = 1.5  # of the consistency, whose bound 1 one of many levels passes now and then
 
 
 class Totals(Sums):
     """Sums over some samples of one path set, for F functions."""
 
     sums: Array = moments("quantity function", POWERS)
+
+
+class Best(NamedTuple):
+    """The best choice of levels of a scheme, from the estimates of its levels."""
+
+    choice: Choice
+    measured: Measured
+    exponents: tuple[float, ...]  #: powers of h in the weak error
+    order: float  #: of the means, where it is not that of theory; NaN else
+
+    def samples(self, accuracy: float, bias: float | None = None, factor: float = INTERVAL) -> np.ndarray:
+        """The samples of differences and values that an answer to an accuracy wants, see :func:`allocation`."""
+        return allocation(self.measured, self.exponents, self.choice, accuracy, bias, factor)
+
+
+class Decisions(NamedTuple):
+    """Results besides sums over paths, for F functions."""
+
+    wanted: np.ndarray  #: (path sets,) samples
+    refined: np.ndarray  #: (refinements, F) expectations without sampling
+    uncertain: np.ndarray  #: (refinements, F) the uncertainty of each refinement by itself
+    efforts: np.ndarray  #: (refinements,) that each of them took
+    solving: int  #: whether it is solved for, one of UNDECIDED, SOLVING and SAMPLING
+    solving_seconds: float = math.nan  #: predicted, of typical speed
+    sampling_seconds: float = math.nan
+    seconds: float = 0.0  #: wall clock, of what needs no paths
+    cpu_seconds: float = 0.0
+    stage: int = PILOTING
+    piloted: int = 1  #: the number of schemes with a pilot
+    looked: int = 0  #: whether it is decided if the pilot needs its small steps
+    pointed: int = 0  #: whether there is a pilot along quasi-random points
+    points: int = 0  #: whether the largest step follows such points
+    scheme: int = 0  #: the number of the scheme that was chosen
+    levels: int = 0  #: of extrapolation
+    base: int = 0  #: the level that is sampled alone
+    finest: int = 0
+    compared: int = 0  #: level at whose step the reference scheme is compared, 0 before that
+    order: float = math.nan  #: of the bias, where it is not that of theory
+    aim: float = math.nan  #: half the width of the interval that is aimed at
+    work: float = 0.0  #: predicted, in seconds of typical speed
+    pilot_cpu_seconds: float = 0.0
+    predicted_cpu_seconds: float = math.nan
+    next_cpu_seconds: float = math.nan  #: of an answer to a tenth of the accuracy
+
+    @classmethod
+    def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
+        """The pilot of the first scheme is wanted, if anything is sampled."""
+        wanted, none = glance(sets) if sampling else np.zeros(sets, np.int64), np.zeros((0, functions))
+        return cls(wanted, none, none, np.zeros(0), UNDECIDED if sampling else SOLVING)
+
+    @property
+    def set_of_base(self) -> int:
+        """The number of the path set with the largest step alone among those of the scheme."""
+        return (ALONG if self.points else LEVELS) + self.base
+
+    def with_best(self, best: Best) -> "Decisions":
+        """The decisions with other levels."""
+        levels, base, finest, work, _ = best.choice
+        points = int(best.measured.along[base] > 0)
+        return self._replace(levels=levels, base=base, finest=finest, work=work, order=best.order, points=points)
+
+
+def pilot_of(scheme: int, sets: int) -> np.ndarray:
+    """(sets,) the samples of the pilot of a scheme: of differences, and of the largest step alone."""
+    wanted = np.zeros(sets, np.int64)
+    wanted[[scheme * SETS + level for level in (*range(1, PILOT_LEVELS + 1), LEVELS)]] = PILOT_SAMPLES
+    return wanted
+
+
+def glance(sets: int) -> np.ndarray:
+    """(sets,) the samples of the first steps of the pilot of the first scheme."""
+    wanted = np.zeros(sets, np.int64)
+    wanted[[*range(1, GLANCE_LEVELS + 1), LEVELS]] = GLANCE
+    return wanted
 
 
 class Outcome(NamedTuple):
@@ -153,11 +223,6 @@ def remarks(case: Any) -> Iterator[str]:
         yield "`spi answer --dry` runs the pilot and predicts how long it takes"
 
 
-@lru_cache(maxsize=8, typed=True)
-def _refining(model: Any, initial: tuple, final_time: float, functions: tuple, accuracy: float) -> Any:
-    return refiner(model, initial, final_time, functions_of(functions, dimension(model)), accuracy)
-
-
 def _goes_on(ahead: Outlook, most: float, left: float) -> bool:
     """Whether a refinement more pays: all that is to come does, or one alone takes so little that it is tried.
 
@@ -180,6 +245,22 @@ def why(extra: Decisions, accuracy: float) -> str:
     return f"predicted seconds of typical speed to {accuracy:g}: solving {solving}, sampling {sampling}"
 
 
+def power_of_two(paths: float) -> int:
+    """The least power of two, a number of paths along points, that is at least `paths`."""
+    return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
+
+
+def whole_blocks(paths: np.ndarray) -> np.ndarray:
+    """Numbers of paths in whole rounds of blocks, 0 where there are none."""
+    size = ROUND * LANES
+    return (np.ceil(np.minimum(paths, 1e15) / size) * size).astype(np.int64)
+
+
+def _cpu_seconds(state: State) -> float:
+    """Processor seconds of all paths so far."""
+    return float(sum(state.so_far(i).cpu_seconds for i in state.tallies))
+
+
 def _all_raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndarray:
     """(path sets,) the wanted samples, for the chosen scheme at least `samples`, of the largest step at most `most`.
 
@@ -188,7 +269,7 @@ def _all_raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.n
     each, base = np.zeros(SETS, np.int64), LEVELS + extra.base
     finite = np.nan_to_num(samples[:ALONG], nan=1.0, posinf=1.0)  # where paths diverge no number of them is enough
     finite[base] = min(finite[base], most or np.inf)
-    each[:ALONG] = whole_blocks(finite, ROUND)
+    each[:ALONG] = whole_blocks(finite)
     if extra.points:
         points = power_of_two(float(each[base]))
         each[LEVELS + base], each[base] = points if points <= (most or points) else points // 2, 0
@@ -246,8 +327,8 @@ class AnswerPlan(SamplesPlan):
         open_ended = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
         if case.sampling or open_ended or not can_solve(case.model):
             return False
-        steps = tuple(case.final_time / 2.0**k for k in (4, 5, 6))
-        return not demands_of(case, SCHEMES[_SOLVING_SCHEME].composition, steps).obstacle
+        end = case.final_time
+        return not demands(case.model, ((1.0, ()),), case.initial, end, (end,), self.phis).obstacle
 
     # -----------------------------------------------------------------------------------------------------------------
     # The paths: the path sets of each scheme, and the cost of their samples.
@@ -267,8 +348,25 @@ class AnswerPlan(SamplesPlan):
     @cached_property
     def sets(self) -> tuple[Sample, ...]:
         """All path sets, of differences and values of each scheme; that of difference 0 is never wanted."""
-        rows = [plan.row for plan in self.of_schemes]
-        return tuple(paths_of_set(self.case, row, s * SETS + i) for s, row in enumerate(rows) for i in range(SETS))
+        return tuple(map(self._sample, range(len(self.case.schemes) * SETS)))
+
+    def _sample(self, number: int) -> Sample:
+        """The paths of a sample of set number `number` of all: of scheme number // SETS.
+
+        VALUE is that of one path, of a level alone the only quantity.  Against a reference scheme DIFFERENCE is that at
+        the fine step, VALUE that at the fine step less that at the coarse one.
+        """
+        case, own, records = self.case, number % SETS, [plan.row.record for plan in self.schemes_of(number)]
+        level, paths, weights = own % LEVELS, {"doublings": (0,)}, [[1.0]]
+        if own >= AGAINST:
+            paths, weights = two_steps(False)[0], [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
+        elif own < LEVELS:
+            paths, difference = two_steps(has_antithetic_path(records[0]))
+            weights = [difference, [1.0 * (i == len(difference) // 2) for i in range(len(difference))]]
+        h = case.final_time / 2.0**level
+        terms = fourier_terms(case.model, records, h, areas=case.areas)
+        times = grid(h, 2**level, by_reference=(0,) * len(paths["doublings"]), area_terms=terms, **paths)
+        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number)), weights)
 
     def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:
         """The plans of the schemes that a path set has paths of."""
@@ -284,7 +382,11 @@ class AnswerPlan(SamplesPlan):
 
     def cost_of(self, number: int) -> float:
         """Seconds of typical speed of a sample of a path set."""
-        return sum(seconds_of(self.case, plan.row, self.sets[number]) for plan in self.schemes_of(number))
+        sample = self.sets[number]
+        quantities, paths = sample.weights.shape
+        besides = PATH_NS * paths + SUM_NS * quantities * len(self.case.functions)
+        rates = (typical_ns(plan.row, self.case.model) for plan in self.schemes_of(number))
+        return sum(1e-9 * (rate * sample.steps + besides) for rate in rates)
 
     @cached_property
     def costs(self) -> np.ndarray:
@@ -346,7 +448,7 @@ class AnswerPlan(SamplesPlan):
             seen = Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
             with np.errstate(all="ignore"):
                 span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
-        return (Spread.along if along else Spread.of)(sums, paths, span)
+        return Spread.of(sums, paths, span, along)
 
     def measured(self, state: State, scheme: int) -> Measured:
         """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
@@ -357,13 +459,11 @@ class AnswerPlan(SamplesPlan):
         along = [self.spread(each, -1, True) for each in totals[ALONG:AGAINST]]
         ways = zip(along, alone, beside, strict=True)
         values = [next((spread for spread in way if not np.isnan(spread.mean).all()), way[-1]) for way in ways]
-        cost = self.costs[scheme * SETS : scheme * SETS + ALONG]
         return Measured.of(
             Spread.together(differences),
             np.array([each.paths for each in totals[:LEVELS]], float),
             Spread.together(values),
-            cost[:LEVELS],
-            cost[LEVELS:],
+            self.costs[scheme * SETS : scheme * SETS + ALONG],
             [each.paths for each in totals[ALONG:AGAINST]],
         )
 
@@ -397,22 +497,17 @@ class AnswerPlan(SamplesPlan):
     def _after_pilot(self, state: State) -> Decisions:
         """A pilot along points, or of another scheme, where that pays, else the beginning of the work."""
         extra: Decisions = state.extra
-        case, last = self.case, extra.piloted - 1
+        case = self.case
         if not extra.looked:
             extra, pilot = extra._replace(looked=1), pilot_of(0, len(extra.wanted))
             late = case.step_levels[0] >= GLANCE_LEVELS
-            if late or self._best(state, 0, case.accuracy)[0].work > _PILOT_WORTH * float(self.costs @ pilot):
+            if late or self._best(state, 0, case.accuracy).choice.work > _PILOT_WORTH * float(self.costs @ pilot):
                 return extra._replace(wanted=np.maximum(extra.wanted, pilot))
-        works, measured, exponents = extra.works.copy(), self.measured(state, last), self.exponents(last)
-        for levels in case.extrapolate:
-            if levels < max(case.step_levels) - min(case.step_levels) and (not levels or len(exponents) > levels):
-                works[last, levels] = choose(measured, exponents, [levels], case.accuracy, case.step_levels).work
-        choices = [self._best(state, s, case.accuracy)[0] for s in range(extra.piloted)]
+        choices = [self._best(state, s, case.accuracy).choice for s in range(extra.piloted)]
         chosen = min(range(len(choices)), key=lambda s: choices[s].work)
         best = choices[chosen]
         if (more := self._until_seen(state, best.work)) is not None:
             return extra._replace(wanted=more)
-        extra = extra._replace(works=works)
         worth = min(best.work, self.seconds_left(extra)) if np.isfinite(best.work) else 0.0
         followed = not isinstance(case.initial, RandomState) and not large(self.model)
         if followed and not extra.pointed and worth > _POINTS:
@@ -420,7 +515,7 @@ class AnswerPlan(SamplesPlan):
         if extra.piloted < len(case.schemes) and worth > _SCHEME:
             more = extra.wanted + pilot_of(extra.piloted, len(extra.wanted))
             return extra._replace(wanted=more, piloted=extra.piloted + 1)
-        extra = extra._replace(scheme=chosen, pilot_cpu_seconds=float(self._cpu_seconds(state).sum()))
+        extra = extra._replace(scheme=chosen, pilot_cpu_seconds=_cpu_seconds(state))
         few = best.work < _WORTH * float(self.costs @ extra.wanted)
         return self._allocated(state, extra, WHOLE if few else BEGINNING)
 
@@ -443,60 +538,53 @@ class AnswerPlan(SamplesPlan):
     def _pilot_along(self, scheme: int, base: int) -> np.ndarray:
         """(path sets,) the samples of the pilot along points, at largest steps about the `base` chosen without."""
         wanted = np.zeros(len(self.sets), np.int64)
-        last = min(base + 2, PILOT_LEVELS - 1, most_points(self.of_schemes[scheme].row, self.model))
+        record = self.of_schemes[scheme].row.record
+        able = [dimensions_of(record, None, self.model, 2**level)[1] <= MOST_DIMENSIONS for level in range(LEVELS)]
+        last = min(base + 2, PILOT_LEVELS - 1, sum(able) - 1)
         first = scheme * SETS + ALONG
         wanted[first + min(max(base - 1, 0), last) : first + last + 1] = ALONG_PILOT
         return wanted
 
-    def _best(
-        self, state: State, scheme: int, accuracy: float, bases: tuple[int, ...] = ()
-    ) -> tuple[Choice, tuple[float, ...], float | None]:
-        """The best choice of levels of a scheme, the powers of h, and the order of means where theory has another.
-
-        With `bases` one of these is the level of the largest step.
-        """
+    def _best(self, state: State, scheme: int, accuracy: float, bases: tuple[int, ...] = ()) -> Best:
+        """The best choice of levels of a scheme; with `bases` one of these is the level of the largest step."""
         measured, exponents = self.measured(state, scheme), self.exponents(scheme)
         allowed = self.case.extrapolate if exponents else (0,)
         order = contradicted(measured, exponents, bases[0] if bases else 0, accuracy)
         if order is not None:
             exponents, allowed = (order,), (0,)
-        return choose(measured, exponents, allowed, accuracy, self.case.step_levels, bases), exponents, order
+        choice = choose(measured, exponents, allowed, accuracy, self.case.step_levels, bases)
+        return Best(choice, measured, exponents, math.nan if order is None else order)
 
     def _allocated(self, state: State, extra: Decisions, stage: int) -> Decisions:
         """The best choice, with the samples that it wants, or at the beginning a share of them."""
-        extra = extra._replace(aim=self._affordable(state, extra.scheme))
-        choice, exponents, order = self._best(state, extra.scheme, extra.aim)
-        measured = self.measured(state, extra.scheme)
-        samples = allocation(measured, exponents, choice, extra.aim)
-        extra = extra.with_choice(choice, order)._replace(points=int(measured.along[choice.base] > 0))
-        base, most = LEVELS + choice.base, _STRIDE * float(measured.along[choice.base])
+        aim = self._affordable(state, extra.scheme)
+        best, next_digit = (self._best(state, extra.scheme, accuracy) for accuracy in (aim, aim / 10))
+        extra, samples = extra._replace(aim=aim).with_best(best), best.samples(aim)
+        base, most = LEVELS + extra.base, _STRIDE * float(best.measured.along[extra.base])
         if extra.points and min(samples[base], self.case.samples or np.inf) > most:
             stage = BEGINNING  # along points the variance falls faster than can be predicted
         begun = samples * (_SHARE if stage == BEGINNING else 1.0)
         if extra.points:
             begun[base] = min(samples[base], most)
-        levels = self.case.extrapolate if order is None else (0,)
-        next_digit = choose(measured, exponents, levels, extra.aim / 10, self.case.step_levels)
-        rate, own = self._seconds_per_sample(state, extra.scheme), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
-        seconds = float(np.nan_to_num(rate @ self._raised(extra, samples)[own]))
+        speed, own = self._speed(state, extra.scheme), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
+        seconds = float(np.nan_to_num(self.costs[own] @ self._raised(extra, samples)[own]))
         return extra._replace(
             stage=stage,
             wanted=self._raised(extra, begun),
-            predicted_cpu_seconds=seconds + extra.pilot_cpu_seconds,
-            next_cpu_seconds=float(rate[:ALONG] @ allocation(measured, exponents, next_digit, extra.aim / 10)),
+            predicted_cpu_seconds=speed * seconds + extra.pilot_cpu_seconds,
+            next_cpu_seconds=speed * float(best.measured.cost @ next_digit.samples(aim / 10)),
         )
 
     def _affordable(self, state: State, scheme: int) -> float:
         """The accuracy, or the best that the seconds and samples of the case allow."""
-        aim, measured, left = self.case.accuracy, self.measured(state, scheme), self.seconds_left(state.extra)
+        aim, left = self.case.accuracy, self.seconds_left(state.extra)
         for _ in range(4):
-            choice, exponents, order = self._best(state, scheme, aim)
-            samples = allocation(measured, exponents, choice, aim)
-            points = int(measured.along[choice.base] > 0)
-            extra = state.extra._replace(scheme=scheme, points=points).with_choice(choice, order)
-            excess = float(self.costs @ _all_raised(extra, samples, None)) / left if choice.work < np.inf else np.inf
+            best = self._best(state, scheme, aim)
+            samples, extra = best.samples(aim), state.extra._replace(scheme=scheme).with_best(best)
+            finite = best.choice.work < np.inf
+            excess = float(self.costs @ _all_raised(extra, samples, None)) / left if finite else np.inf
             if self.case.samples:
-                excess = max(excess, float(samples[LEVELS + choice.base]) / self.case.samples)
+                excess = max(excess, float(samples[LEVELS + extra.base]) / self.case.samples)
             if excess <= 1.0:
                 break
             aim *= 1.02 * np.sqrt(excess) if np.isfinite(excess) else 2.0
@@ -520,19 +608,13 @@ class AnswerPlan(SamplesPlan):
             allowed[points] = max(int(extra.wanted[points]), power_of_two(allowed[points] // 2 + 1))
         return allowed
 
-    def _cpu_seconds(self, state: State) -> np.ndarray:
-        """(path sets,) processor seconds so far."""
-        return np.array([state.so_far(i).cpu_seconds if i in state.tallies else 0.0 for i in range(len(self.sets))])
+    def _speed(self, state: State, scheme: int) -> float:
+        """Processor seconds of a second of typical speed, by that path set of a scheme which took least.
 
-    def _seconds_per_sample(self, state: State, scheme: int) -> np.ndarray:
-        """(SETS,) processor seconds of a sample as measured, or typical ones scaled by those of the other sets."""
-        own = slice(scheme * SETS, (scheme + 1) * SETS)
-        typical = self.costs[own]
-        paths = np.array([state.tally(i).paths for i in range(len(self.sets))])[own]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rate = self._cpu_seconds(state)[own] / paths
-            ratio = np.nanmin(rate / typical)  # the other sets have more of the time of a batch that does not grow
-            return np.where(paths >= 8 * PILOT_SAMPLES, rate, typical * ratio)
+        The others have more of the time of a batch that does not grow.
+        """
+        done = [i for i in state.tallies if i // SETS == scheme and state.tally(i).paths]
+        return min(state.so_far(i).cpu_seconds / (self.costs[i] * state.tally(i).paths) for i in done)
 
     def _checked(self, state: State) -> Decisions:
         """The end, or more samples where the interval is too wide or one step finer differs by too much."""
@@ -546,18 +628,18 @@ class AnswerPlan(SamplesPlan):
         lost = not np.isfinite(outcome.half).all()
         if (narrow and outcome.passed) or lost or extra.stage >= MOST_STAGES:
             return extra._replace(stage=DONE) if lost else self._comparing(state)
-        choice, exponents, order = self._best(state, extra.scheme, extra.aim, (extra.base,))
+        best = self._best(state, extra.scheme, extra.aim, (extra.base,))
         finer = not outcome.passed or bool((outcome.bias > _ROOM * extra.aim).any())
         above = [level for level in self.case.step_levels if level > extra.finest]
         if finer and not above and bool((outcome.half - outcome.bias <= (1.0 - _ROOM) * extra.aim).all()):
             return extra._replace(stage=DONE)  # no step is left that is small enough
-        finest = max(choice.finest, above[0] if finer and above else extra.finest)
+        choice = best.choice._replace(work=extra.work)
         if choice.levels == extra.levels or not finer:
-            choice = choice._replace(levels=extra.levels if order is None else 0, finest=finest)
+            finest = max(choice.finest, above[0] if finer and above else extra.finest)
+            choice = choice._replace(levels=extra.levels if math.isnan(best.order) else 0, finest=finest)
+        best = best._replace(choice=choice)
         bias = min(float(outcome.bias.max()), _ROOM * extra.aim) if not finer else BIAS_SHARE * extra.aim
-        measured = self.measured(state, extra.scheme)
-        samples = allocation(measured, exponents, choice, _MARGIN * extra.aim, bias, outcome.factor)
-        more = extra.with_choice(choice._replace(work=extra.work), order)._replace(stage=extra.stage + 1)
+        samples = best.samples(_MARGIN * extra.aim, bias, outcome.factor)
         wanted = self._raised(extra, samples)
         if (wanted == extra.wanted).all():
             there = np.array([state.tally(extra.scheme * SETS + i).paths for i in range(SETS)], float)
@@ -565,7 +647,7 @@ class AnswerPlan(SamplesPlan):
             wanted = self._raised(extra, 1.25 * np.where(samples > 0, there[:ALONG], 0.0))
         if (wanted == extra.wanted).all():
             return extra._replace(stage=DONE)  # the case allows no more
-        return more._replace(wanted=wanted)
+        return extra.with_best(best)._replace(stage=extra.stage + 1, wanted=wanted)
 
     def _comparing(self, state: State) -> Decisions:
         """The end, or samples of the difference from the reference scheme: first a few, then by their variance."""
@@ -580,7 +662,7 @@ class AnswerPlan(SamplesPlan):
             stderr = float(np.nan_to_num(self.compared(state).stderr.max()))  # of as many paths as in a pilot
             most = max(self.seconds_left(extra) - float(self.costs @ wanted), 0.0) / self.cost_of(number)
             needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
-            wanted[number] = max(whole_blocks(np.array(min(needed, most)), ROUND), 2 * PILOT_SAMPLES)
+            wanted[number] = max(whole_blocks(np.array(min(needed, most))), 2 * PILOT_SAMPLES)
         return extra._replace(wanted=wanted, compared=level)
 
     # -----------------------------------------------------------------------------------------------------------------
@@ -591,12 +673,10 @@ class AnswerPlan(SamplesPlan):
     # seconds of typical speed, and do not depend on a clock.
     # -----------------------------------------------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def refining(self) -> Any:
         """The solver that refines the solution of the case, see :func:`spi.exact.kolmogorov.refiner`."""
-        case = self.case
-        texts = tuple(map(canonical, case.expressions))
-        return _refining(case.model, case.initial, case.final_time, texts, case.accuracy)
+        return refiner(self.case.model, self.case.initial, self.case.final_time, self.phis, self.case.accuracy)
 
     def prospect(self, extra: Decisions, accuracy: float | None = None) -> tuple[Refined, Outlook]:
         """The solution by the refinements so far, and the outlook on the next ones."""
@@ -631,7 +711,7 @@ class AnswerPlan(SamplesPlan):
         began, cpu_began = time.perf_counter(), time.process_time()
         before = self.solved_seconds(extra)
         to_come = ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds
-        with working(TITLE, to_come, before), part(ahead.next_seconds):
+        with working(TITLE, to_come, before):
             value, uncertainty, effort = self.refining.refine(len(extra.refined))
         return extra._replace(
             refined=np.concatenate([extra.refined, value[np.newaxis]]),
@@ -662,28 +742,26 @@ class AnswerPlan(SamplesPlan):
         return extra._replace(
             stage=DONE,
             solving=SOLVING,
-            scheme=-1,
-            known=solution.value,
-            known_bound=solution.bound,
             aim=max(self.case.accuracy, float(solution.bound.max())),
             next_cpu_seconds=float(next_digit.seconds) + extra.cpu_seconds,
         )
 
     def prediction(self, extra: Decisions) -> Prediction | None:
         """The prediction after the pilot, or once it is solved for with a finite error; None before."""
-        end, reason = self.case.final_time, why(extra, self.case.accuracy) if self.solvable else ""
+        solving, reason = extra.solving == SOLVING, why(extra, self.case.accuracy)
         both = f" ({reason})" if reason else ""
         if extra.stage == PILOTING:
-            if extra.solving != SOLVING:
+            if not solving:
                 return None
             solution, ahead = self.prospect(extra)
             finite = np.isfinite(solution.bound).all() and math.isfinite(ahead.seconds)
             if not finite and ahead.next_seconds <= 10 * SURE:
                 return None
-        if extra.solving == SOLVING:
+        if solving:
             return Prediction(f"without sampling{both}", extra.solving_seconds, math.nan)
+        largest, smallest = (self.case.final_time / 2**level for level in (extra.base, extra.finest))
         how = f"{self.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "
-        how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}{both}"
+        how += f"{largest:g} to {smallest:g}, for {extra.aim:g}{both}"
         return Prediction(how, extra.predicted_cpu_seconds, extra.next_cpu_seconds)
 
     # -----------------------------------------------------------------------------------------------------------------
@@ -739,69 +817,43 @@ class AnswerPlan(SamplesPlan):
             agrees=bool((np.abs(left) <= allowed).all()),
         )
 
-    @np.errstate(all="ignore")
-    def consistency(self, state: State) -> float:
-        """Giles' check |a - b| / (3 (sd a + sd b)) of the means at a step on its own paths, and beside half of it.
-
-        The largest over the levels that are used, each above 1 with probability 0.3 %.
-        """
-        extra, worst = state.extra, 0.0
-        totals = self.totals(state, extra.scheme)
-        for level in range(extra.base + 1, extra.finest + 1):
-            below = totals[extra.set_of_base if level == extra.base + 1 else level - 1]
-            means = ((below, -1), (totals[level], VALUE), (totals[level], DIFFERENCE))
-            spreads = [(self.spread(sums, quantity), sums.paths) for sums, quantity in means]
-            coarse, fine, off = (spread.mean for spread, _ in spreads)
-            sd_coarse, sd_fine, sd_off = (np.sqrt(spread.variance / paths) for spread, paths in spreads)
-            rounding = ROUNDING * (np.abs(fine) + np.abs(coarse))
-            ratio = np.abs(fine - off - coarse) / (3.0 * (sd_coarse + sd_fine + sd_off) + rounding)
-            worst = max(worst, float(np.nan_to_num(ratio).max()))
-        return worst
-
     def results(self, state: State) -> Answer:
         """The answer, from the final state."""
         case, extra = self.case, state.extra
         facts: dict[str, Any] = self.whole(state) | {
             "functions": tuple(case.functions),
             "formulas": self.formulas,
+            "why": why(extra, case.accuracy),
             "aim": extra.aim,
             "pilot_seconds": extra.pilot_cpu_seconds,
             "predicted_seconds": extra.predicted_cpu_seconds,
             "next_digit_seconds": extra.next_cpu_seconds,
-            "cpu_seconds": extra.cpu_seconds + sum(state.so_far(i).cpu_seconds for i in state.tallies),
+            "cpu_seconds": extra.cpu_seconds + _cpu_seconds(state),
         }
-        if extra.scheme < 0:
-            limit = extra.known_bound
-            reached = bool((limit <= case.accuracy).all())
+        if extra.solving == SOLVING:
+            solution, _ = self.prospect(extra)
+            reached = bool((solution.bound <= case.accuracy).all())
             return Answer(
-                value=extra.known,
-                half=limit,
-                bias=limit,
+                value=solution.value,
+                half=solution.bound,
+                bias=solution.bound,
                 stderr=np.zeros(len(case.functions)),
                 reached=reached,
-                why=why(extra, case.accuracy),
                 warnings=() if reached else (f"the numerical error is more than {short(case.accuracy, 'g')}",),
                 **facts,
             )
         outcome = self.outcome(state)
         if extra.aim > case.accuracy and np.isfinite(outcome.half).all():
             facts["aim"] = max(case.accuracy, float(outcome.half.max()))  # as far as seconds and samples allow
-        reached = bool(outcome.passed and (outcome.half <= facts["aim"]).all())
         chosen = self._chosen(state, outcome)
         other = self.compared(state) if extra.compared else None
-        warnings = tuple(self._warnings(state, outcome, chosen))
-        if other and not other.agrees:
-            off = f"{short(np.abs(other.left).max())} +- {short(INTERVAL * other.stderr.max())}"
-            limits = f"{chosen.scheme} and {other.reference} have other limits, {off} apart on the same noise"
-            warnings, reached = (*warnings, f"{limits}: one of them is not a scheme for this equation"), False
         return Answer(
             value=outcome.value,
             half=outcome.half,
             bias=outcome.bias,
             stderr=outcome.stderr,
-            reached=reached,
-            why=self._why(extra),
-            warnings=warnings,
+            reached=bool(outcome.passed and (outcome.half <= facts["aim"]).all() and (not other or other.agrees)),
+            warnings=tuple(self._warnings(state, outcome, chosen, other)),
             chosen=chosen,
             compared=other,
             **facts,
@@ -824,7 +876,6 @@ class AnswerPlan(SamplesPlan):
             check=outcome.check,
             check_stderr=outcome.check_stderr,
             passed=outcome.passed,
-            consistency=self.consistency(state),
             levels=Levels(
                 h=steps[used],
                 share=outcome.share[used],
@@ -833,17 +884,7 @@ class AnswerPlan(SamplesPlan):
             ),
         )
 
-    def _why(self, extra: Decisions) -> str:
-        """The predicted seconds, of typical speed, of all choices that were possible, as a text."""
-        each = []
-        for name, works in zip(self.case.schemes, extra.works, strict=True):
-            seconds = [f"{short(work, '.2g')} ({n})" for n, work in enumerate(works) if np.isfinite(work)]
-            each += [f"{name} {', '.join(seconds)}"] if seconds else []
-        heading = "predicted seconds of typical speed after the pilot (levels of extrapolation)"
-        both = [why(extra, self.case.accuracy)] if self.solvable else []
-        return "; ".join([*both, f"{heading}: {'; '.join(each)}" if each else ""]).strip("; ")
-
-    def _warnings(self, state: State, outcome: Outcome, chosen: Chosen) -> Iterator[str]:
+    def _warnings(self, state: State, outcome: Outcome, chosen: Chosen, other: Compared | None) -> Iterator[str]:
         """The warnings about an answer by sampling."""
         case, extra = self.case, state.extra
         resolved = np.isfinite(outcome.half)
@@ -855,9 +896,6 @@ class AnswerPlan(SamplesPlan):
             yield f"{order}, as with functions that have jumps; not extrapolated"
         if (heavy := float(chosen.levels.kurtosis.max())) > HEAVY_TAILS:
             yield f"heavy tails: the kurtosis of a level is {heavy:.3g}, so that intervals may be too narrow"
-        if chosen.consistency > _DOUBT:
-            check = f"their check is {chosen.consistency:.1f}, and should be below 1"
-            yield f"levels do not agree with one another: {check}"
         if not outcome.passed and np.isfinite(outcome.value).all():
             yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
         if outcome.unresolved.any():
@@ -866,6 +904,10 @@ class AnswerPlan(SamplesPlan):
             yield f"not resolved: {joined(names)}; {reason}"
         if lost := [name for name, x in zip(case.functions, outcome.value, strict=True) if not math.isfinite(x)]:
             yield f"not finite: {joined(lost)}; paths diverged"
+        if other and not other.agrees:
+            off = f"{short(np.abs(other.left).max())} +- {short(INTERVAL * other.stderr.max())}"
+            limits = f"{chosen.scheme} and {other.reference} have other limits, {off} apart on the same noise"
+            yield f"{limits}: one of them is not a scheme for this equation"
 
     def _obstacle(self, extra: Decisions, outcome: Outcome) -> str:
         """The reason why an interval is wider than the accuracy, as the end of a sentence."""
@@ -891,11 +933,11 @@ class AnswerPlan(SamplesPlan):
         return Cost(steps, float("nan"), int(BATCH_BYTES))
 
     def progress(self, state: State) -> Done:
-        """Work done and work allocated, in seconds of typical speed, and the standard error of the first function.
+        """Work done and work allocated, in seconds of typical speed.
 
         A rest of solving that cannot be predicted counts with its next refinement alone.
         """
-        extra, stderr = state.extra, float("nan")
+        extra = state.extra
         done = float(sum(self.costs[i] * tally.paths for i, tally in state.tallies.items()))
         total = float(self.costs @ extra.wanted)
         if self.solvable:
@@ -904,10 +946,7 @@ class AnswerPlan(SamplesPlan):
             if extra.solving == SOLVING and extra.stage != DONE:
                 _, ahead = self.prospect(extra)
                 total += min(ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds, 1e300)
-        if extra.stage and extra.scheme >= 0 and state.tally(extra.scheme * SETS + extra.set_of_base).paths:
-            with np.errstate(all="ignore"):
-                stderr = float(self.outcome(state).stderr[0])
-        return Done(done, total, stderr)
+        return Done(done, total, math.nan)
 
     def so_far(self, state: State) -> State | None:
         """None: before the end there is no bound of the bias."""

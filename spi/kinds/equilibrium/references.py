@@ -96,7 +96,7 @@ def _variance(model: Any, initial: Any, temperature: float, names: tuple[str, ..
 def _shares(
     model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str, edges: tuple[float, ...]
 ) -> np.ndarray:
-    """The probabilities of a function in bins; NaN where they are not known, as on more than two spheres."""
+    """The probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
     law = gibbs.law_of(model, initial, temperature)
     try:
         return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))
