@@ -142,7 +142,6 @@ class Differences(Described):
     nonfinite: Array = array("h", "diverged samples (NaN or infinity)")
     seconds: Array = array("h", "processor time of a sample", "s")
     variance_rate: tuple[Order, ...] = array("function", "rate of the variances", formula="p in variance = C h^p")
-    symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
 
     @derived("function h", "half the interval of the mean")
     def mean_half(self) -> Array:
@@ -156,13 +155,6 @@ class Differences(Described):
     def lost(self) -> Array | None:
         """Their numbers; None where there are none."""
         return self.nonfinite if self.nonfinite.any() else None
-
-    @derived("h", "whether in halves, where any are")
-    def halved(self) -> Array | None:
-        """(S,) yes or nothing; None where none is."""
-        if self.symmetrised is None or not self.symmetrised.any():
-            return None
-        return np.where(self.symmetrised, "yes", "")
 
 
 class Quasi(Described):
@@ -184,7 +176,6 @@ def _sampled(name: str, inconsistent: str) -> list[Column]:
         Column(f"{name}_samples", "samples"),
         Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
         Column(f"{name}_lost", "di-\nverged", red=0),
-        Column(f"{name}_halved", "in\nhalves"),
     ]
 
 
