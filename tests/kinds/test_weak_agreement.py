@@ -20,7 +20,7 @@ from weak_cases import (
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
-from spi.kinds.weak.estimators.kolmogorov.study import _order
+from spi.kinds.weak.kolmogorov import _order
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 

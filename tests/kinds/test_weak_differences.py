@@ -9,7 +9,7 @@ from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_levels
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan
+from spi.kinds.weak.multilevel import DifferencesPlan
 from spi.numerics.rng import ANSWERS, DIFFERENCES, LEVELS, POINTS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND

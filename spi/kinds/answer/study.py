@@ -35,7 +35,7 @@ from spi.exact.work import work as working
 from spi.expressions import canonical, functions_of, range_of
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
+from spi.kinds.weak.kolmogorov import demands_of
 from spi.numerics.rng import LANES
 from spi.printing.text import joined, short
 from spi.schemes import SCHEMES, weak_exponents

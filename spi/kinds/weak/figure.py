@@ -9,8 +9,8 @@ import numpy as np
 from spi.drawing import panels, plots, style
 from spi.storage.records import INTERVAL
 
-from .estimators import ESTIMATORS, label_of
 from .results import WeakErrors, comparable_sweeps, largest_over_eps, sweeps
+from .study import ESTIMATORS, label_of
 
 Readings = Sequence[WeakErrors]
 
@@ -168,7 +168,7 @@ class Run(NamedTuple):
     @property
     def look(self) -> dict[str, Any]:
         """Marker and colour of the estimator."""
-        marker, colour = ESTIMATORS[self.estimator].keys.LOOK
+        marker, colour = ESTIMATORS[self.estimator].LOOK
         return {"marker": marker, "color": colour, "linestyle": "none"}
 
 

@@ -28,9 +28,9 @@ from spi.statistics.estimators import (
 from spi.statistics.intervals import student_factor
 from spi.storage.records import Order
 
-from ...results import Levels as LevelTable
-from ...study import stderr_of
-from ..kolmogorov.study import solution
+from .kolmogorov import solution
+from .plans import stderr_of
+from .results import Levels as LevelTable
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The paths of a multilevel estimator: the steps, reversals and schemes of a sample of each level.

@@ -23,19 +23,22 @@ import numpy as np
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
+from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_antithetic_path
+from spi.specs.checks import check_areas, need
+from spi.specs.keys import wrong
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
 
-from ...results import Differences, History, Sampled, WeakErrors
-from ...study import WeakPlan, sampled_errors, stderr_of
-from .sums import (
+from .kolmogorov import check_demands
+from .levels import (
     EQUAL,
     PILOT,
     PRODUCT,
@@ -49,6 +52,8 @@ from .sums import (
     expectations,
     levels_of,
 )
+from .plans import WeakPlan, sampled_errors, stderr_of
+from .results import Differences, History, Sampled, WeakErrors
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Multilevel differences: E phi(y_h) - E phi(y_{h/2}) level by level (Giles, Operations Research 56, 2008), added up.
@@ -61,7 +66,7 @@ from .sums import (
 # increments exchanged, the coins turned), that of the coarse path turns its coin.  All four are paths of the scheme; in
 # the difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a
 # level falls from O(h) to O(h^2).  Schemes without antithetic paths are compared with one that has them where that is
-# possible, see study.py.
+# possible, see :class:`DifferencesPlan`.
 #
 # An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 # expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
@@ -81,15 +86,38 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     sums = LevelTotals
-
+    LABEL, LOOK = "multilevel", ("D", "#D55E00")
     of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Sample, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
 
     @classmethod
+    def check(cls, case: Any) -> None:
+        """Raise the error about a case without target and budget, with a reference scheme, or an unsolvable control."""
+        need(case, "multilevel", "standard_error", "seconds")
+        if case.reference_scheme:
+            mistake = "has 'multilevel', which has references of its own, and reference_scheme is set"
+            raise wrong(mistake, "use plain or leave out reference_scheme", "estimators")
+        check_areas(case, case.reference_step, "reference_step")  # each level draws its own
+        if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
+            check_demands(case, "multilevel", multiscale=True)
+
+    @classmethod
+    def together(cls, case: Any, part: Part) -> list[tuple[int, ...]]:
+        """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
+        alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
+        others = tuple(n for n in case.extrapolate if n not in alone)
+        return [*((n,) for n in alone), *[others] * bool(others)]
+
+    @classmethod
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
-        """The plan for one scheme of a case."""
+        """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
+        return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).by_levels(case, part)
+
+    @classmethod
+    def by_levels(cls, case: Any, part: Part) -> "MultilevelPlan":
+        """The plan by differences between levels."""
         record = case.row(part.scheme, part.eps).record
         control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
@@ -289,18 +317,6 @@ ORDER_2 = "splitting_order2"
 _BOTH_SIDES = (AS_TOSSED, COINS_TURNED)
 
 
-def together(case: Any, part: Part) -> list[tuple[int, ...]]:
-    """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
-    alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
-    others = tuple(n for n in case.extrapolate if n not in alone)
-    return [*((n,) for n in alone), *[others] * bool(others)]
-
-
-def plan(case: Any, part: Part) -> MultilevelPlan:
-    """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
-    return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
-
-
 def can_compare(case: Any, part: Part) -> bool:
     """Whether the errors of a scheme are estimated by differences to the scheme of weak order 2."""
     row = case.row(part.scheme, part.eps)
@@ -321,9 +337,9 @@ class DifferencesPlan(MultilevelPlan):
     order2: MultilevelPlan  #: of the scheme of weak order 2
 
     @classmethod
-    def of(cls, case: Any, part: Part) -> "DifferencesPlan":
-        """The plan for one scheme of a case."""
-        order2 = MultilevelPlan.of(case, Part(ORDER_2, part.estimator))
+    def by_levels(cls, case: Any, part: Part) -> "DifferencesPlan":
+        """The plan by one difference at each step, and levels of the scheme of weak order 2."""
+        order2 = MultilevelPlan.by_levels(case, Part(ORDER_2, part.estimator))
         sides = len(_sides(case.row(part.scheme, part.eps).record))
         levels = *order2.levels, *(_difference(case, h, sides) for h in case.steps)
         return cls(case=case, part=part, levels=levels, control=None, order2=order2)
