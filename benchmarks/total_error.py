@@ -25,7 +25,7 @@ from spi.ensemble.increments import points_of
 from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.blocks import Sample, values_of_blocks
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.kolmogorov.study import solution
+from spi.kinds.weak.kolmogorov import solution
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, SCRAMBLES
 from spi.running.run import load

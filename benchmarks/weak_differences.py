@@ -13,7 +13,7 @@ import argparse
 import numpy as np
 
 from spi.kinds.plans import State
-from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan, MultilevelPlan
+from spi.kinds.weak.multilevel import DifferencesPlan, MultilevelPlan
 from spi.printing.text import power_of_two
 from spi.running import workers
 from spi.running.run import load
@@ -42,7 +42,7 @@ def main():
         for scheme in given.schemes:
             part = Part(scheme, "multilevel")
             (mine, told), (levels, told_levels) = (
-                results(way.of(case, part)) for way in (DifferencesPlan, MultilevelPlan)
+                results(way.by_levels(case, part)) for way in (DifferencesPlan, MultilevelPlan)
             )
             seconds = np.sqrt(told_levels["cpu_seconds"] / told["cpu_seconds"])
             ratio = levels["error_stderr"] / mine["error_stderr"] * seconds

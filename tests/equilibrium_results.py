@@ -15,7 +15,7 @@ def equilibrium_group(
     scheme,
     case="free",
     casimirs=1,
-    panels=("growth", "law", "distance", "moments"),
+    panels=("growth", "law", "distance"),
     law=True,
     last=26,
     averages=None,

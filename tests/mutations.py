@@ -45,7 +45,6 @@ bins: 32
 density: {{of: [a, b], times: [1/2, 1], cells: 8}}
 autocorrelation: {{b: 1/2}}
 reference: {{a: exact, e: {{file: known.csv}}, b: "sin(1.1)*exp(-t)"}}
-reference_step: 2^-5
 panels: [mean, histogram, maps]
 expect: {{splitting: {{deviation: 4, a: {{mean: 0.2 +- 1}}, "b, 0.5-quantile": {{quantile: 0.3 +- 1}}}}}}
 """,
@@ -70,7 +69,7 @@ exponents: 2
 schemes: [splitting, euler_maruyama]
 samples: 128
 panels: [lyapunov, pullback]
-pullback: {{times: [1, 4], points: 500, of: [y1, y2]}}
+pullback: {{times: [1, 4], points: 500}}
 truncate_noise: true
 expect: {{splitting: {{exponent_sum: 0 +- 1e-3, dimension: 2 +- 0.1, nonfinite: 0}}}}
 """,

@@ -52,7 +52,7 @@ SPECS = {
     "statistics": f"{BODY}\n{START}\nfinal_time: 1\nstep: 1/8\n{SCHEMES}\nsamples: 100\n"
     "functions: {b: y1^2, c: y3, a: sin(y2), m: {maximum: y1}}\nevery: 2\nquantiles: [0.1, 0.5]\nbins: 8\n"
     "statistics: [mean, variance, covariance, quantiles, histogram]\ndensity: {of: [b, c], times: [1/2, 1], cells: 4}\n"
-    "autocorrelation: {c: 1/2, b: 1/4}\nreference: {b: 1/3 + exp(-t), c: {file: known.csv}}\nreference_step: 1/16\n"
+    "autocorrelation: {c: 1/2, b: 1/4}\nreference: {b: 1/3 + exp(-t), c: {file: known.csv}}\n"
     "panels: [mean, histogram]",
     "lyapunov": f"{BODY}\n{START}\nfinal_time: 4\nstep: 1/16\n{SCHEMES}\nsamples: 70\nwarm_up: 1\n"
     "every: 4\npullback: {points: 128, times: [1, 2]}\npanels: [lyapunov, pullback]",
@@ -102,7 +102,7 @@ LAYERS = (
     "exponents: 1",
     *(f"expect: {{splitting: {{{one}}}}}" for one in ("nonfinite: 1", "finite: 1", "deviation: 4", "dimension: 2")),
     "expect: {splitting_order2: {value: 1}}",
-    "pullback: {points: 64, of: [y1, y2*y3]}",
+    "pullback: {points: 64}",
     "steps: [1/2, 1/4, 1/8, 1/16, 1/32]\nextrapolate: [0, 1]",
 )
 

@@ -8,8 +8,8 @@ from helpers import BY_HAND, LANES, final_states
 from states import batches_of, finished, ignore
 
 from spi.kinds.plans import State
+from spi.kinds.weak import multilevel
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.multilevel import study as multilevel
 from spi.running import workers
 from spi.running.run import load
 from spi.schemes import SCHEMES
@@ -37,7 +37,7 @@ def plan_of(case, scheme, estimator):
 
 def levels_plan_of(case, scheme, estimator="multilevel"):
     """Multilevel by sums of the scheme's own levels, also where there are differences to the scheme of order 2."""
-    return multilevel.MultilevelPlan.of(case, Part(scheme, estimator))
+    return multilevel.MultilevelPlan.by_levels(case, Part(scheme, estimator))
 
 
 def results_of(case, scheme, estimator, plan_of=plan_of):

@@ -1,8 +1,9 @@
 """Functions of the state, and functionals of the path up to a time, of which statistics are computed."""
 
+import functools
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from spi.compiler.dispatch import answers
 from spi.ensemble.observer import energies, invariants_of
 from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large
+from spi.exact import gibbs
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.expressions.trees import Component
@@ -168,3 +170,29 @@ def _invariant(model: Any, match: re.Match[str]) -> Callable[[Array], Array]:
         return np.asarray(hamiltonian(model, y) if number is None else casimirs(model, y)[number - 1])
 
     return values
+
+
+def evaluated(functions: Sequence[PathFunction], states: Array) -> Array:
+    """(F, ...): the functions of states (d, ...), not finite where they are not defined."""
+    values = np.empty((len(functions), *states.shape[1:]))
+    with np.errstate(all="ignore"):
+        for f, function in enumerate(functions):
+            values[f] = function.values(states)
+    return values
+
+
+def check_named(case: Any, name: str) -> None:
+    """Raise the error about a reference of a function that the case does not have."""
+    if name not in case.functions:
+        raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def gibbs_mean(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> tuple[float, float]:
+    """Mean of a function under the Gibbs law and its numerical error; ValueError, with a reason, where it is not known.
+
+    Cached, as all schemes have the same; typed, because models of two classes may be equal tuples.
+    """
+    values = path_function(model, names, text).values
+    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    return expectation

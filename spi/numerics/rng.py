@@ -12,7 +12,7 @@ from ..compiler.dispatch import device
 from .elementary import log_normal, sin_versine_small
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
-STREAM_VERSION = 4
+STREAM_VERSION = 5
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
@@ -28,7 +28,6 @@ LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 
 ANSWERS = 512  # increments of path set number j of an answer: ANSWERS + 2 j
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
 DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
-HALVES = 1280  # increments of the halves i = 0, 1 of a symmetrised difference: HALVES + 128 i + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64

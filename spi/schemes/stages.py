@@ -384,13 +384,6 @@ def is_own_reverse(stages, model):
     return len(words) == 1 and all(flows == flows[::-1] for flows in words)
 
 
-def in_reversed_order(stages):
-    """The stages whose flows are the same in reversed order; they must have no loops."""
-    turned = {"forwards": "backwards", "backwards": "forwards", "symmetric": "symmetric"}
-    orders = {type(ORDERS[name]): ORDERS[other] for name, other in turned.items()}
-    return tuple(stage._replace(order=orders[type(stage.order)]) for stage in stages[::-1])
-
-
 def with_friction(stages):
     """The stages with friction, unchanged if they have some.
 

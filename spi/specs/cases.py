@@ -65,7 +65,7 @@ from .models import Model, check_words, name_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
-LAWS = ("law", "distance", "moments")  # panels about a stationary law
+LAWS = ("law", "distance")  # panels about a stationary law
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
 

@@ -50,9 +50,9 @@ def dyadic(case: Any, h: float) -> float:
     return exact
 
 
-def check_distinct(listed: Sequence[Any], key: str) -> None:
+def check_distinct(listed: Sequence[Any], *keys: str) -> None:
     if len(set(listed)) < len(listed):
-        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", *keys)
 
 
 def check_step(case: Any, key: str = "step") -> None:
@@ -70,21 +70,21 @@ def check_every(case: Any) -> None:
         raise wrong(fault, f"take {math.gcd(steps, case.every)}, which divides both", "every")
 
 
-def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
-    """The key `times` in its order, as exact multiples of `between`; `of` stands before and behind it in a message."""
+def times_on_grid(case: Any, between: float, of: str, times: Sequence[float], *keys: str) -> tuple[float, ...]:
+    """The `times` of a key in their order, as exact multiples of `between`; `of` stands around it in a message."""
     before, behind = of.split("{}")
 
-    for i, t in enumerate(case.times):
+    for i, t in enumerate(times):
         if t > case.final_time * (1 + ROUNDING):
             right = f"must not exceed final_time, which is {quantity(case.final_time)}"
-            raise wrong(f"is {quantity(t)}", right, "times", i)
+            raise wrong(f"is {quantity(t)}", right, *keys, i)
         if abs(round(t / between) * between - t) > ROUNDING * max(t, between):
             lower = math.floor(t / between) * between
             right = f"the nearest are {quantity(lower)} and {quantity(lower + between)}"
-            raise wrong(f"is {quantity(t)}, no multiple of {before}{quantity(between)}{behind}", right, "times", i)
+            raise wrong(f"is {quantity(t)}, no multiple of {before}{quantity(between)}{behind}", right, *keys, i)
 
-    numbers = [round(t / between) for t in case.times]
-    check_distinct([quantity(n * between) for n in numbers], "times")
+    numbers = [round(t / between) for t in times]
+    check_distinct([quantity(n * between) for n in numbers], *keys)
     return tuple(n * between for n in sorted(numbers))
 
 

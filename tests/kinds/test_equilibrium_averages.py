@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import equilibrium_cases
 import numpy as np
 import pytest
-from equilibrium_cases import RIGID, initial_rows, study
+from equilibrium_cases import RIGID, initial_rows
 from helpers import compiled_only, printed
-from states import check_going_on, chunks_of, finished, same_numbers
+from states import finished
 
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
@@ -16,7 +16,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.means import Series, _order
-from spi.kinds.equilibrium.references import Known, known_laws
+from spi.kinds.equilibrium.references import known_laws
 from spi.kinds.equilibrium.results import Equilibrium, step_for
 from spi.numerics.rng import LANES
 from spi.report import views
@@ -75,19 +75,6 @@ def test_averages_are_those_of_the_recorded_series(load_text):
 
 
 @compiled_only
-def test_the_same_bits_from_every_snapshot_and_in_chunks(load_text):
-    plan = equilibrium.plan(load_text(LONG).cases[0], Part("splitting"))
-    check_going_on(plan, every=2)
-    with chunks_of(1):
-        divided = equilibrium.plan(load_text(LONG, "samples=130").cases[0], Part("splitting"))
-        assert same_numbers(finished(divided), finished(divided))
-        found = averages(divided)
-    whole = averages(equilibrium.plan(load_text(LONG, "samples=130").cases[0], Part("splitting")))
-    for name in ("average", "stderr_paths", "tau", "correlation_stderr", "density_stderr"):
-        np.testing.assert_allclose(getattr(found, name), getattr(whole, name), rtol=1e-9, atol=1e-12)
-
-
-@compiled_only
 @pytest.mark.parametrize("samples", [12, 1])
 def test_intervals_hold_the_exact_value(load_text, samples):
     """Of the uniform law; benchmarks/intervals.py does the same with 1000 runs and other laws."""
@@ -105,25 +92,16 @@ def test_intervals_hold_the_exact_value(load_text, samples):
     assert np.abs(z).max() < 4.5
 
 
-def found_with(average, without, error):
-    errors = dict.fromkeys(("stderr_paths", "stderr_tau"), np.array([error]))
-    return SimpleNamespace(average=np.array([average]), without=without[:, np.newaxis], **errors)
-
-
 @pytest.mark.parametrize("finest", [False, True])
 def test_the_order_of_a_bias(finest):
     h, error, generator = 2.0 ** -np.arange(5), 2e-6, np.random.default_rng(4)
     noise = 8 * error * generator.standard_normal((64, 5))
     noise -= noise.mean(axis=0)
     mean = 0.3 - 0.02 * h**2 + 8 * noise.mean(axis=0)
-    each = [found_with(mean[i], mean[i] - noise[:, i] / 63, error) for i in range(5)]
-    value = np.array([mean[-1] if finest else 0.3])
-    known = Known(value, np.zeros(1), np.full(1, np.nan), np.array([finest]), np.zeros((5, 1, 1)))
-    order, constant = _order(SimpleNamespace(steps=tuple(h), samples=512), known, each, 0)
+    case, reference = SimpleNamespace(steps=tuple(h), samples=512), float(mean[-1]) if finest else 0.3
+    order, constant = _order(case, finest, reference, mean, mean - noise / 63, np.full(5, error))
     assert order.low < 2.0 < order.high and order.order == pytest.approx(2.0, abs=0.1)
     assert constant == pytest.approx(-0.02, rel=0.05)
-    few = SimpleNamespace(steps=tuple(h[:2]), samples=512)
-    assert np.isnan(_order(few, known, each[:2], 0)[0].order)
 
 
 @compiled_only
@@ -173,12 +151,6 @@ def test_the_step_for_a_bias():
     assert step_for(*what, 0, 2e-4)[0] == pytest.approx(0.1)
     assert step_for(*what, 1, 1e-3) == (0.5, "no bias is seen there")
     assert step_for(*what, 1, 1e-5) == (0.25, "the smallest here, its bias is not known")
-
-
-@compiled_only
-def test_without_functions_nothing_is_recorded(case_of):
-    _, group = study(case_of(), "splitting")
-    assert "average" not in group.arrays
 
 
 def test_of_many_spheres_what_is_not_known_is_left_out_or_refused(tmp_path):

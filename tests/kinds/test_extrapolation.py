@@ -1,32 +1,26 @@
 """Richardson extrapolation of weak errors: weights, exponents, and the three estimators."""
 
-import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
-import yaml
 from extrapolation_cases import COARSE, group_of, symmetric
 from helpers import INITIAL, ONE_NOISE, RIGID_BODY, SCHEMES
 from scipy.linalg import expm
 from weak_cases import SPEC, case_of, has_order
 
-from spi import printing
 from spi.exact.kolmogorov import expectations
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise
-from spi.report import views
 from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
 from spi.schemes.stages import compositions, flows, is_own_reverse
 from spi.specs import SpecError
-from spi.specs.naming import as_yaml
 from spi.statistics.claims import CONFIRMED, judge, quantities
 from spi.statistics.estimators import Extrapolation, places, weights
-from spi.storage.records import Results
 
 CROOKED = (*SYMMETRIC.stages[:2], flows("drift", fraction=1 / 2))
 
@@ -92,41 +86,6 @@ def test_what_equals_itself_reversed_is_undone_by_the_step_backwards(rows, model
     assert undone == is_own_reverse(rows, model)
 
 
-def test_halves_with_the_same_increment_would_not_do():
-    """dy = A_0 y dt + sum_k A_k y o dW_k, of which the step has a mean in closed form or by quadrature."""
-    matrices = np.random.default_rng(1).standard_normal((4, 3, 3))
-    A = 0.5 * (matrices - matrices.transpose(0, 2, 1))
-    exact = expm(A[0] + 0.5 * sum(a @ a for a in A[1:]))
-    nodes, mass = np.polynomial.hermite_e.hermegauss(20)
-    mass = mass / mass.sum()
-
-    def turns(a, t):
-        return np.array([expm(x * np.sqrt(t) * a) for x in nodes])
-
-    def independent(h):
-        half = expm(h / 2 * A[0])
-        first, second = (expm(h / 4 * a @ a) for a in A[1:3])
-        return half @ first @ second @ expm(h / 2 * A[3] @ A[3]) @ second @ first @ half
-
-    def common(h):
-        """E exp(a/2 A_1) exp(b/2 A_2) exp(c A_3) exp(b/2 A_2) exp(a/2 A_1) with whole increments a, b, c."""
-        half, inner = expm(h / 2 * A[0]), expm(h / 2 * A[3] @ A[3])
-        for a in (A[2], A[1]):
-            inner = sum(m * r @ inner @ r for m, r in zip(mass, turns(a / 2, h), strict=True))
-        return half @ inner @ half
-
-    def orders(step, exponents):
-        steps = [2.0**-k for k in range(2, 7)]
-        values = np.array([np.linalg.matrix_power(step(h), round(1 / h)) - exact for h in steps])
-        found = np.abs(Extrapolation.of(steps, exponents).combined(values.transpose(1, 2, 0))).max(axis=(0, 1))
-        return np.log2(found[:-1] / found[1:])
-
-    assert orders(independent, ())[-1] == pytest.approx(2, abs=0.05)
-    assert orders(independent, (2, 4))[-1] == pytest.approx(6, abs=0.1)
-    assert orders(independent, (2,))[-1] == pytest.approx(4, abs=0.05)
-    assert orders(common, (2,))[-1] == pytest.approx(1, abs=0.1)
-
-
 #: The errors that the issue of this key gives, from a program of its own: levels -> step size -> error.
 TABLE = {
     0: {2**-1: 2.3e-2, 2**-2: 6.1e-3, 2**-3: 1.6e-3, 2**-4: 3.9e-4, 2**-5: 9.8e-5},
@@ -157,15 +116,6 @@ def test_orders_4_6_and_8_without_sampling():
         largest = np.abs(weights((2, 4, 6)[:levels])).sum() * plain.arrays["error_bound"].max()
         assert np.all(found["error_bound"] <= largest * 1.000001)
     tell = [WeakErrors.of(group) for group in groups]
-    assert [one.about.label.partition(", ext")[2] for one in tell] == [
-        "",
-        "rapolated",
-        "rapolated twice",
-        "rapolated 3 times",
-    ]
-    records = views.rows(Results({"kind": "weak"}, tuple(groups)))
-    assert [record.get("extrapolate") for record in records] == [None] * 6 + [1] * 5 + [2] * 4 + [3] * 3
-    assert json.loads(printing.as_json(records))[-1]["scheme"] == "splitting_symmetric"
     expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
     claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
     verdicts = judge(claimed.claims, quantities(tell))
@@ -194,19 +144,6 @@ def test_means_of_casimirs_stay_exact():
     case = symmetric("functions=y1^2 + y2^2 + y3^2", "steps=2^0 .. 2^-3", "extrapolate=3", "estimators=[kolmogorov]")
     found = group_of(case, "kolmogorov", 3).arrays
     np.testing.assert_allclose(found["expectation"], sum(x * x for x in case.initial), rtol=1e-13)
-
-
-PANEL = "give 'midpoint' a panel of its own beside the extrapolated schemes, a case {name: midpoint, schemes: "
-PANEL += "[midpoint], truncate_noise: true, extrapolate: 0}"
-
-
-def test_a_scheme_with_bounded_increments_stands_in_a_panel_beside_extrapolated_ones():
-    """As the messages say."""
-    of_case = PANEL.partition("a case ")[2]
-    cases = [{"name": "splittings"}, yaml.safe_load(of_case)]
-    keys = {"extrapolate": 1, "estimators": ["plain"], "schemes": ["splitting_symmetric"], "cases": cases}
-    found = load(SPEC, text=as_yaml(yaml.safe_load(SPEC.read_text()) | keys)).cases
-    assert [(case.extrapolate, case.truncate_noise) for case in found] == [((1,), False), ((0,), True)]
 
 
 def test_without_the_key_a_spec_is_what_it_was():

@@ -93,30 +93,7 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
         load(SPEC, overrides=["extrapolate=1"], text=strong)
     (together,) = work_precision.parts(case)
     assert [part.extrapolate for part in together.each()] == [0, 2]
-    check_times_of_each(work_precision.plan(case, together), case.steps)
-    for levels, steps in ((0, case.steps), (2, case.steps[2:])):
-        p = work_precision.plan(case, Part("splitting_symmetric", "kolmogorov", extrapolate=levels))
-        state = State(p)
-        for chunk in state.missing():
-            for added in p.advance([chunk], None):
-                state.put(*added[0])
-        times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
-        assert state.extra.times.shape == times.shape
-        state.extra = state.extra._replace(times=times)
-        found = p.results(state).group()
-        assert found.coordinates["h"].tolist() == list(steps)
-        np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
-        counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]
-        np.testing.assert_allclose(found.arrays["ns_per_step"], 1e9 * times[1] / counts)
-        _, _, _, timed, _, last, *_ = p.kernel_calls()[-1].arguments
-        assert (
-            timed.doublings.tolist() == list(range(levels, -1, -1))
-            and last.levels[:, 2].tolist() == [1, 2, 4][: levels + 1]
-        )
-
-
-def check_times_of_each(p, steps):
-    """Of results that come of the same paths each level has the times of its own steps."""
+    p, steps = work_precision.plan(case, together), case.steps
     state = State(p)
     state.put(state.missing()[0], next(p.advance(state.missing(), None))[0][1])
     times = np.arange(1.0, len(steps) + len(steps[2:]) + 1)

@@ -95,16 +95,11 @@ def test_bits_and_the_file(plan_of):
     assert len(figure.draw("A", [[again]]).axes) == 3 + 2
 
 
-def test_pictures_of_two_formulas(plan_of):
-    plan = plan_of("pullback={of: [y1*y2, y3], points: 150}", "panels=[pullback]", "final_time=2")
-    assert plan.pulled.steps == [1, 4, 16] and plan.kernel_calls()
-    found = plan.results(finished(plan))
-    pictures = found.pictures
-    assert pictures.sides == ("y1*y2", "y3") and not pictures.is_sphere
-    assert (pictures.count.sum(axis=(1, 2)) / 150 + pictures.outside).tolist() == [1, 1, 1]
-    y = plan.pulled.states(0, 1, 64)
-    assert np.array_equal(plan.pulled.sides(y)[0], y[:, :, 0] * y[:, :, 1])
-    assert len(figure.draw("A", [[found]]).axes) == 2 * 3  # with colour bars
+def test_pictures_where_the_surface_is_no_sphere(plan_of):
+    plan = plan_of("model={name: maxwell_bloch, sigma: [1, 1]}", "initial={law: gaussian, mean: [0, 1, 0], sd: 0.1}")
+    found = plan.results(finished(plan)).pictures
+    assert found.sides == ("y1", "y2") and not found.is_sphere
+    assert (found.count.sum(axis=(1, 2)) / 150 + found.outside).tolist() == [1, 1]
 
 
 def test_the_projection_keeps_areas():
@@ -119,6 +114,8 @@ def test_the_dimension_of_kaplan_and_yorke():
     assert kaplan_yorke(np.array([0.02, -0.1])) == pytest.approx(1.2)
     assert kaplan_yorke(np.array([[-0.1, 0.5, 1.0], [-0.2, -0.5, 0.5]])) == pytest.approx([0.0, 2.0, 2.0])
     assert kaplan_yorke(np.array([1.0, 0.5, -3.0, -9.0])) == pytest.approx(2.5)
+    found = kaplan_yorke(np.array([[0.02, np.nan, 0.1], [-0.1, -0.1, -np.inf]]))
+    assert found[0] == pytest.approx(1.2) and np.isnan(found[1:]).all()
 
 
 @pytest.mark.slow

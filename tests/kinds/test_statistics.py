@@ -4,21 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from helpers import INITIAL, RIGID_BODY, compiled_only
+from helpers import INITIAL, compiled_only
 from scipy import stats
-from states import check_going_on, chunks_of, finished, same_numbers
-from statistics_cases import AXIS, results_of, staying, study_of, written
+from statistics_cases import AXIS, results_of, staying, written
 from weak_cases import stderr_by_hand
 
 import spi
-from spi.exact import kolmogorov
-from spi.expressions import functions_of
 from spi.kinds.statistics.estimates import simultaneous
 from spi.kinds.statistics.results import Statistics
 from spi.running import shipped
 from spi.running.run import load
-from spi.schemes import SCHEMES
-from spi.schemes.stages import compositions
 from spi.specs import SpecError
 from spi.statistics.claims import quantities
 
@@ -79,17 +74,6 @@ def check_map_by_hand(found, one, other):
         assert found.t[m] == t and np.allclose(share, counts / 100) and counts.sum() == 100 and not found.outside[m]
         assert np.allclose((found.stderr[m] * area)[share > 0], np.sqrt(share * (1 - share) / 100)[share > 0])
         assert np.allclose((found.stderr[m] * area)[share == 0], (1 - 0.05**0.01) / stats.t.isf(0.025, 15))
-
-
-def test_bits_do_not_depend_on_the_division_of_the_work(case_of):
-    case = case_of("samples=300", "functions={square: y1^2, out: {passage: y1 < 0.4}}")
-    plan = study_of(case)
-    with chunks_of(2):
-        whole = finished(plan)
-        check_going_on(plan)
-        assert same_numbers(finished(plan, 2), whole)
-    few, many = (results_of(case_of(f"samples={n}", "functions=y1")) for n in (70, 200))
-    assert np.array_equal(few.histogram.bin_low, many.histogram.bin_low)  # so that more samples go on with the counts
 
 
 def test_results_are_written_and_read_and_judged(case_of):
@@ -197,20 +181,6 @@ def test_first_passages_of_an_angle(case_of, drift):
     watched = staying(64 * 16, 2**-9, drift)  # at 16 times as many looks
     assert inside[-1] - watched[-1] > 9 * found.mean_stderr[0, -1]
     assert passages.time[0] - watched[:-1].sum() * 2**-9 > 9 * passages.time_stderr[0]
-
-
-@pytest.mark.slow
-@compiled_only
-def test_means_are_those_without_sampling(case_of):
-    """At ten times and with the same step, by the backward equation of the same scheme on the sphere."""
-    functions = "functions={phi: sin(2*pi*y1), square: y1^2}"
-    found = results_of(case_of("samples=200000", "final_time=1.25", functions, "statistics=[mean]"))
-    acting, phi = compositions(SCHEMES["splitting"].composition, RIGID_BODY), functions_of(("sin(2*pi*y1)", "y1^2"), 3)
-    values = [
-        kolmogorov.expectations(RIGID_BODY, acting, INITIAL, t, [2**-4], phi, 1e-6).value[:, 0] for t in found.t[1:]
-    ]
-    off = (found.mean[:, 1:].T - values) / found.mean_stderr[:, 1:].T
-    assert len(values) == 10 and np.abs(off).max() < 4 and np.abs(off).mean() > 0.2
 
 
 @pytest.mark.slow

@@ -1,10 +1,9 @@
-"""What statistics are compared with: formulas, files, exact expectations, stationary laws, finer paths."""
+"""References of statistics: formulas, files, exact expectations, stationary laws."""
 
 import numpy as np
 import pytest
-from helpers import RIGID_BODY, compiled_only
-from states import check_going_on, chunks_of, finished, same_numbers
-from statistics_cases import BODY, results_of, study_of, written
+from helpers import RIGID_BODY
+from statistics_cases import results_of, written
 
 from spi.exact.kolmogorov import exact_expectations
 from spi.kinds.statistics.figure import draw
@@ -32,45 +31,6 @@ def test_references_of_every_kind_are_at_the_times_of_the_statistics(case_of, tm
     assert np.allclose(found.difference, found.mean - found.reference, equal_nan=True)
     assert np.isclose(found.difference_stderr[0, 4], np.hypot(found.mean_stderr[0, 4], 0.01))
     assert np.allclose(found.difference_stderr[1:3], found.mean_stderr[1:3], atol=1e-5)
-
-
-def test_finer_paths_are_those_of_a_run_of_their_own(case_of):
-    """On the same noise, so that differences are far better known than the means."""
-    few = "samples=300", "statistics=[mean]", "functions={square: y1^2, out: {passage: y1 < 0.4}, energy: H}"
-    both = results_of(case_of(*few, "reference_step=2^-6", "reference={energy: exact}"))
-    finer = results_of(case_of(*few, "step=2^-6", "every=8"))
-    assert both.reference_step == 2**-6 and both.t.tolist() == finer.t.tolist()
-    assert np.allclose(both.reference[:2], finer.mean[:2], atol=1e-13)
-    assert np.allclose(both.difference[:2], (both.mean - finer.mean)[:2], atol=1e-13)
-    assert (both.difference_stderr[0, 1:] < 0.5 * both.mean_stderr[0, 1:]).all()
-    assert np.abs(both.difference[0, 1:]).min() > 0  # and they are other paths
-    assert np.isclose(both.difference_stderr[2, -1], both.mean_stderr[2, -1], rtol=1e-4)  # energy has its own reference
-
-
-def test_bits_of_all_columns_do_not_depend_on_the_division_of_the_work(case_of):
-    case = case_of(
-        "samples=300",
-        "functions={square: y1^2, out: {passage: y1 < 0.4}, y3: y3}",
-        "reference_step=2^-5",
-        "autocorrelation={square: 1/2}",
-        "density={of: [square, y3], times: [1/2, 1], cells: 8}",
-    )
-    plan = study_of(case)
-    with chunks_of(2):
-        whole = finished(plan)
-        check_going_on(plan)
-        assert same_numbers(finished(plan, 2), whole)
-
-
-@compiled_only
-def test_a_finer_run_tells_the_weak_error(case_of):
-    """That of Euler's method, of order 1: 15/16 of the difference from the exact value."""
-    about = f"model={BODY}", "schemes=[euler_maruyama]", "samples=20000", "statistics=[mean]", "every=16"
-    found = results_of(case_of(*about, "functions={energy: H}", "reference_step=2^-8"), "euler_maruyama")
-    exact = results_of(case_of(*about, "functions={energy: H}", "reference={energy: exact}"), "euler_maruyama")
-    assert found.deviation[0, -1] > 10
-    assert found.difference_stderr[0, -1] < 0.7 * exact.difference_stderr[0, -1]
-    assert abs(found.difference[0, -1] - exact.difference[0, -1] * (1 - 2**-4)) < 4 * exact.difference_stderr[0, -1]
 
 
 def test_a_map_of_the_sphere_needs_one(case_of):

@@ -93,11 +93,6 @@ def test_without_noise_nothing_is_random(case_of):
     assert not found.mean_stderr.any() and (found.mean_low == found.mean_high).all()
 
 
-def test_paths_that_stay_at_the_origin_are_shown(case_of):
-    found = results_of(case_of("initial=[0, 0, 0]", "density=sphere", "functions={y1: y1, L: log(y1)}"))
-    assert "no path is in any of them" in shown(found)
-
-
 def test_how_late_passages_are_seen_is_said(case_of):
     text = shown(results_of(case_of("functions={out: {passage: y1 < 0.4}}", "every=2")))
     assert "passages are seen at looks only, every 0.125:" in text

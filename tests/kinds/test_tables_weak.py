@@ -1,7 +1,6 @@
 """Records and printed tables of weak errors."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ def results():
 
 def test_rows(results):
     records = views.rows(results)
-    assert len(records) == (12 + 24) + 12 + 12 + 6
+    assert len(records) == 12 + 12 + 12 + 6
     first = records[0]
     assert [first[key] for key in ("case", "scheme", "estimator", "function", "h")] == [
         *("main", "splitting", "plain", "phi", 2**-3)
@@ -36,13 +35,6 @@ def test_rows(results):
     assert exact["expectation_bound"] == 2e-10 and "error_stderr" not in exact and "samples" not in exact
     sampled = set(records[0]) - {"nonfinite", "agreement", "error_stderr", "expectation_stderr", "reference", "sd"}
     assert sampled - {"samples", "ns_per_step"} == {key for key in exact if "bound" not in key and key != "limit"}
-
-
-def test_rows_of_the_first_so_many_paths(results):
-    fewer = [record for record in views.rows(results) if record.get("samples", 10**6) < 10**6]
-    assert len(fewer) == 24 and {record["samples"] for record in fewer} == {10**4, 10**5}
-    assert fewer[0]["error"] == 0.5 / 8 + 1e-3 and fewer[0]["cpu_seconds"] == 0.04 and fewer[0]["resolved"] is True
-    assert fewer[5]["resolved"] is False and "order" not in fewer[0] and "expectation" not in fewer[0]
 
 
 def test_printed_errors(results):
@@ -59,8 +51,7 @@ def test_printed_summary(results):
     text = printed(results)
     assert "1.000 [0.980, 1.020]         1      5   0.1610000 ± 1e-10" in text  # an order, through 5 step sizes
     assert "2.000 [1.980, 2.020]         2" in text
-    # 1.5 / 10^4.5 = 4.74e-5, and 4 s (1e-4 / 4.74e-5)^2 = 17.8 s; multilevel is better than that already
-    assert text.count("4.7e-5      18 s") == 3 and re.search(r"4.00 s +4.7e-5 +- ", text)
+    assert text.count("4.00 s") == 7
     assert text.count("lacks h_ref/h = 25 % of the finest error (order 1), which is added to all errors") == 1
     assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2), which is added to all errors" in text
     assert "splitting, kolmogorov: degree 40\n" in text
@@ -104,22 +95,8 @@ def test_without_what_may_be_missing(results):
     exact.attributes["notes"] = "{"
     multilevel.attributes["level_cost_rate"] = math.nan
     text = printed(weak(plain, multilevel, exact))
-    assert "4.00 s" in text and "10^9" not in text and "expected" not in text
+    assert "4.00 s" in text and "expected" not in text
     assert "levels h^" not in text and "errors are not corrected for what it lacks, as theory states no order" in text
-
-
-def test_one_path_and_levels_that_cost_the_same(results):
-    plain, multilevel = results.groups[:2]
-    plain.variables["error_stderr"][1][...], plain.attributes["samples"] = math.nan, 1
-    multilevel.attributes["level_cost_rate"] = -0.01
-    text = printed(weak(plain, multilevel))
-    assert "splitting, plain: one path has no standard error: not resolved\n" in text and "nan" not in text
-    assert " -0.01\n" in text
-
-
-def test_nonfinite_paths(results):
-    lines = [line for line in printed(results).splitlines() if line.startswith("splitting ") and "2^-3" in line]
-    assert lines[0].split()[-1] == "3" and "3" not in lines[1].split()[-1]
 
 
 def test_lost_references(results):
@@ -133,7 +110,7 @@ def test_agreement(results):
     records = views.rows(results)
     compared = [record for record in records if "agreement" in record]
     assert {(r["case"], r["estimator"]) for r in compared} == {("main", "plain"), ("main", "multilevel")}
-    assert len(compared) == 24 and all(record.get("samples", 10**6) == 10**6 for record in compared)
+    assert len(compared) == 24
     assert [round(record["agreement"], 4) for record in compared] == [1, -1] * 12
     text = printed(results)
     assert "sampled errors less those without sampling" in text and "disagree" not in text

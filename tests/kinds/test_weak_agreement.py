@@ -13,14 +13,13 @@ from weak_cases import (
     after_blocks,
     case_of,
     completed,
-    has_order,
     levels_plan_of,
     results_of,
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
-from spi.kinds.weak.estimators.kolmogorov.study import _order
+from spi.kinds.weak.kolmogorov import _order
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 
@@ -158,24 +157,6 @@ def test_errors_by_differences_agree_with_those_without_sampling(system, scheme)
     assert np.abs(distances(found["difference_mean"], scheme)).max() > 6
     value, bound, _ = exact(system, scheme)
     assert deviations(found["expectation"], found["expectation_stderr"], value[:, :-1], bound[:, :-1]) < 4
-
-
-@compiled_only
-@pytest.mark.share(1)
-@pytest.mark.parametrize(
-    ("scheme", "order", "other", "seconds"), [("splitting", 1, 2, 0.5), ("splitting_order2", 2, 1, 4)]
-)
-def test_orders_by_multilevel(scheme, order, other, seconds):
-    """Of phi and y1^2, with noise as strong as the drift."""
-    steps = (
-        ["steps=2^-4 .. 2^-7", "reference_step=2^-9"] if order == 1 else ["steps=2^-1 .. 2^-4", "reference_step=2^-6"]
-    )
-    found, attributes = results_of(case_of(*steps, f"seconds={seconds}"), scheme, "multilevel")
-    assert found["resolved"].all() and (found["points_in_fit"] == 4).all()
-    assert has_order(found, order)
-    assert not np.any((found["order_low"] <= other) & (other <= found["order_high"]))
-    assert np.all(found["order_high"] - found["order_low"] < 0.6)
-    assert attributes["expected_order"] == order
 
 
 @pytest.mark.parametrize(("scheme", "order", "other"), [("splitting", 1, 2), ("splitting_order2", 2, 1)])

@@ -9,16 +9,13 @@ from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_levels
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds import blocks
-from spi.kinds.weak.estimators.multilevel import study as differences
-from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan
-from spi.numerics.rng import BRIDGES, DIFFERENCES, HALVES, LEVELS, POINTS
+from spi.kinds.weak.multilevel import DifferencesPlan
+from spi.numerics.rng import ANSWERS, DIFFERENCES, LEVELS, POINTS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND
 
 COARSE = ("steps=[2^-1, 2^-2]", "reference_step=2^-3")
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
-HALVED = ("seconds=30",)  # from which on differences may be symmetrised
 SIDES = AS_TOSSED, COINS_TURNED
 SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1]}"
 
@@ -108,22 +105,19 @@ def test_differences_are_what_plain_numpy_finds():
 
 
 def test_no_two_path_sets_have_common_random_numbers():
-    case = case_of(*COARSE, *HALVED)
+    case = case_of(*COARSE)
     p = plan_of(case, "splitting", "multilevel")
-    assert len(p.levels) == 3 + 3 * 2
+    assert len(p.levels) == 3 + 2
     streams = [int(level.stream.stream) for level in p.levels]
     assert len(set(streams)) == len(streams)
-    assert LEVELS + 2 * 64 < DIFFERENCES and DIFFERENCES + 2 * 64 <= HALVES and HALVES + 4 * 64 <= POINTS < BRIDGES
+    assert LEVELS + 2 * 64 < ANSWERS < DIFFERENCES and DIFFERENCES + 2 * 64 <= POINTS
 
 
-@pytest.mark.parametrize("keys", [(), HALVED], ids=["whole", "halves"])
-def test_work_is_shared_out_so_that_all_errors_have_the_least_variance(keys):
+def test_work_is_shared_out_so_that_all_errors_have_the_least_variance():
     """Against a search: other samples of the same work have a larger variance at some step."""
-    p = plan_of(case_of(*COARSE, *keys), "splitting", "multilevel")
+    p = plan_of(case_of(*COARSE), "splitting", "multilevel")
     generator = np.random.default_rng(1)
     variance, cost = generator.uniform(0.1, 1.0, (2, len(p.levels)))
-    if keys:  # the first difference is symmetrised, the second is not
-        variance[[p.base + 1, p.base + 4, p.base + 6]] = 0.0
     root, blocks = p.least_work(variance, cost)
     used = np.arange(len(p.levels)) != p.base
     shares = np.ones(len(p.levels))
@@ -133,13 +127,13 @@ def test_work_is_shared_out_so_that_all_errors_have_the_least_variance(keys):
         """The variance of the error at the largest step, of which that at others is a part, and of each difference."""
         with np.errstate(invalid="ignore"):
             each = np.nan_to_num(np.where(used, shares**2 * variance / n, 0.0))
-        return each[: p.base].sum() + each[p.base + 1 :].reshape(-1, 2).sum(axis=0).max()
+        return each[: p.base].sum() + each[p.base + 1 :].max()
 
     assert math.isclose(blocks[used] @ cost[used], root, rel_tol=1e-12)
     least = largest(blocks)
     assert math.isclose(least, root, rel_tol=1e-12)  # with the work R, R^2 / R
     with np.errstate(invalid="ignore"):
-        of_steps = np.nan_to_num(variance / blocks)[p.base + 1 :].reshape(-1, 2).sum(axis=0)
+        of_steps = np.nan_to_num(variance / blocks)[p.base + 1 :]
     assert np.ptp(of_steps) < 1e-12
     for _ in range(200):
         other = blocks * np.exp(0.05 * generator.standard_normal(len(blocks)))
@@ -160,60 +154,3 @@ def test_the_variance_falls_linearly_and_doubles_with_one_side_of_the_coins(weig
     of_step = found["difference_variance"][0] / np.array(case.steps)
     assert np.all(np.abs(of_step / (2.67 * factor) - 1) < 0.25)
     assert abs(found["difference_variance_rate"][0] - 1) < 0.15
-
-
-def quantities(p, number, stream=None, blocks=ROUND):
-    """[difference, its second quantity], each [block, function, sample], of a level, perhaps on other paths."""
-    levels = [level if stream is None else level._replace(stream=stream) for level in p.levels]
-    values = replace(p, levels=tuple(levels)).values(number, 0, blocks, blocks * LANES)
-    return np.einsum("qp,bpfl->qbfl", p.levels[number].weights, values)
-
-
-@pytest.mark.slow
-def test_halves_add_up_to_the_difference_path_by_path():
-    """On the same paths; and the control: the first half alone is not the difference."""
-    p = plan_of(case_of(*COARSE, *HALVED), "splitting", "multilevel")
-    for step in range(2):
-        first, number = p.levels[p.base + 1 + step].stream, p.base + 1 + step
-        whole, *halves = (quantities(p, number + 2 * kind, first)[0] for kind in range(3))
-        assert np.allclose(sum(halves), whole, rtol=0, atol=1e-12)
-        assert np.abs(halves[1]).max() > 0.01 and np.abs(halves[0]).max() > 0.01
-
-
-def made_up_values(p, times, stream, first, blocks, end):
-    """What stands for values of the test functions, of a spread that falls with the step where paths are two."""
-    generator = np.random.default_rng([int(stream.stream), first, times.reference_scheme is None])
-    spread = 8 * times.reference_step**2 if len(times.doublings) == 2 else 1.0
-    values = generator.standard_normal((blocks, len(times.doublings), len(FUNCTIONS), LANES))
-    return values * spread, None
-
-
-def test_the_pilot_chooses_what_takes_less_work(monkeypatch):
-    monkeypatch.setattr(differences, "values_of_blocks", made_up_values)
-    monkeypatch.setattr(blocks, "values_of_blocks", made_up_values)
-    p = plan_of(case_of(*COARSE, *HALVED), "splitting", "multilevel")
-    assert len(plan_of(case_of(*COARSE), "splitting", "multilevel").levels) == len(p.levels) - 4  # it would not pay
-    state = after_blocks(p, ROUND)
-    work = [np.sqrt(quantities(p, i)[0].var(axis=(0, 2)).max() * p.seconds_per_block[i]) for i in range(len(p.levels))]
-    whole, first, second = np.reshape(work[p.base + 1 :], (3, 2))
-    symmetrised = first + second < whole
-    assert symmetrised.tolist() == [False, True]
-    used = p.chosen(p.level_sums(state))
-    assert used.tolist() == [True] * (p.base + 1) + [*~symmetrised, *symmetrised, *symmetrised]
-    assert not p.initial_extra().used[-4:].any() and p.initial_extra().used[:-4].all()  # before the choice
-    state.extra = state.extra._replace(used=used)
-    targets = np.maximum(1, p.allocation(p.level_sums(state), 1.0))
-    assert np.array_equal(targets[p.base + 1 :] > 1, used[p.base + 1 :])
-    found = p.results(state)
-    table = found.differences
-    assert np.array_equal(table.symmetrised, symmetrised) and table.samples.tolist() == [
-        ROUND * LANES,
-        2 * ROUND * LANES,
-    ]
-    for i, numbers in enumerate([(p.base + 1,), (p.base + 4, p.base + 6)]):
-        each = [quantities(p, number)[0] for number in numbers]
-        assert np.allclose(table.mean[:, i], sum(x.mean(axis=(0, 2)) for x in each), rtol=1e-9)
-        spread = sum(x.var(axis=(0, 2)) / (ROUND * LANES) for x in each)
-        assert np.allclose(table.variance[:, i] / table.samples[i], spread, rtol=1e-9)
-    of_order2 = p.order2.errors(p._divided(p.level_sums(state))[0]).error
-    assert np.allclose(found.error - of_order2, table.mean, rtol=0, atol=1e-12)

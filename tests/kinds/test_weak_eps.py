@@ -10,11 +10,9 @@ from matplotlib.markers import CARETUP
 from view_helpers import edge, legend_texts, line_of, points_of, rendered, title
 from weak_results import H, at_eps, weak, weak_group
 
-from spi.drawing import style
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, largest_over
-from spi.storage.stored import Description, by_case
 
 EPS = (1e-2, 1e-3, 1e-4)
 WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another
@@ -22,10 +20,6 @@ WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to o
 
 def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **attributes):
     return [at_eps(scheme, e, functions, factor, **attributes) for e, factor in zip(eps, factors, strict=True)]
-
-
-def looks_of(results):
-    return style.looks(by_case(views.readings(results)))
 
 
 def test_largest():
@@ -88,22 +82,6 @@ def test_errors_at_several_eps():
     np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
 
 
-def test_one_eps_looks_like_its_scheme():
-    looks = looks_of(weak(*several_eps()[:1], *several_eps(scheme="new", eps=(1.0, 0.1, 0.01))))
-    assert looks["ap_splitting_eps_0.01"] == looks["ap_splitting"] == SCHEMES["ap_splitting"].look
-    assert looks["new"] == style.OTHERS[0] and len({looks[f"new_eps_{e}"] for e in ("1", "0.1", "0.01")}) == 3
-    reverse = looks_of(weak(*several_eps()[::-1]))
-    assert reverse == looks_of(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCES[0][0]
-
-
-def test_labels():
-    group = several_eps()[0]
-    for eps, text in ((1.0, "1"), (0.1, "10^{-1}"), (0.3, "0.3"), (0.0, "0"), (1e-5, "10^{-5}")):
-        one = group._replace(attributes=group.attributes | {"eps": eps, "scheme_label": "a $"})
-        about = Description.of(one)
-        assert style.label(about) == rf"a \$, $\varepsilon={text}$" and style.label(about, with_eps=False) == r"a \$"
-
-
 def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
     """A scheme that stays accurate, one that explodes, one with a wrong limit, and one that knows no eps."""
     groups = several_eps(functions, eps=eps, panels=("eps",), **attributes)
@@ -140,40 +118,3 @@ def at_one_step(group):
     shorter = {name: (axes, values[..., :1]) for name, (axes, values) in of_steps.items()}
     coordinates = {**group.coordinates, "h": H[:1]}
     return group._replace(coordinates=coordinates, variables=group.variables | shorter)
-
-
-def test_against_eps_at_several_steps():
-    fig = views.figure(weak(*failing(functions=2)))
-    titles = [title(ax) for ax in fig.axes]
-    assert [text.split(",  ")[-1].splitlines()[-1] for text in titles] == [f"$h=2^{{-{n}}}$" for n in range(3, 9)] * 2
-    assert all(text.startswith("square") for text in titles[6:])
-    spots = [ax.get_subplotspec() for ax in fig.axes]
-    assert max(s.colspan.start for s in spots) == 3 and max(s.rowspan.start for s in spots) == 2
-
-
-def test_pale_against_eps():
-    groups = [at_one_step(group) for group in several_eps(panels=("eps",), reference_scheme="ap_splitting")]
-    groups[1].variables["resolved"][1][...] = False
-    fig = views.figure(weak(*groups))
-    (ax,) = fig.axes
-    (pale,) = (line for line in ax.lines if line.get_alpha())
-    assert len(points_of(ax, "AP splitting")) == 2 and len(pale.get_xdata()) == 1
-    assert "pale: not resolved" in legend_texts(fig)
-    assert any(text.endswith("the limit of AP splitting") for text in legend_texts(fig))
-
-
-@pytest.mark.share(1)
-@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
-def test_nothing_to_see_against_eps(value):
-    groups = [at_one_step(group) for group in failing(eps=(1.0, 0.1, 0.0))]
-    for group in groups:
-        group.variables["error"][1][...] = value
-        group.variables["resolved"][1][...] = False
-    rendered(views.figure(weak(*groups)))
-    printed(weak(*groups))
-
-
-def test_no_eps():
-    for groups in ([weak_group("splitting", "plain", panels=("eps",))], several_eps(eps=(0.0,) * 3, panels=("eps",))):
-        with pytest.raises(ValueError, match="'eps' needs a scheme with eps > 0"):
-            views.figure(weak(*groups))

@@ -20,7 +20,7 @@ from weak_cases import (
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.ensemble.random_states import RandomState
-from spi.kinds.weak.estimators.multilevel import study as multilevel
+from spi.kinds.weak import multilevel
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, ROUND

@@ -11,8 +11,8 @@ from states import finished
 from weak_cases import after_blocks
 
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.multilevel.study import MultilevelPlan
-from spi.kinds.weak.estimators.multilevel.sums import EQUAL
+from spi.kinds.weak.levels import EQUAL
+from spi.kinds.weak.multilevel import MultilevelPlan
 from spi.running.run import load
 from spi.statistics.estimators import Extrapolation, jackknife_stderr
 from spi.storage.records import Part
@@ -79,7 +79,7 @@ def test_errors_are_within_their_intervals_at_all_steps(estimator, levels, keys,
             p = weak.plan(case, Part("splitting", estimator, extrapolate=levels))
             found = p.results(finished(p))
         else:  # by levels of its own
-            p = MultilevelPlan.of(case, Part("splitting", estimator, extrapolate=levels))
+            p = MultilevelPlan.by_levels(case, Part("splitting", estimator, extrapolate=levels))
             found = p.results(after_blocks(p, blocks))
         exact = exact_errors(case, levels)
         squares = squares + ((found.error - exact) / found.sampled.error_stderr) ** 2

@@ -67,14 +67,13 @@ FOUND = {
         compositions={"mine": ["drift 1", "noise 1"]},
     ),
     "orders of a scheme": changed("weak", LAYER, compositions={"heun": HEUN | {"weak_order": "2"}}),
-    "what a reference tells": changed("statistics", reference={"a": "1/3 + exp(-t)", "c": {"file": "known.csv"}}),
 }
 
 
 @pytest.mark.parametrize("change", FOUND.values(), ids=FOUND)
 def test_what_decides_sums_is_in_their_digest(change):
-    """Functions by their order; of statistics those that are compared with finer paths; of an answer the samples;
-    of a Python scheme the orders that it states, by which sums are extrapolated."""
+    """Functions by their order; of an answer the samples; of a Python scheme the orders that it states, by which sums
+    are extrapolated."""
     specs = change.before.loaded(), change.after.loaded()
     assert specs[0].hash != specs[1].hash
     before, after = map(plans, specs)

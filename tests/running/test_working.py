@@ -14,7 +14,7 @@ from spi import storage
 from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
-from spi.kinds.weak.estimators.kolmogorov import study
+from spi.kinds.weak import kolmogorov as study
 from spi.running import clusters, workers
 from spi.running import run as runner
 from spi.running.run import Limits, Stopped, Watch, predictions

@@ -7,7 +7,7 @@ from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_antithetic_path, splitting
-from spi.schemes.stages import compositions, flows, in_reversed_order, sweeps
+from spi.schemes.stages import compositions, flows, sweeps
 
 MODEL = MaxwellBloch((0.8, 1.3))
 DRIFT, NOISE = flows("drift"), flows("noise")
@@ -38,13 +38,6 @@ def test_a_coin_reverses_a_row():
     drift = [("drift", 1, 1.0), ("drift", 0, 1.0)]
     assert heads == [("noise", 0, 1.0), ("noise", 1, 1.0), *drift]
     assert tails == [("noise", 1, 1.0), ("noise", 0, 1.0), *drift]
-
-
-def test_stages_in_reversed_order_have_the_flows_in_reversed_order():
-    """In one of them shares are halved within a stage; and the control: the stages alone are not enough."""
-    stages = flows("drift", fraction=0.5), flows("noise", "symmetric"), flows("drift", "backwards", 0.5), NOISE
-    (forwards,), (backwards,) = acting(*stages), acting(*in_reversed_order(stages))
-    assert backwards == forwards[::-1] != acting(*stages[::-1])[0]
 
 
 def test_noises_that_are_off_are_left_out():

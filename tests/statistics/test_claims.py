@@ -1,9 +1,7 @@
 """Claims: how numbers are judged, what a spec may state, and what a run makes of it."""
 
 import io
-import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +9,6 @@ import pytest
 from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from filled_results import filled
 from helpers import printed
-from rich.console import Console
 from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -219,11 +216,6 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
     ]
     with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is not a known scheme"):
         load(SPEC, overrides=["schemes=[splitting]", "expect.euler_maruyama.order=1"])
-
-
-def test_claims_stand_in_the_schema(load):
-    schema = json.dumps(runs.layers().json_schema())
-    assert "what must come out" in schema
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -482,15 +474,6 @@ def test_the_table_tells_claims_and_verdicts():
     assert "claims" not in printed(STRONG)
 
 
-@pytest.mark.parametrize(("width", "fits"), [(100, True), (80, True), (60, True), (40, False)])
-def test_on_a_terminal_the_claims_are_broken_between_words(width, fits):
-    console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None, highlight=False)
-    printed_claims.show(console, views.verdicts(JUDGED))
-    text = console.file.getvalue()
-    assert {"[0.480, 0.520]", "h = 2^-13", "Casimir", "splitting,"} <= set(re.findall(r"\[.*?\]|h = \S+|[\w,]+", text))
-    assert "…" not in text and (max(map(len, text.splitlines())) <= width) is fits and console.width == width
-
-
 def test_records_have_the_worst_verdict_of_each_quantity():
     rows = views.rows(JUDGED)
     assert {(row["scheme"], row["claim[order]"], row.get("claim[casimir_drift]")) for row in rows} == {
@@ -499,21 +482,6 @@ def test_records_have_the_worst_verdict_of_each_quantity():
     }
     assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "contradicted"' in as_json(rows)
     assert not any("claim" in key for row in views.rows(STRONG) for key in row)
-
-
-def test_verdicts_stay_out_of_figures():
-    plain, judged = ([text.get_text() for text in views.figure(results).texts] for results in (STRONG, JUDGED))
-    assert plain == judged
-
-
-def test_a_lost_path_breaks_a_bound():
-    t, y = np.arange(3.0), np.ones((3, 1))
-    casimirs = np.array([[1.0], [1.0], [math.nan]])
-    results = trajectories(trajectory_group("splitting", t, y, casimirs))
-    bound = of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")
-    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [CONTRADICTED]
-    whole = trajectories(trajectory_group("splitting", t, y, np.ones((3, 1))))
-    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [CONFIRMED]
 
 
 def test_damaged_claims_are_one_clear_line():

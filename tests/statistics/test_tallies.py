@@ -343,10 +343,17 @@ SPECS = {
     "plain": f"estimators: [plain]\nsamples: {SAMPLES}\nprefixes: [1, 100, {SAMPLES}]\n" + WEAK,
     "multilevel": "estimators: [multilevel]\nseconds: 0.01\n" + WEAK,
     "stability": f"kind: stability\nsamples: {SAMPLES}\n" + STEPS,
+    "quasi": "estimators: [quasi]\nsamples: 512\n" + WEAK,
     "equilibrium": f"kind: equilibrium\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
+    "averages": f"kind: equilibrium\nsamples: {SAMPLES}\nsteps: [1/4]\nfinal_time: 96\nfunctions: {{z: y3, H: H}}\n",
+    "statistics": f"kind: statistics\nsamples: {SAMPLES}\nfinal_time: 1\nstep: 1/8\nautocorrelation: {{a: 1/2}}\n"
+    "functions: {a: y1^2, out: {passage: y1 < 0.4}, b: y3}\nstatistics: [mean, covariance, quantiles, histogram]\n"
+    "density: {of: [a, b], cells: 8}\n",
+    "lyapunov": f"kind: lyapunov\nsamples: {SAMPLES}\nfinal_time: 1\nstep: 1/8\nevery: 3\n",
 }
 if not COMPILED:
-    del SPECS["multilevel"], SPECS["equilibrium"]  # which take too many steps
+    for name in ("multilevel", "equilibrium", "averages"):
+        del SPECS[name]  # which take too many steps
 
 
 @pytest.fixture(params=SPECS)

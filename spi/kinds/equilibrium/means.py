@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.kinds.functions import PathFunction, origin_of
+from spi.kinds.functions import PathFunction, evaluated, origin_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.statistics.accumulators import Array
 from spi.statistics.cells import range_of
-from spi.statistics.correlation import Correlation, by_group, lagged_products, lagged_sums, of_means
+from spi.statistics.correlation import by_group, lagged_products, lagged_sums, of_means
 from spi.statistics.estimators import (
     fit_order,
     group_counts,
@@ -22,7 +22,7 @@ from spi.statistics.estimators import (
 from spi.storage.records import Order
 
 from .growth import Paths
-from .references import Known, known_laws
+from .references import known_laws
 from .results import BATCHES, LEAST_PATHS, Averages
 
 _MOST_LAGS = 512  # at which autocovariances are computed
@@ -99,10 +99,8 @@ class Recorder(NamedTuple):
         begin = 1 + max(0, self.series.first - n // self.series.stride)
         end = 1 + max(0, self.series.total - n // self.series.stride)
         states = np.moveaxis(y.reshape(*y.shape[:2], -1, LANES)[:, begin:end], 2, 0)
-        values = np.empty((len(self.functions), *states.shape[1:]))
-        with np.errstate(all="ignore"):
-            for f, function in enumerate(self.functions):
-                values[f] = function.values(states) - self.origins[f]
+        values = evaluated(self.functions, states)
+        values -= self.origins.reshape(-1, 1, 1, 1)
         return np.ascontiguousarray(np.swapaxes(values, 2, 3))
 
     def recorded(self, paths: Paths, values: Array, n: int, first: int, end: int) -> Paths:
@@ -187,152 +185,100 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _Estimates(NamedTuple):
-    """Estimates at one step size, of F functions, from G groups of paths, at L lags."""
-
-    average: Array  #: (F,)
-    without: Array  #: (G, F) the averages without each group
-    stderr_paths: Array
-    stderr_tau: Array
-    stderr_batches: Array
-    half: Array  #: half of the 95 % interval of the average
-    halves: Array
-    covariance: Array  #: (F, L)
-    correlation: Correlation
-    correlation_stderr: Array  #: (F, L)
-    variance_stderr: Array
-
-
 def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Averages:
     """The record of the functions of a case, from the sums over the paths of each step size."""
-    each = [_estimates(recorder, paths, case.samples) for recorder, paths in zip(recorders, totals, strict=True)]
-    series, spacing = recorders[0].series, case.between
-    over = {name: np.array([getattr(at_h, name) for at_h in each]) for name in _Estimates._fields[:7]}
-    tau, window, closed = (np.array(rows) for rows in zip(*(at_h.correlation for at_h in each), strict=True))
-    covariance = np.array([at_h.covariance for at_h in each])
-    count = case.samples * series.used
-    with np.errstate(all="ignore"):
-        correlation = covariance / covariance[..., :1]
-        tau_stderr = tau * np.sqrt(2 * (2 * window + 1) / count)
+    each = [_estimates(recorder, paths, case) for recorder, paths in zip(recorders, totals, strict=True)]
+    fields = {name: np.array([at_h[name] for at_h in each]) for name in each[0]}
+    without, average = fields.pop("without"), fields["average"]
+    stderr = np.where(np.isfinite(fields["stderr_paths"]), fields["stderr_paths"], fields["stderr_tau"])
     references = known_laws(case, [recorder.edges for recorder in recorders])
-    if (at_finest := references.at_finest).any():
-        references.value[at_finest], references.error[at_finest] = (
-            over["average"][-1, at_finest],
-            _stderr(each[-1])[at_finest],
-        )
-    orders = [_order(case, references, each, f) for f in range(len(recorders[0].functions))]
+    own, series = references.at_finest, recorders[0].series
+    references.value[own], references.error[own] = average[-1, own], stderr[-1, own]
+    error = np.hypot(stderr, references.error)
+    orders = [
+        _order(case, bool(own[f]), float(references.value[f]), average[:, f], without[..., f].T, error[:, f])
+        for f in range(len(case.functions))
+    ]
     return Averages(
         functions=tuple(case.functions),
         texts=tuple(function.label for function in recorders[0].functions),
         temperature=case.temperature,
-        spacing=spacing,
+        spacing=case.between,
         kept=series.used,
-        average=over["average"],
-        average_half=np.array([at_h.half for at_h in each]),
-        **{name: over[name] for name in ("stderr_paths", "stderr_tau", "stderr_batches", "halves")},
-        tau=spacing * tau,
-        tau_stderr=spacing * tau_stderr,
-        window=np.where(closed, spacing * window, np.nan),
-        variance=covariance[..., 0],
-        variance_stderr=np.array([at_h.variance_stderr for at_h in each]),
+        **fields,
         reference=references.value,
         reference_stderr=references.error,
         reference_variance=references.variance,
         order=tuple(order for order, _ in orders),
         constant=np.array([constant for _, constant in orders]),
-        lag=spacing * np.arange(series.lags),
-        correlation=correlation,
-        correlation_stderr=np.array([at_h.correlation_stderr for at_h in each]),
-        cell_low=np.array([recorder.low for recorder in recorders]),
-        cell_width=np.array([recorder.width for recorder in recorders]),
-        **_histogram(recorders, totals, case.samples),
-        density_exact=references.shares / np.array([recorder.width for recorder in recorders])[..., np.newaxis],
+        lag=case.between * np.arange(series.lags),
+        density_exact=references.shares / fields["cell_width"][..., np.newaxis],
     )
 
 
-def _stderr(estimates: _Estimates) -> Array:
-    return np.where(np.isfinite(estimates.stderr_paths), estimates.stderr_paths, estimates.stderr_tau)
-
-
-def _estimates(recorder: Recorder, paths: Paths, samples: int) -> _Estimates:
-    """The estimates from the sums over the paths of one step size."""
-    counts, used = group_counts(samples), recorder.series.used
+def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
+    """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
+    samples, used, spacing = case.samples, recorder.series.used, case.between
+    counts, total = group_counts(samples), samples * used
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = mean_over_paths(paths.values, counts)
-        sizes = used - np.arange(recorder.series.lags)
-        products, each_product = mean_over_paths(paths.lagged / sizes[:, np.newaxis], counts)
-        ends, each_end = mean_over_paths(paths.ends / sizes[:, np.newaxis], counts)
+        sizes = (used - np.arange(recorder.series.lags))[:, np.newaxis]
+        products, each_product = mean_over_paths(paths.lagged / sizes, counts)
+        ends, each_end = mean_over_paths(paths.ends / sizes, counts)
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
-        covariance_without = each_product - m * each_end + m**2
-        covariance, correlation = of_means(covariance, samples * used)
-        enough = samples >= LEAST_PATHS
-        of_mean = np.full((3, len(mean)), np.nan)
-        if enough:
-            of_mean[0] = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1))
-        tau = np.maximum(correlation.tau, 0)
-        of_mean[1] = np.sqrt(2 * tau * covariance[:, 0] / (samples * used))
-        of_mean[2] = np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1))
-        freedom = samples - 1 if enough else samples * used / (2 * correlation.window + 1)
-        spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_mean[1]
-        return _Estimates(
-            average=mean + recorder.origins,
-            without=without[:, 0] + recorder.origins,
-            stderr_paths=of_mean[0],
-            stderr_tau=of_mean[1],
-            stderr_batches=of_mean[2],
-            half=student(freedom) * of_mean[0 if enough else 1],
-            halves=drift / spread,
-            covariance=covariance,
-            correlation=correlation,
-            correlation_stderr=jackknife_stderr(
-                covariance / covariance[:, :1], covariance_without / covariance_without[..., :1], counts
-            ),
-            variance_stderr=jackknife_stderr(covariance[:, 0], covariance_without[..., 0], counts),
-        )
+        left_out = each_product - m * each_end + m**2
+        covariance, correlation = of_means(covariance, total)
+        tau, enough = np.maximum(correlation.tau, 0), samples >= LEAST_PATHS
+        of_tau = np.sqrt(2 * tau * covariance[:, 0] / total)
+        of_paths = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)) if enough else np.full_like(mean, np.nan)
+        freedom = samples - 1 if enough else total / (2 * correlation.window + 1)
+        spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_tau
+        scale = used * recorder.width[:, np.newaxis]
+        density, density_without = mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
+        rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
+        return {
+            "average": mean + recorder.origins,
+            "average_half": student(freedom) * (of_paths if enough else of_tau),
+            "without": without[:, 0] + recorder.origins,
+            "stderr_paths": of_paths,
+            "stderr_tau": of_tau,
+            "stderr_batches": np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1)),
+            "halves": drift / spread,
+            "tau": spacing * correlation.tau,
+            "tau_stderr": spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
+            "window": np.where(correlation.closed, spacing * correlation.window, np.nan),
+            "variance": covariance[:, 0],
+            "variance_stderr": jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
+            "correlation": rho,
+            "correlation_stderr": jackknife_stderr(rho, rho_without, counts),
+            "cell_low": recorder.low,
+            "cell_width": recorder.width,
+            "density": density,
+            "density_stderr": jackknife_stderr(density, density_without, counts),
+        }
 
 
-def _order(case: Any, references: Known, each: Sequence[_Estimates], f: int) -> tuple[Order, float]:
+def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:
     """The order p of the bias of a function in the step size, and C of bias = C h^p.
 
-    Where the reference is the mean at the smallest step size, that step size is left out.
+    Averages and errors are (S,), and `without` (groups, S) averages without each group.  With `own` the reference
+    is the mean at the smallest step size, which is left out.
     """
-    h, none = np.array(case.steps), (Order(np.nan, np.nan, np.nan, 0), np.nan)
-    own = bool(references.at_finest[f])
-    if len(h) - own < 3 or not np.isfinite(references.value[f]) or case.samples < LEAST_PATHS:
+    none, left = (Order(np.nan, np.nan, np.nan, 0), np.nan), len(case.steps) - own
+    if left < 3 or not np.isfinite(reference) or case.samples < LEAST_PATHS:
         return none
-    used, without = slice(0, len(h) - own), np.array([at_h.without[:, f] for at_h in each]).T
-    reference = without[:, -1:] if own else references.value[f]
-    bias = np.array([at_h.average[f] for at_h in each]) - references.value[f]
-    error = np.hypot([_stderr(at_h)[f] for at_h in each], references.error[f])
-    value, left_out = np.abs(bias[used]), np.abs((without - reference)[:, used])
-    resolved = is_resolved(value, error[used])
-    lacking, fit = np.ones_like(value), none[0]
+    h, bias, error = np.array(case.steps)[:left], (average - reference)[:left], error[:left]
+    value, left_out = np.abs(bias), np.abs(without - (without[:, -1:] if own else reference))[:, :left]
+    resolved = is_resolved(value, error)
+    lacking, fit, counts = np.ones_like(value), none[0], group_counts(case.samples)
     with np.errstate(all="ignore"):
         for _ in range(4 if own else 1):  # C (h^p - h_0^p) in place of C h^p
-            fit = fit_order(
-                h[used],
-                value / lacking,
-                left_out / lacking,
-                group_counts(case.samples),
-                resolved,
-                stderr=error[used] / lacking,
-            )
+            fit = fit_order(h, value / lacking, left_out / lacking, counts, resolved, stderr=error / lacking)
             if not math.isfinite(fit.order):
                 return fit, np.nan
-            lacking = 1 - (h[-1] / h[used]) ** max(fit.order, 0.1) if own else lacking
-        weights = np.where(resolved, value / error[used], 0) ** 2
-        logarithm = np.log(np.where(resolved, value / lacking / h[used] ** fit.order, 1.0))
-        sign = np.sign((weights * bias[used]).sum())
+            lacking = 1 - (case.steps[-1] / h) ** max(fit.order, 0.1) if own else lacking
+        weights = np.where(resolved, value / error, 0) ** 2
+        logarithm = np.log(np.where(resolved, value / lacking / h**fit.order, 1.0))
+        sign = np.sign((weights * bias).sum())
         return fit, float(sign * np.exp((weights * logarithm).sum() / weights.sum()))
-
-
-def _histogram(recorders: Sequence[Recorder], totals: Sequence[Paths], samples: int) -> dict[str, Array]:
-    """Densities in cells and their standard errors, (S, F, cells)."""
-    counts, pairs = group_counts(samples), []
-    for recorder, paths in zip(recorders, totals, strict=True):
-        scale = recorder.series.used * recorder.width[:, np.newaxis]
-        share, without = mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
-        pairs.append((share, jackknife_stderr(share, without, counts)))
-    density, stderr = (np.array(rows) for rows in zip(*pairs, strict=True))
-    return {"density": density, "density_stderr": stderr}

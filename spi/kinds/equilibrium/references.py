@@ -8,7 +8,7 @@ import numpy as np
 
 from spi.exact import gibbs
 from spi.expressions.arithmetic import NumberError, parse
-from spi.kinds.functions import path_function
+from spi.kinds.functions import check_named, gibbs_mean, path_function
 from spi.specs.keys import shown, wrong
 
 EXACT, FINEST = "exact", "finest"
@@ -34,14 +34,13 @@ def number_in(text: str) -> float:
 
 def check(case: Any, name: str, reference: str) -> None:
     """Raise the error about the reference of the function `name`, if it is not valid."""
-    if name not in case.functions:
-        raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
+    check_named(case, name)
     if reference == FINEST:
         if len(case.steps) < 2:
             raise wrong(f"is '{FINEST}', and there is one step size", "give more steps", "reference", name)
     elif reference == EXACT:
         try:
-            _mean(case.model, case.initial, case.temperature, case.variables, case.functions[name])
+            gibbs_mean(case.model, case.initial, case.temperature, case.variables, case.functions[name])
         except ValueError as error:
             right = f"use a formula such as 1/3, or {FINEST}"
             raise wrong(f"is '{EXACT}', but {error}", right, "reference", name) from None
@@ -61,7 +60,7 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
     law = case.model, case.initial, case.temperature, case.variables
     for f, (reference, text) in enumerate(zip(given, case.functions.values(), strict=True)):
         if reference == EXACT:
-            value[f], error[f] = _mean(*law, text)
+            value[f], error[f] = gibbs_mean(*law, text)
             variance[f] = _variance(*law, text)
             for i, of_step in enumerate(edges):
                 shares[i, f] = _shares(*law, text, tuple(of_step[f].tolist()))
@@ -71,21 +70,10 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
 
 
 @functools.lru_cache(maxsize=64, typed=True)
-def _mean(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> tuple[float, float]:
-    """Mean of a function and its numerical error; ValueError, with the reason in a phrase, where it is not known.
-
-    Cached, as all schemes have the same; typed, because models of two classes may be equal tuples.
-    """
-    values = path_function(model, names, text).values
-    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
-    return expectation
-
-
-@functools.lru_cache(maxsize=64, typed=True)
 def _variance(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> float:
     """Variance of a function whose mean is known; NaN where it is not known, as of sums over many spheres."""
     law, values = gibbs.law_of(model, initial, temperature), path_function(model, names, text).values
-    mean, _ = _mean(model, initial, temperature, names, text)
+    mean, _ = gibbs_mean(model, initial, temperature, names, text)
     try:
         return float(law.expectation(lambda y: (values(y) - mean) ** 2)[0])
     except ValueError:

@@ -1,7 +1,7 @@
 """The records of long times."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from statistics import NormalDist
 
 import numpy as np
@@ -14,7 +14,7 @@ from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array,
 
 #: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
 OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
-PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
+PANELS = ("growth", "law", "distance", *OF_FUNCTIONS)
 
 #: Number of batches into which the time of a path after the burn-in is divided.
 BATCHES = 16
@@ -48,6 +48,16 @@ class Law(Described):
         claim="at most",
     )
     distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
+
+    @property
+    def frequency(self) -> Array:
+        """(S, V, bins) fractions over the exact ones."""
+        return self.fraction.shape[2] * self.fraction
+
+    @property
+    def frequency_stderr(self) -> Array:
+        """(S, V, bins) their standard errors."""
+        return self.fraction.shape[2] * self.fraction_stderr
 
     @property
     def z(self) -> Array:
@@ -279,11 +289,6 @@ class Equilibrium(Stored):
         return in_standard_errors(self.bias, np.where(self.bias_stderr > 0, self.bias_stderr, np.nan))
 
     @property
-    def casimir_count(self) -> int:
-        """The number of Casimir functions."""
-        return self.casimir_rms.shape[2]
-
-    @property
     def largest_finite(self) -> int | None:
         """The number of the largest step size at which all paths are finite; None if there is none."""
         finite = np.flatnonzero(self.nonfinite == 0)
@@ -307,7 +312,6 @@ class Equilibrium(Stored):
         snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
         largest = f" at h = {first.h[0]:g}" if averages else ""
         yield f"{first.samples} paths of {_count(first.steps_each)} steps each{largest}{snapshots}"
-        yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
         if first.law:
             count = len(first.law.moments)
             bound = f"is below {chance(count):.1f} in 95 % of cases"
@@ -317,16 +321,6 @@ class Equilibrium(Stored):
             yield f"means over the last {averages.kept * averages.spacing:.6g} of the time, {values}"
             named = zip(averages.functions, averages.texts, strict=True)
             yield from (f"{name}: {text}" for name, text in named if name != text)
-
-
-def with_laws(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Law]]:
-    """The results with a law, each with it."""
-    return ((reading, reading.law) for reading in readings if reading.law)
-
-
-def with_averages(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Averages]]:
-    """The results with means of functions, each with these."""
-    return ((reading, reading.averages) for reading in readings if reading.averages)
 
 
 Record = Equilibrium
@@ -374,23 +368,18 @@ def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
 
 
 def planned(reading: Equilibrium, averages: Averages) -> Iterator[str]:
-    """For each function the time that a standard error s takes, or the step size and time for a wanted accuracy.
+    """For each function the step size and time for a wanted accuracy.
 
     A mean over the time t of all paths has the variance 2 tau Var / t; the bias is C h^p, where that was fitted.
     """
+    if (wanted := reading.accuracy) is None:
+        return
     for f, name in enumerate(averages.functions):
-        i = len(reading.h) - 1
-        rate = 2 * averages.tau[i, f] * averages.variance[i, f]
-        if not math.isfinite(rate) or rate <= 0:
-            continue
-        wanted = reading.accuracy
-        if wanted is None:
-            needed = f"{short(float(rate))}/s^2 of time in all paths"
-            yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
+        tau, variance = averages.tau[-1, f], averages.variance[-1, f]
+        if not 0 < tau * variance < math.inf:  # true for NaN
             continue
         step, why = step_for(reading, averages, f, wanted)
-        time = rate / wanted**2
-        each = max(time / reading.samples, LONG_ENOUGH * averages.tau[i, f])
+        each = max(2 * tau * variance / wanted**2 / reading.samples, LONG_ENOUGH * tau)
         length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
         which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
         yield f"{which} and {length}, for an accuracy of {short(wanted)}"

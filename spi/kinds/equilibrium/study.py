@@ -32,6 +32,7 @@ from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.blocks import reported
+from spi.kinds.functions import evaluated
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -93,11 +94,8 @@ class EquilibriumPlan(Plan):
         steps = min(self.case.counts[number], _PILOT)
         y, _, _ = self._integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
         states = np.moveaxis(y.reshape(y.shape[1], -1, LANES)[y.shape[1] // 2 :], 1, 0)
-        with np.errstate(all="ignore"):
-            values = [
-                np.broadcast_to(function.values(states), states.shape[1:]) for function in self.case.path_functions
-            ]
-        return bins_around(np.array(values).reshape(len(values), -1), self.case.bins)
+        values = evaluated(self.case.path_functions, states)
+        return bins_around(values.reshape(len(values), -1), self.case.bins)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""

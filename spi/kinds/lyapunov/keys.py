@@ -8,21 +8,17 @@ from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, l
 from spi.ensemble.random_states import RandomState, Uniform
 from spi.ensemble.scheme_protocol import memory_size
 from spi.exact.surfaces import spheres
-from spi.expressions import parse_expression
-from spi.expressions.arithmetic import NumberError
 from spi.models.delegation import undamped
 from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import StepCase
-from spi.specs.checks import ROUNDING
-from spi.specs.keys import Keys, Samples, condition, entries_in, key_of, quantity, shown, wrong
+from spi.specs.checks import times_on_grid
+from spi.specs.keys import Keys, Samples, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import claimable
 
 from .results import PANELS, Exponents
 from .study import leaf_dimension
 
 _MOST_TIMES = 8
-_FORMULAS = "two expressions in the state, the axes of the pictures; default: the first sphere of the surface, in a "
-_FORMULAS += "projection that keeps areas, or where there is none the first two components"
 
 
 class Pullback(Keys):
@@ -32,7 +28,6 @@ class Pullback(Keys):
         tuple[Positive, ...], "how long ago, multiples of the step; default: T/64, T/16, T/4, T of final_time", "time"
     ) = ()
     points: key_of(Annotated[int, Ge(64), Le(10**9)], "number of initial states") = 100_000
-    of: key_of(tuple[str, ...], _FORMULAS) = ()
 
 
 class Case(StepCase):
@@ -107,29 +102,8 @@ class Case(StepCase):
             raise wrong("is one state, and its surface is no product of spheres", right, "initial")
         if len(given.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(given.times))}", f"must have at most {_MOST_TIMES}", "pullback", "times")
-        for i, t in enumerate(given.times):
-            self._check_time(i, t)
-        counts = [round(t / self.step) for t in given.times]
-        if len(given.of) not in (0, 2):
-            raise wrong(f"has {entries_in(len(given.of))}", "must have two, as in of: [y1, y2]", "pullback", "of")
-        for i, text in enumerate(given.of):
-            self._check_formula(i, text)
-        steps = round(self.final_time / self.step)
-        times = tuple(n * self.step for n in sorted(set(counts or [max(1, steps >> k) for k in (6, 4, 2, 0)])))
+        times = times_on_grid(self, self.step, "the step {}", given.times, "pullback", "times")
+        if not times:
+            steps = round(self.final_time / self.step)
+            times = tuple(n * self.step for n in sorted({max(1, steps >> k) for k in (6, 4, 2, 0)}))
         return self.model_copy(update={"pullback": given.model_copy(update={"times": times})})
-
-    def _check_time(self, i: int, t: float) -> None:
-        place = "pullback", "times", i
-        if t > self.final_time * (1 + ROUNDING):
-            raise wrong(f"is {quantity(t)}", f"must not exceed final_time, {quantity(self.final_time)}", *place)
-        if abs(round(t / self.step) * self.step - t) > ROUNDING * max(t, self.step):
-            lower = max(1, int(t / self.step)) * self.step
-            right = f"the nearest are {quantity(lower)} and {quantity(lower + self.step)}"
-            raise wrong(f"is {quantity(t)}, no multiple of the step {quantity(self.step)}", right, *place)
-
-    def _check_formula(self, i: int, text: str) -> None:
-        try:
-            parse_expression(text, dimension(self.model), self.variables)
-        except NumberError as error:
-            right = f"must be an expression in the state, such as {(self.variables or ('y1',))[0]}"
-            raise wrong(f"is {shown(text)} ({error})", right, "pullback", "of", i) from None

@@ -19,7 +19,6 @@ from spi.ensemble.observer import count_values
 from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import block_states
 from spi.exact.surfaces import spheres
-from spi.expressions import as_numpy, parse_expression
 from spi.kinds import blocks
 from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
@@ -96,9 +95,6 @@ class Pulled:
     def sides(self, states: np.ndarray) -> np.ndarray:
         """(2, ...) the coordinates of states (blocks, T, d, LANES) in the plane of the picture."""
         y = np.moveaxis(states, 2, 0)
-        if self._keys.of:
-            trees = [parse_expression(text, len(y), self.plan.case.variables) for text in self._keys.of]
-            return np.array([as_numpy(tree)(y) for tree in trees])
         if self._sphere is None:
             return y[:2]
         at, lengths = self._sphere
@@ -112,7 +108,7 @@ class Pulled:
         """The first sphere of the Casimir surface: its components, and half the axes where it is an ellipsoid."""
         p = self.plan
         surface = spheres(undamped(p.model), p.initial)
-        if self._keys.of or surface is None:
+        if surface is None:
             return None
         at = surface.triples[0]
         return at, tuple(surface.lengths[i] for i in at)
@@ -161,7 +157,7 @@ class Pulled:
         low, width = self.ends
         groups = group_counts(sums.paths)
         mean, without = mean_over_paths(sums.distances[0], groups)
-        names = self._keys.of or self.plan.case.variables[:2] or ("y1", "y2")
+        names = self.plan.case.variables[:2] or ("y1", "y2")
         return Pictures(
             t=np.array(self._keys.times),
             sides=SPHERE_SIDES if self._sphere is not None else tuple(names),

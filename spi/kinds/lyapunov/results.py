@@ -47,13 +47,6 @@ class Pictures(Described):
         return self.sides == SPHERE_SIDES
 
     @property
-    def occupied(self) -> Array:
-        """(times,) the share of the cells in which there are states, on a sphere of those that touch it."""
-        number: int = self.count[0].size
-        share: Array = (self.count > 0).sum(axis=(1, 2)) / (number * (np.pi / 4 if self.is_sphere else 1.0))
-        return share
-
-    @property
     def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
         return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
@@ -193,8 +186,7 @@ class Exponents(Stored):
             yield f"    {pictures.points} states on one path of noise, which began a time t ago:"
             for i, t in enumerate(pictures.t):
                 mean = with_interval(float(pictures.distance[i]), float(pictures.distance_half[i]))
-                distances = f"mean distance {mean}, typical one {short(float(pictures.typical[i]))}"
-                yield f"    t = {t:g}: {distances}, in {pictures.occupied[i]:.1%} of the cells"
+                yield f"    t = {t:g}: mean distance {mean}, typical one {short(float(pictures.typical[i]))}"
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Exponents"]) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Estimates from the sums over paths, with standard errors by the jackknife over groups of paths."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -23,8 +23,7 @@ from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
 # ---------------------------------------------------------------------------------------------------------------------
 # The columns that are summed up: functions of the state or of the path, and others beside them.
 #
-# The functions of the case; for each autocorrelation the value at its first time; and differences from finer paths on
-# the same noise.
+# The functions of the case, and for each autocorrelation the value at its first time.
 # ---------------------------------------------------------------------------------------------------------------------
 
 Map = Callable[..., Iterator[Any]]  #: as the function ``map``
@@ -46,35 +45,31 @@ class Columns(NamedTuple):
     functions: tuple[PathFunction, ...]  #: those of the case
     origins: np.ndarray  #: (F, 1) their values at t = 0, subtracted so that variances do not cancel
     since: list[tuple[int, int]]  #: the functions with autocorrelations, and the times from which these count
-    compared: list[int]  #: the functions whose means are compared with those of finer paths
     places: np.ndarray  #: (T,) which of the stored states have statistics
     between: float  #: the time between two stored states
-    levels: int  #: 2 with finer paths, which come last
-    stored: int  #: states of a level, with the initial one
+    stored: int  #: states of a path, with the initial one
 
     @classmethod
-    def of(cls, case: Any, levels: int) -> "Columns":
-        """The columns of a case, with paths at `levels` step sizes."""
+    def of(cls, case: Any) -> "Columns":
+        """The columns of a case."""
         functions, names = case.path_functions, list(case.functions)
         return cls(
             functions=functions,
             origins=np.array([[origin_of(function, case.initial)] for function in functions]),
             since=[(names.index(name), case.place(t)) for name, t in case.autocorrelation.items()],
-            compared=[f for f, name in enumerate(names) if case.reference_step and name not in case.reference],
             places=case.places,
             between=case.stride * case.step,
-            levels=levels,
             stored=round(case.final_time / case.step) // case.stride + 1,
         )
 
     @property
     def number(self) -> int:
         """The number of columns."""
-        return len(self.functions) + len(self.since) + len(self.compared)
+        return len(self.functions) + len(self.since)
 
-    def states(self, y: np.ndarray, level: int = 0) -> np.ndarray:
-        """States (d, blocks, stored, LANES) of a level among all of blocks, (blocks, levels * stored, d * LANES)."""
-        return np.moveaxis(y.reshape(len(y), self.levels, self.stored, -1, LANES)[:, level], 2, 0)
+    def states(self, y: np.ndarray) -> np.ndarray:
+        """States (d, blocks, stored, LANES) of blocks, from (blocks, stored, d * LANES)."""
+        return np.moveaxis(y.reshape(len(y), self.stored, -1, LANES), 2, 0)
 
     def evaluate(self, each: Map, y: np.ndarray, values: np.ndarray) -> None:
         """Put the columns of the states y of blocks, less their origins, into values (blocks, T, columns, LANES)."""
@@ -83,13 +78,11 @@ class Columns(NamedTuple):
         list(each(lambda piece: self._evaluate(y[piece], values[piece]), pieces))
 
     def _evaluate(self, y: np.ndarray, values: np.ndarray) -> None:
-        count, own, finer = len(self.functions), self.states(y), self.states(y, -1)
+        states = self.states(y)
         for f, origin in enumerate(self.origins):
-            np.subtract(self._along(f, own), origin, out=values[:, :, f])
-        for column, (f, place) in enumerate(self.since, count):
+            np.subtract(self._along(f, states), origin, out=values[:, :, f])
+        for column, (f, place) in enumerate(self.since, len(self.functions)):
             values[:, :, column] = values[:, place : place + 1, f]
-        for column, f in enumerate(self.compared, count + len(self.since)):
-            np.subtract(self._along(f, own), self._along(f, finer), out=values[:, :, column])
 
     def _along(self, f: int, states: np.ndarray) -> np.ndarray:
         """A function at the times of the statistics, (blocks, T, LANES)."""
@@ -113,71 +106,34 @@ class Bins(NamedTuple):
     width: np.ndarray  #: (T, F)
     number: int
 
-    @classmethod
-    def around(cls, values: np.ndarray, number: int, margin: float = 0.5) -> "Bins":
-        """Bins that hold values (T, F, paths), and a `margin` times their range beyond them on each side."""
-        return cls(*cells_around(values, number, margin), number)
+    @property
+    def edges(self) -> np.ndarray:
+        """(T, F, number + 1) the ends of the bins."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.low[..., np.newaxis] + self.width[..., np.newaxis] * np.arange(self.number + 1)
 
 
 def quantiles(
-    counts: np.ndarray, lost: np.ndarray, bins: Bins, of_values: Sequence[bool], levels: tuple[float, ...]
+    counts: np.ndarray, lost: np.ndarray, bins: Bins, of_values: np.ndarray, levels: tuple[float, ...]
 ) -> Quantiles:
     """Quantiles from counts, of which `lost` (T, F, 2) are of minus infinity, and of infinity or NaN.
 
-    Their intervals are those of ranks, which are binomial, with all of the bins at their ends.  NaN where a function
-    has no values but 0 and 1, which `of_values` says, and where no value is finite.
+    The distribution function is linear in each bin.  Intervals are those of ranks, which are binomial, with all of the
+    bins at their ends.  NaN where a function has no values but 0 and 1, unlike `of_values`, or no value is finite.
     """
-    counts, bins = _some(counts, bins, of_values)
-    counts[..., [0, -1]] -= lost[:, np.flatnonzero(of_values)]
-    n = counts.sum(axis=-1)
-    ranks = {size: [order_statistics(size, level) for level in levels] for size in np.unique(n).tolist()}
-    each = np.array([ranks[size] for size in n.ravel().tolist()], int).reshape(*n.shape, len(levels), 2)
-    ends = [_quantile(counts, bins, n[..., np.newaxis] * np.array(levels))]
-    ends += [_end(counts, bins, each[..., side], side) for side in (0, 1)]
-    for end in ends:
-        end[n == 0] = np.nan
-    quantile, low, high = (_all(np.moveaxis(end, 0, 1), of_values) for end in ends)
+    counts = counts.copy()
+    counts[..., [0, -1]] -= lost
+    below, edges = np.cumsum(counts, axis=-1), bins.edges  # paths up to the upper end of each bin, the first below all
+    ranks = {n: np.array([order_statistics(n, p) for p in levels]).T for n in np.unique(below[..., -1]).tolist()}
+    results = np.full((3, *below.shape[1::-1], len(levels)), np.nan)
+    for t, f in np.ndindex(*below.shape[:2]):
+        if of_values[f] and (n := int(below[t, f, -1])):
+            ends = np.array([-np.inf, *edges[t, f], np.inf, np.inf])
+            low, high = (np.searchsorted(below[t, f], rank) for rank in ranks[n])
+            middle = np.interp(n * np.array(levels), below[t, f, :-1], edges[t, f], left=-np.inf, right=np.inf)
+            results[:, f, t] = middle, ends[low], ends[high + 1]
+    quantile, low, high = results
     return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
-
-
-def _some(counts: np.ndarray, bins: Bins, of_values: Sequence[bool]) -> tuple[np.ndarray, Bins]:
-    chosen = np.flatnonzero(of_values)
-    return counts[:, chosen], Bins(bins.low[:, chosen], bins.width[:, chosen], bins.number)
-
-
-def _all(values: np.ndarray, of_values: Sequence[bool]) -> np.ndarray:
-    """Values of some functions as those of all, NaN of the others."""
-    of_all = np.full((len(of_values), *values.shape[1:]), np.nan)
-    of_all[np.array(of_values)] = values
-    return of_all
-
-
-def _end(counts: np.ndarray, bins: Bins, rank: np.ndarray, side: int) -> np.ndarray:
-    """(T, F, levels) the lower end (side 0) or upper end (1) of the bin that holds the value of a rank, or +-inf."""
-    value = np.empty(rank.shape)
-    for place in np.ndindex(*counts.shape[:2]):
-        with np.errstate(invalid="ignore", over="ignore"):
-            edges = bins.low[place] + bins.width[place] * np.arange(bins.number + 1)
-        ends = np.concatenate(([-np.inf], edges, [np.inf]))
-        below = np.cumsum(counts[place])
-        cell = np.searchsorted(below, np.minimum(rank[place], below[-1]))  # 0: below all bins
-        beyond = (rank[place] < 1) if side == 0 else (rank[place] > below[-1])
-        value[place] = np.where(beyond, ends[-side], ends[cell + side])
-    return value
-
-
-def _quantile(counts: np.ndarray, bins: Bins, wanted: np.ndarray) -> np.ndarray:
-    """(T, F, levels) where the distribution function, linear in each bin, counts `wanted` paths below, or +-inf."""
-    below = np.cumsum(counts, axis=-1)  # of the number of paths up to the upper end of each bin
-    with np.errstate(invalid="ignore", over="ignore"):
-        edges = bins.low[..., np.newaxis] + bins.width[..., np.newaxis] * np.arange(bins.number + 1)
-    value = np.empty(wanted.shape)
-    for place in np.ndindex(*counts.shape[:2]):
-        inner = below[place][:-1]
-        value[place] = np.interp(wanted[place], inner, edges[place])
-        value[place][wanted[place] < inner[0]] = -np.inf
-        value[place][wanted[place] > inner[-1]] = np.inf
-    return value
 
 
 def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
@@ -186,22 +142,19 @@ def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
     return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
 
 
-def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: Sequence[bool], number: int) -> Histogram:
+def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray, number: int) -> Histogram:
     """Densities in `number` bins, which divides that of the counts; NaN as for :func:`quantiles`."""
-    counts, bins = _some(counts, bins, of_values)
-    times, functions = bins.low.shape
-    inner = counts[..., 1:-1].reshape(times, functions, number, bins.number // number).sum(axis=-1)
-    width = bins.width * (bins.number // number)
-    share = np.moveaxis(inner / samples, 0, 1)
-    scale = 1 / width.T[..., np.newaxis]
+    share = np.moveaxis(counts[..., 1:-1].reshape(*bins.low.shape, number, -1).sum(axis=-1) / samples, 0, 1)
+    width = bins.width.T * (bins.number // number)
+    scale = 1 / width[..., np.newaxis]
     fields = {
         "bin_low": bins.low.T,
-        "bin_width": width.T,
+        "bin_width": width,
         "density": share * scale,
         "density_stderr": share_stderr(share, samples) * scale,
         "outside": ((counts[..., 0] + counts[..., -1]) / samples).T,
     }
-    return Histogram(**{name: _all(values, of_values) for name, values in fields.items()})
+    return Histogram(**{name: np.where(of_values, values.T, np.nan).T for name, values in fields.items()})
 
 
 SPHERE = "sphere"

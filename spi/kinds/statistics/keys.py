@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import StepCase
-from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
+from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.statistics.claims import claimable
 
@@ -112,9 +112,6 @@ class Case(StepCase):
         f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
         f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
-    reference_step: key_of(
-        Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
-    ) = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
     accuracy: key_of(
         Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
@@ -127,8 +124,7 @@ class Case(StepCase):
     unsaid: ClassVar[dict[str, Any]] = {
         **StepCase.unsaid,
         **dict.fromkeys(("times", "panels"), ()),
-        **dict.fromkeys(("reference_step", "density"), None),
-        **{"every": 1, "autocorrelation": {}},
+        **{"density": None, "every": 1, "autocorrelation": {}},
     }
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"reference"}
 
@@ -166,7 +162,7 @@ class Case(StepCase):
         check_every(self)
         if self.times and self.every > 1:
             raise wrong("is given beside times", "leave one of them out", "every")
-        return self.model_copy(update={"times": times_on_grid(self, self.step, "the step {}")})
+        return self.model_copy(update={"times": times_on_grid(self, self.step, "the step {}", self.times, "times")})
 
     @condition
     def _check_functions(self) -> Self:
@@ -192,20 +188,6 @@ class Case(StepCase):
         for name, reference in self.reference.items():
             check(self, name, reference)
         return self
-
-    @condition
-    def _check_reference_step(self) -> Self:
-        if self.reference_step is None:
-            return self
-        doublings = round(math.log2(self.step / self.reference_step))
-        exact = self.step / 2.0**doublings
-        if doublings < 1 or abs(exact - self.reference_step) > ROUNDING * self.reference_step:
-            fine, step = quantity(self.reference_step), quantity(self.step)
-            mistake = f"is {fine}, of which step {step} is not 2, 4, 8, ... times"
-            nearest = self.step / 2.0 ** max(doublings, 1)
-            raise wrong(mistake, f"the nearest is {quantity(nearest)}", "reference_step")
-        check_step(self.model_copy(update={"step": exact}), "reference_step")
-        return self.model_copy(update={"reference_step": exact})
 
     @condition
     def _check_autocorrelation(self) -> Self:

@@ -1,6 +1,5 @@
 """References for means: formulas in t, the columns of a file, expectations without sampling, stationary laws."""
 
-import csv
 import functools
 import io
 import math
@@ -10,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.random_states import RandomState
-from spi.exact import gibbs
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations, seconds_of_equation
 from spi.exact.sphere_law import stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import path_function
+from spi.kinds.functions import check_named, gibbs_mean, path_function
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
 
@@ -29,30 +27,27 @@ Curve = tuple[tuple[float, float, float], ...]
 
 def curve(text: str, path: str) -> Curve:
     """The rows of a file, by t; raises the error about the key ``file``."""
-    lines = [line for line in csv.reader(io.StringIO(text)) if any(line)]
-    names = [name.strip() for name in lines[0]] if lines else []
-    if not {"t", "value"} <= set(names) <= {"t", "value", "stderr"} or len(set(names)) < len(names):
-        mistake = f"is {shown(path)}, with the columns {', '.join(names) or 'of an empty file'}"
-        raise wrong(mistake, "must have t and value, and may have stderr", "file")
-    rows = []
-    for number, line in enumerate(lines[1:], 2):
-        try:
-            numbers = dict(zip(names, map(float, line), strict=True))
-        except ValueError:
-            numbers = {}
-        if not numbers or not np.isfinite(list(numbers.values())).all():
-            mistake = f"is {shown(path)}, whose line {number} is {shown(', '.join(line))}"
-            raise wrong(mistake, f"must have a finite number for each of {', '.join(names)}", "file")
-        rows.append((numbers["t"], numbers["value"], abs(numbers.get("stderr", 0.0))))
+    right = "must have t and value, and may have stderr"
+    try:
+        table = np.genfromtxt(io.StringIO(text.strip() or "nothing"), delimiter=",", names=True, ndmin=1)
+    except ValueError as error:
+        raise wrong(f"is {shown(path)}, no table: {str(error).split('    ')[-1].strip()}", right, "file") from None
+    names: Any = table.dtype.names
+    if not {"t", "value"} <= set(names) <= {"t", "value", "stderr"}:
+        raise wrong(f"is {shown(path)}, with the columns {', '.join(names)}", right, "file")
+    stderr = np.abs(table["stderr"]) if "stderr" in names else np.zeros(len(table))
+    rows = sorted(zip(table["t"].tolist(), table["value"].tolist(), stderr.tolist(), strict=True))
+    if not rows or not np.isfinite(rows).all():
+        right = f"must have rows with a finite number for each of {', '.join(names)}"
+        raise wrong(f"is {shown(path)}, with rows that are no such numbers, or without rows", right, "file")
     if len({t for t, _, _ in rows}) < len(rows):
         raise wrong(f"is {shown(path)}, which has a time twice", "give one line for each time", "file")
-    return tuple(sorted(rows))
+    return tuple(rows)
 
 
 def check(case: Any, name: str, reference: str | Curve) -> None:
     """Raise the error about the reference of the function `name`, if it is not valid."""
-    if name not in case.functions:
-        raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
+    check_named(case, name)
     if isinstance(reference, tuple):
         if not np.isfinite(_in_curve(reference, case.t, case.step)[0]).any():
             first, last = reference[0][0], reference[-1][0]
@@ -130,7 +125,6 @@ def _in_curve(curve: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.
     return value, error
 
 
-@functools.lru_cache(maxsize=64, typed=True)
 def _stationary(
     model: Any, initial: Any, temperature: float, names: tuple[str, ...], entry: str
 ) -> tuple[float, float]:
@@ -138,11 +132,9 @@ def _stationary(
 
     ValueError, with the reason in a phrase, where no such law is known.
     """
-    values = path_function(model, names, entry).values
     if math.isinf(temperature):
-        return float(stationary_means(model, initial, [values])[0]), 0.0
-    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
-    return expectation
+        return float(stationary_means(model, initial, [path_function(model, names, entry).values])[0]), 0.0
+    return gibbs_mean(model, initial, temperature, names, entry)
 
 
 @functools.lru_cache(maxsize=256, typed=True)

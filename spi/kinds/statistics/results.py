@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, interval_text, short
+from spi.printing.text import decimal, interval_text
 from spi.statistics.claims import lost_among
 from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
@@ -36,14 +36,6 @@ class Quantiles(Described):
     quantile: Array = array("function t level", "quantile", claim=_KNOWN)
     quantile_low: Array = array("function t level", "lower end of its 95 % interval, the bin included")
     quantile_high: Array = array("function t level", "upper end of its 95 % interval, the bin included")
-
-    def __str__(self) -> str:
-        with np.errstate(invalid="ignore", over="ignore"):
-            width = self.quantile_high - self.quantile_low
-        if not np.isfinite(width).any():
-            return "the paths are too few for intervals of quantiles"
-        widest = short(float(width[np.isfinite(width)].max()))
-        return f"intervals of quantiles, one bin on either side included, are at most {widest} wide"
 
 
 class Histogram(Described):
@@ -84,15 +76,6 @@ class DensityMap(Described):
     def is_sphere(self) -> bool:
         """Whether the cells are those of a sphere."""
         return self.sides == SPHERE_SIDES
-
-    def __str__(self) -> str:
-        some = self.density > 0
-        relative = np.median(self.stderr[some] / self.density[some]) if some.any() else np.nan
-        rows, columns = self.density.shape[1:]
-        of = "the sphere" if self.is_sphere else " and ".join(self.sides)
-        times = ", ".join(f"{t:.5g}" for t in self.t)
-        errors = f"standard errors of {relative:.0%} in the median" if some.any() else "no path is in any of them"
-        return f"maps of {of} at t = {times} in {rows} x {columns} cells; {errors}"
 
 
 class Statistics(Stored):
@@ -147,14 +130,11 @@ class Statistics(Stored):
     quantiles: Quantiles | None = nested(default=None)
     histogram: Histogram | None = nested(default=None)
     density_map: DensityMap | None = nested(prefix="map_", default=None)
-    reference: Array | None = array(
-        "function t", "known mean, or mean of the finer paths; NaN where nothing is known", default=None
-    )
+    reference: Array | None = array("function t", "known mean; NaN where nothing is known", default=None)
     difference: Array | None = array(
         "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None
     )
     difference_stderr: Array | None = array("function t", "standard error of the difference", default=None)
-    reference_step: float | None = fact("step size of the finer paths, on the same noise", "time", default=None)
     acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
     panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
     nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
@@ -196,10 +176,8 @@ class Statistics(Stored):
 
     @derived("function t", "whether the mean is compared with a reference")
     def is_compared(self) -> Array:
-        """(F, T) with finer paths it is at all times."""
-        if self.reference is None:
-            return np.zeros(self.mean.shape, bool)
-        return (self.reference_step is not None) | ~np.isnan(self.reference)
+        """(F, T) where a reference is known."""
+        return np.zeros(self.mean.shape, bool) if self.reference is None else ~np.isnan(self.reference)
 
     @derived("function", "whether there is an autocorrelation")
     def is_correlated(self) -> Array:
@@ -239,7 +217,7 @@ class Statistics(Stored):
         return np.array([lost_among(values, "times") for values in self._deviations])
 
     def remarks(self) -> Iterator[str]:
-        """Values that are not finite, errors that are not known, passages, references, maps and quantiles."""
+        """Values that are not finite, errors that are not known, and passages."""
         if (self.finite_share < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
@@ -257,13 +235,6 @@ class Statistics(Stored):
                 half = self.interval * passages.time_stderr[f]
                 mean = interval_text(passages.time[f], (passages.time[f] - half, passages.time[f] + half))
                 yield f"    {self.functions[f]}: mean time, {self.t[-1]:.5g} where it has not come: {mean}"
-        if self.reference_step:
-            source = f"paths on the same noise with h = {self.reference_step:g}, or from what is known"
-            yield f"    differences are from {source}"
-        if (density_map := self.density_map) is not None:
-            yield f"    {density_map}"
-        if (quantiles := self.quantiles) is not None:
-            yield f"    {quantiles}"
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Statistics"]) -> Iterator[str]:

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, thread_count
+from spi.ensemble.loop import thread_count
 from spi.ensemble.observer import add_moments, count_values
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
-from spi.kinds.plans import Cost, KernelCall, each_scheme, path_grid
+from spi.kinds.plans import Cost, KernelCall, each_scheme
 from spi.numerics.rng import LANES
 from spi.statistics.accumulators import Array, Sums, added, counted, moments
-from spi.statistics.cells import count_places
+from spi.statistics.cells import cells_around, count_places
 from spi.statistics.estimators import GROUPS
 from spi.statistics.intervals import clopper_pearson, student_of_paths
 
@@ -63,18 +63,6 @@ class StatisticsPlan(BlocksPlan):
     record = Statistics
     sums = StatisticsSums
 
-    @cached_property
-    def grid(self) -> Grid:
-        """The steps of the case and, where means are compared with those of finer paths, of these."""
-        finest = self.case.reference_step or self.case.step
-        doublings = (round(np.log2(self.case.step / finest)), 0) if self.case.reference_step else (0,)
-        return path_grid(self.case, self.part, finest, doublings)
-
-    def deciding(self, number: int | None) -> dict[str, Any]:
-        """Also the functions that are compared with finer paths: those whose mean has no reference."""
-        names = list(self.case.functions)
-        return super().deciding(number) | {"compared": [names[f] for f in self.columns.compared]}
-
     def cost(self) -> Cost:
         """Also of the reference means, which all schemes share."""
         cost = super().cost()
@@ -95,7 +83,7 @@ class StatisticsPlan(BlocksPlan):
     @cached_property
     def columns(self) -> Columns:
         """The columns that are summed up."""
-        return Columns.of(self.case, len(self.steps))
+        return Columns.of(self.case)
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +106,7 @@ class StatisticsPlan(BlocksPlan):
     @cached_property
     def bins(self) -> Bins:
         """Bins that hold the values on the first paths, and half of their range on each side."""
-        return Bins.around(self._pilot, self.case.fine_bins)
+        return Bins(*cells_around(self._pilot, self.case.fine_bins, 0.5), self.case.fine_bins)
 
     @cached_property
     def map_times(self) -> list[int]:
@@ -154,14 +142,14 @@ class StatisticsPlan(BlocksPlan):
     def most_blocks(self, number: int) -> int:
         """The largest number of blocks in a batch, because of the memory of their states."""
         columns = self.columns
-        return max(1, int(_BATCH_BYTES / (8 * LANES * columns.levels * columns.stored * len(self.initial))))
+        return max(1, int(_BATCH_BYTES / (8 * LANES * columns.stored * len(self.initial))))
 
     def stderr(self, sums: Sums) -> float:
         """The standard error of the first mean at the last time."""
         return stderr_of_means(sums)
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """The states of some blocks, (blocks, levels * stored, d * LANES), level after level, and reports."""
+        """The states of some blocks, (blocks, stored, d * LANES), and reports."""
         y, report = self.recorded(first, blocks, end, self.case.stride)
         return y, report[:, 0, :SUMMED]
 
@@ -179,7 +167,7 @@ class StatisticsPlan(BlocksPlan):
                 some = states[begin : begin + few]
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
-        ends = states[:, self.columns.stored - 1].reshape(len(states), -1, LANES)
+        ends = states[:, -1].reshape(len(states), -1, LANES)
         further = {"nonfinite": np.logical_not(np.isfinite(ends).all(axis=1)), "report": report}
         return added.with_blocks(further, slice(None), first, end)
 
@@ -207,11 +195,11 @@ class StatisticsPlan(BlocksPlan):
         names, count = tuple(case.functions), len(case.functions)
         estimated = Moments.of(sums.values, sums.products, self.samples)
         bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
-        of_values = [function.functional != "passage" for function in functions]
-        passages = [f for f in range(count) if not of_values[f]]
+        of_values = np.array([function.functional != "passage" for function in functions])
+        passages = np.flatnonzero(~of_values).tolist()
         mean = estimated.mean[:count] + self.columns.origins
-        stderr, alike = self._stderr(estimated, np.array(of_values))
-        low, high = self._ends(mean, stderr[:count], passages)
+        stderr, alike = self._stderr(estimated, of_values)
+        low, high = self._ends(mean, stderr, passages)
         of_passages = None
         if passages:
             intervals = case.bins if "histogram" in case.statistics else 0
@@ -221,23 +209,23 @@ class StatisticsPlan(BlocksPlan):
             "texts": tuple(function.label for function in functions),
             "t": case.t,
             "mean": mean,
-            "mean_stderr": stderr[:count],
+            "mean_stderr": stderr,
             "mean_low": low,
             "mean_high": high,
             "finite": (self.samples - sums.lost.sum(axis=-1).T) / self.samples,
             "band": simultaneous(estimated.mean_without[:, :count]),
             "passages": of_passages,
-            **self._second_moments(estimated, alike[:count]),
+            **self._second_moments(estimated, alike),
             **self._counted(sums, bins, of_values),
             "density_map": self._map(sums.cells, names),
-            **self._differences(estimated, mean, stderr),
+            **self._differences(mean, stderr),
             "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             "panels": case.panels or PANELS,
             "nonfinite": int(sums.nonfinite),
             "ns_per_step": 1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
         }
 
-    def _counted(self, sums: StatisticsSums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
+    def _counted(self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray) -> dict[str, Any]:
         """Quantiles and histograms from the counts in bins, those that the case names."""
         fields: dict[str, Any] = {}
         if bins is not None and "quantiles" in self.case.statistics:
@@ -247,20 +235,17 @@ class StatisticsPlan(BlocksPlan):
         return fields
 
     def _stderr(self, estimated: Moments, of_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(columns, T) of the means, and where all paths are alike though they need not be.
+        """(F, T) of the means, and where all paths are alike though they need not be.
 
         There the error of a share follows from the rule of three; that of other values is NaN.
         """
-        stderr, columns = estimated.stderr(estimated.mean, estimated.mean_without), self.columns
-        places = np.zeros(columns.number, int)
-        places[: len(of_values)] = np.arange(len(of_values))
-        if columns.compared:
-            places[-len(columns.compared) :] = columns.compared
-        sure = self._not_random()[places]
-        conserved = np.array([function.is_casimir for function in columns.functions])[places, np.newaxis]
-        alike = estimated.same() & ~sure & ~conserved
-        stderr = np.where(alike, np.where(of_values[places], np.nan, estimated.unseen)[:, np.newaxis], stderr)
-        return np.where(sure & np.isfinite(estimated.mean), 0.0, stderr), alike
+        count, functions = len(of_values), self.columns.functions
+        mean, sure = estimated.mean[:count], self._not_random()
+        conserved = np.array([[function.is_casimir] for function in functions])
+        alike = estimated.same()[:count] & ~sure & ~conserved
+        unseen = np.where(of_values, np.nan, estimated.unseen)[:, np.newaxis]
+        stderr = np.where(alike, unseen, estimated.stderr(estimated.mean, estimated.mean_without)[:count])
+        return np.where(sure & np.isfinite(mean), 0.0, stderr), alike
 
     def _not_random(self) -> np.ndarray:
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
@@ -305,17 +290,13 @@ class StatisticsPlan(BlocksPlan):
             fields |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
         return fields
 
-    def _differences(self, estimated: Moments, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
+    def _differences(self, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
         """Reference means, the distances of the means (F, T) from them, and the standard errors of these."""
-        if not self.case.reference and not self.columns.compared:
+        if not self.case.reference:
             return {}
         reference, error = known_means(self.case)
-        difference, error = mean - reference, np.hypot(stderr[: len(mean)], error)
-        compared = self.columns.compared
-        first = self.columns.number - len(compared)
-        difference[compared], error[compared] = estimated.mean[first:], stderr[first:]
-        reference[compared] = (mean - difference)[compared]
-        return {"reference": reference, "difference": difference, "difference_stderr": error}
+        difference = {"difference": mean - reference, "difference_stderr": np.hypot(stderr, error)}
+        return {"reference": reference} | difference
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
         """The maps; None if the case has none."""

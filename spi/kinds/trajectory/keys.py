@@ -75,7 +75,7 @@ class Case(StepCase):
         """The case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
-        times = times_on_grid(self, self.every * self.step, "{}, the time between stored states")
+        times = times_on_grid(self, self.every * self.step, "{}, the time between stored states", self.times, "times")
         return self.model_copy(update={"times": times})
 
     @condition

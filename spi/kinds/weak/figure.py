@@ -9,14 +9,13 @@ import numpy as np
 from spi.drawing import panels, plots, style
 from spi.storage.records import INTERVAL
 
-from .estimators import ESTIMATORS, label_of
 from .results import WeakErrors, comparable_sweeps, largest_over_eps, sweeps
+from .study import ESTIMATORS, label_of
 
 Readings = Sequence[WeakErrors]
 
 #: The label of the vertical axis.
 LABEL = r"weak error  $|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T))|$"
-SIGNED = r"weak error  $\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))$"
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Weak errors against step sizes.
@@ -147,16 +146,15 @@ def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The estimators of one weak error: accuracy, and the estimates, against processor time.
+# The accuracy of the estimators of one weak error against processor time.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 class Run(NamedTuple):
-    """An estimator's estimates of one error as its work grows."""
+    """The accuracy of an estimator of one error as its work grows."""
 
     estimator: str
     seconds: np.ndarray
-    error: np.ndarray
     accuracy: np.ndarray  #: standard error; of what is not sampled the bound of the numerical error
     exact: bool  #: whether nothing is sampled
 
@@ -168,26 +166,24 @@ class Run(NamedTuple):
     @property
     def look(self) -> dict[str, Any]:
         """Marker and colour of the estimator."""
-        marker, colour = ESTIMATORS[self.estimator].keys.LOOK
+        marker, colour = ESTIMATORS[self.estimator].LOOK
         return {"marker": marker, "color": colour, "linestyle": "none"}
 
 
 def _run(reading: WeakErrors, f: int, i: int) -> Run:
-    """The estimates at step size number i, of all stages with less work and of the whole."""
+    """The accuracy at step size number i, of all stages with less work and of the whole."""
     last = reading.sampled.error_stderr if reading.sampled else reading.half
-    points = [(reading.cpu_seconds, reading.error[f, i], last[f, i])]
+    points = [(reading.cpu_seconds, last[f, i])]
     if reading.stages:
-        each = zip(reading.stages.cpu_seconds, reading.stages.error, reading.stages.error_stderr, strict=True)
-        less = [(seconds, error[f, i], stderr[f, i]) for seconds, error, stderr in each]
+        less = zip(reading.stages.cpu_seconds.tolist(), reading.stages.error_stderr[:, f, i], strict=True)
         points = [*(point for point in less if point[0] < reading.cpu_seconds), *points]
     table = np.array(points, float)
-    drawable = (np.abs(table) < plots.HUGE).all(axis=1) & (table[:, [0, 2]] > 1 / plots.HUGE).all(axis=1)
-    seconds, error, accuracy = table[drawable].T
-    return Run(reading.about.estimator, seconds, error, accuracy, exact=reading.unsampled is not None)
+    seconds, accuracy = table[((table < plots.HUGE) & (table > 1 / plots.HUGE)).all(axis=1)].T
+    return Run(reading.about.estimator, seconds, accuracy, exact=reading.unsampled is not None)
 
 
 def _seconds(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """Two panels for each test function and each scheme of which plain results of first paths are stored."""
+    """A panel for each test function and each scheme of which plain results of first paths are stored."""
     for f in range(len(readings[0].functions)):
         for variant in dict.fromkeys(reading.about.variant for reading in readings):
             of = {reading.about.estimator: reading for reading in readings if reading.about.variant == variant}
@@ -199,8 +195,7 @@ def _seconds(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
             label = f"{style.label(of['plain'].about)}, {style.value_of('h', h[i])}"
             title = "\n".join(filter(None, [_title(readings[0], f), label]))
             if runs:
-                yield _accuracy(runs, f"{title}: accuracy")
-                yield _estimates(runs, f"{title}: estimates")
+                yield _accuracy(runs, title)
 
 
 def _accuracy(runs: Sequence[Run], title: str) -> plots.Plot:
@@ -221,27 +216,6 @@ def _accuracy(runs: Sequence[Run], title: str) -> plots.Plot:
     return plots.Plot(lines, title, "processor time (s)", label, "log", True, (ends[0], ends[1]), bounds)
 
 
-def _estimates(runs: Sequence[Run], title: str) -> plots.Plot:
-    """Estimates of the error with 95 % intervals against processor time, beside the exact value."""
-    sampled = [run for run in runs if not run.exact]
-    lines = [
-        plots.series(run.seconds, run.error, run.look, label_of(run.estimator), INTERVAL * run.accuracy)
-        for run in sampled
-    ]
-    across = [(float(run.error[-1]), label_of(run.estimator)) for run in runs if run.exact]
-    bounds = _window(sampled) if sampled else None
-    return plots.Plot(lines, title, "processor time (s)", SIGNED, "log", ylim=bounds, across=across)
-
-
-def _window(runs: Sequence[Run]) -> tuple[float, float]:
-    """Limits about the best estimate in which the narrowest intervals can be seen and the widest need not fit."""
-    best = min(runs, key=lambda run: run.accuracy[-1])
-    half = INTERVAL * np.concatenate([run.accuracy for run in runs])
-    reach = max((np.abs(run.error - best.error[-1]) + INTERVAL * run.accuracy).max() for run in runs)
-    room = 1.05 * min(reach, 4 * math.sqrt(half.min() * half.max()))
-    return float(best.error[-1] - room), float(best.error[-1] + room)
-
-
 def _times(ratio: float) -> str:
     """A ratio with two digits, as a power of ten if it is large."""
     if not math.isfinite(ratio):
@@ -253,8 +227,6 @@ def _times(ratio: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 # Weak errors of schemes for the multiscale system against eps.
 # ---------------------------------------------------------------------------------------------------------------------
-
-_APART = 0.01  # of the panel's width, between markers of two schemes at one eps
 
 
 def _over_eps(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
@@ -270,28 +242,27 @@ def _at_step(readings: Readings, f: int, looks: style.Looks, h: float) -> plots.
     """Errors at one step size against eps; of schemes that know no eps, or for eps = 0, a horizontal line."""
     ends = plots.limits(np.array([eps for reading in readings if (eps := reading.about.eps)]))
     several = len({reading.about.estimator for reading in readings}) > 1
-    groups = [[one for one in members if one.about.eps] for members in sweeps(readings).values()]
-    groups = [members for members in groups if members]
+    groups = [
+        *sweeps(one for one in readings if one.about.eps).values(),
+        *([one] for one in readings if not one.about.eps),
+    ]
     lines = []
-    for k, members in enumerate(groups + [[one] for one in readings if not one.about.eps]):
-        about, at = members[0].about, [int(np.flatnonzero(one.h == h)[0]) for one in members]
+    for members in groups:
+        about, places = members[0].about, [(f, one.h.tolist().index(h)) for one in members]
         error, half, resolved = (
-            np.array([values[f, i] for values, i in zip(each, at, strict=True)])
-            for each in zip(*((np.abs(one.error), one.half, one.resolved) for one in members), strict=True)
+            np.array([getattr(one, name)[at] for one, at in zip(members, places, strict=True)])
+            for name in ("error", "half", "resolved")
         )
-        marker, colour = looks[about.scheme]
+        error = np.where(np.abs(error) < plots.HUGE, np.abs(error), np.inf)
+        look = panels.scheme_look(members[0], {about.variant: looks[about.scheme]})
         label = ", ".join([style.label(about, with_eps=not about.eps), *[label_of(about.estimator)] * several])
-        error, look = (
-            np.where(error < plots.HUGE, error, np.inf),
-            {"marker": marker, "color": colour, "markersize": 5.5},
-        )
         if about.eps:
-            x = np.array([one.about.eps for one in members]) * (ends[1] / ends[0]) ** (_APART * (k - len(groups) / 2))
+            x = np.array([one.about.eps for one in members])
             lines.append(plots.series(x, error, look, label, half, poor=~resolved))
         else:
             look |= {"marker": "", "linestyle": "-" if resolved[0] else "--"}
-            flat = np.array(ends), np.repeat(error, 2), look, label, np.repeat(half, 2)
-            lines.append(plots.series(*flat, band=True))
+            across = np.array(ends), np.repeat(error, 2), look, label, np.repeat(half, 2)
+            lines.append(plots.series(*across, band=True))
     title = ",  ".join(filter(None, [_title(readings[0], f), style.value_of("h", h)]))
     own = _limits_of_eps(readings, h, ends)
     return plots.Plot(lines, title, r"$\varepsilon$", LABEL.format(), "log", True, ends, own=own)

@@ -1,18 +1,18 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
-from types import new_class
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from annotated_types import MinLen
 
+from spi.ensemble.protocol import Positive
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
 from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
 from spi.statistics.claims import Sort, claimable
 
-from .estimators import ESTIMATORS
 from .results import WeakErrors
+from .study import ESTIMATORS
 
 #: The panels of the figure.
 PANELS = ("errors", "samples", "seconds", "eps")
@@ -24,13 +24,20 @@ Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
 NAMES = tuple(ESTIMATORS)
 Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1)]
 
-#: The keys of all estimators, in their order.
-KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(each.keys.Keys for each in reversed(ESTIMATORS.values())))
 
-
-class SampledCase(KeysOfEstimators, FunctionsCase):
+class SampledCase(FunctionsCase):
     """The keys of all cases in which expectations are estimated."""
 
+    samples: key_of(Samples | None, "number of Brownian paths") = None
+    standard_error: key_of(
+        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
+    ) = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
+        None
+    )
+    accuracy: key_of(
+        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
+    ) = None
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
@@ -45,7 +52,7 @@ class SampledCase(KeysOfEstimators, FunctionsCase):
     def _check_estimators(self) -> Self:
         check_distinct(self.estimators, "estimators")
         for name in self.estimators if self.functions else ():
-            ESTIMATORS[name].keys.check(self)
+            ESTIMATORS[name].check(self)
         return self
 
 

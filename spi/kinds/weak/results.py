@@ -1,4 +1,4 @@
-"""The record of weak errors by one estimator, with its tables and remarks (hence more than 600 lines)."""
+"""The record of weak errors by one estimator, with its tables and remarks."""
 
 import json
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from spi.printing.rows import rows_of
 from spi.printing.tables import Column, Table
-from spi.printing.text import duration, fraction, human_time, joined, order_text, power_of_two, readable, short
+from spi.printing.text import duration, fraction, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
 from spi.statistics.intervals import student_factor
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Order, in_standard_errors
@@ -20,7 +20,6 @@ from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, d
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
 _DISAGREE = "the estimates disagree"
 _HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
-PAPER = 1e9  #: samples of the paper's weak errors
 _NOT_AS_ASSUMED = (
     "the order is not the one assumed: extrapolated errors should fall like {}; the function may have a jump or a "
     "kink, or the steps may be too large; compare extrapolate: 0"
@@ -92,6 +91,12 @@ class History(Stages):
     allocations: Array = axis("number of the allocation", name="allocation")
 
 
+def _half_of_mean(table: Any) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = INTERVAL * np.sqrt(table.variance / table.samples)
+        return np.where((table.variance > 0) & (table.samples > 0), half, 0.0)
+
+
 class Levels(Described):
     """The levels of a multilevel estimate, each the difference between a step and half of it."""
 
@@ -117,10 +122,7 @@ class Levels(Described):
     @derived("function level", "half the interval of the mean")
     def mean_half(self) -> Array:
         """Half the 95 % intervals of the means."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(
-                (self.variance > 0) & (self.samples > 0), INTERVAL * np.sqrt(self.variance / self.samples), 0.0
-            )
+        return _half_of_mean(self)
 
     @derived("level", "diverged samples, where there are any")
     def lost(self) -> Array | None:
@@ -142,27 +144,16 @@ class Differences(Described):
     nonfinite: Array = array("h", "diverged samples (NaN or infinity)")
     seconds: Array = array("h", "processor time of a sample", "s")
     variance_rate: tuple[Order, ...] = array("function", "rate of the variances", formula="p in variance = C h^p")
-    symmetrised: Array | None = array("h", "whether both halves of the difference were sampled apart", default=None)
 
     @derived("function h", "half the interval of the mean")
     def mean_half(self) -> Array:
         """Half the 95 % intervals of the means."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(
-                (self.variance > 0) & (self.samples > 0), INTERVAL * np.sqrt(self.variance / self.samples), 0.0
-            )
+        return _half_of_mean(self)
 
     @derived("h", "diverged samples, where there are any")
     def lost(self) -> Array | None:
         """Their numbers; None where there are none."""
         return self.nonfinite if self.nonfinite.any() else None
-
-    @derived("h", "whether in halves, where any are")
-    def halved(self) -> Array | None:
-        """(S,) yes or nothing; None where none is."""
-        if self.symmetrised is None or not self.symmetrised.any():
-            return None
-        return np.where(self.symmetrised, "yes", "")
 
 
 class Quasi(Described):
@@ -184,7 +175,6 @@ def _sampled(name: str, inconsistent: str) -> list[Column]:
         Column(f"{name}_samples", "samples"),
         Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
         Column(f"{name}_lost", "di-\nverged", red=0),
-        Column(f"{name}_halved", "in\nhalves"),
     ]
 
 
@@ -236,8 +226,6 @@ class WeakErrors(Stored):
             "function",
             [
                 Column("cpu_seconds", "processor\ntime", form=duration),
-                Column("paper_stderr", "error of 10^9\nsamples"),
-                Column("paper_seconds", "time for\nthese", form=human_time),
                 Column("level_cost_rate", "cost of\nlevels h^-", form=".2f"),
             ],
             "cost",
@@ -367,22 +355,6 @@ class WeakErrors(Stored):
         eps = self.about.eps
         return eps is not None and 0.0 < eps**2 < self.reference_step
 
-    @derived("function", "standard error of so many independent samples as the paper has")
-    def paper_stderr(self) -> Array | None:
-        """(F,) by the deviation of phi; None of quasi-random points, whose errors fall faster, and without sampling."""
-        if self.sampled is None or self.sampled.sd is None or self.quasi:
-            return None
-        return self.sampled.sd / math.sqrt(PAPER)
-
-    @derived("function", "processor time that this standard error would take at the largest step")
-    def paper_seconds(self) -> Array | None:
-        """(F,) NaN where the error is as small already."""
-        if self.sampled is None or self.paper_stderr is None:
-            return None
-        stderr, paper = self.sampled.error_stderr[:, self.h.argmax()], self.paper_stderr
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where((stderr > paper) & (paper > 0), self.cpu_seconds * (stderr / paper) ** 2, np.nan)
-
     def remarks(self) -> Iterator[str]:
         """Doubts about orders and references, points, resolutions, accuracies that are not reached, limits."""
         own, power = own_error(self), _power(self.expected_order or math.nan, "h")
@@ -447,18 +419,10 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
     exact, bounds = next(((one, one.unsampled) for one in same if one.unsampled), (None, None))
     if reading.sampled is None or exact is None or bounds is None:
         return None
-    found = Agreement(*np.full((2, *reading.error.shape), np.nan))
-    for f, name in enumerate(reading.functions):
-        for i, h in enumerate(reading.h):
-            if name not in exact.functions or h not in exact.h:
-                continue
-            at = exact.functions.index(name), int(np.flatnonzero(exact.h == h)[0])
-            stderr = reading.sampled.error_stderr[f, i]
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                difference = reading.error[f, i] - exact.error[at]
-                found.deviation[f, i] = in_standard_errors(difference, np.hypot(stderr, bounds.error_bound[at]))
-                found.share[f, i] = stderr / np.abs(exact.error[at])
-    return found
+    stderr = reading.sampled.error_stderr
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        off = in_standard_errors(reading.error - exact.error, np.hypot(stderr, bounds.error_bound))
+        return Agreement(off, stderr / np.abs(exact.error))
 
 
 class OwnError(NamedTuple):
@@ -544,40 +508,15 @@ def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The rows of CSV and JSON: also those of fewer paths, and the agreement with deterministic errors.
+# The rows of CSV and JSON, with the agreement with deterministic errors.
 # ---------------------------------------------------------------------------------------------------------------------
-
-#: The columns of the rows of fewer paths.
-_OF_FEWER = (
-    *("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "expected_order"),
-    *("error", "error_stderr", "resolved", "samples", "cpu_seconds"),
-)
 
 
 def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
-    """A record per test function and step size; after them those of the first so many paths, where they are kept.
-
-    ``agreement`` is the error less the deterministic one, in standard errors.
-    """
+    """A record per test function and step size; ``agreement``: less the deterministic error, in standard errors."""
     for reading in readings:
         near = agreement(reading, readings)
         yield from rows_of(reading, {"agreement": (reading.row_axes, near.deviation)} if near else None)
-        if reading.prefixes and reading.sampled:
-            yield from _prefix_rows(reading, reading.prefixes, reading.sampled)
-
-
-def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, sampled: Sampled) -> Iterator[dict[str, Any]]:
-    """The rows of fewer paths than all; expectations and orders are known of all only."""
-    for n, samples in enumerate(prefixes.samples.tolist()):
-        fewer = replace(
-            reading,
-            error=prefixes.error[n],
-            resolved=prefixes.resolved[n],
-            sampled=replace(sampled, error_stderr=prefixes.error_stderr[n], samples=samples),
-            cpu_seconds=prefixes.cpu_seconds[n].item(),
-        )
-        if samples < sampled.samples:
-            yield from ({name: row[name] for name in _OF_FEWER if name in row} for row in rows_of(fewer))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ import numpy as np
 
 from spi.drawing import panels, plots, style
 from spi.kinds.strong.figure import LABEL as STRONG
-from spi.kinds.weak.estimators import label_of
 from spi.kinds.weak.figure import LABEL as WEAK
+from spi.kinds.weak.study import label_of
 
 from .results import WorkPrecision, requested
 

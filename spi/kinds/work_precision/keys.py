@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Ge, Le, MinLen
 
 from spi.ensemble.protocol import Positive
-from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.keys import SampledCase
+from spi.kinds.weak.study import ESTIMATORS
 from spi.specs.keys import condition, key_of, wrong
 from spi.statistics.claims import claimable
 

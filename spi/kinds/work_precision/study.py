@@ -18,7 +18,6 @@ from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors, cannot_do, not_reached
 from spi.numerics.rng import LANES
 from spi.printing.text import joined
@@ -53,7 +52,7 @@ def remarks(case: Any) -> Iterator[str]:
     if schemes := left_out(case):
         yield cannot_do(joined(case.estimators), schemes)
     used = dict.fromkeys(part.estimator for part in parts(case))
-    yield from (line for name in used if name for line in ESTIMATORS[name].remarks(case))
+    yield from (line for name in used if name for line in weak.ESTIMATORS[name].remarks(case))
 
 
 def plan(case: Any, part: Part) -> "WorkPlan":

@@ -15,6 +15,7 @@ from spi.ensemble.loop import Grid
 from spi.kinds.blocks import BlocksPlan, values_of_blocks
 from spi.kinds.plans import State, reference_grid
 from spi.numerics.rng import LANES
+from spi.specs.checks import need
 from spi.statistics.accumulators import Array, Sums, added, counted, moments, reports
 from spi.statistics.estimators import (
     GROUPS,
@@ -25,8 +26,8 @@ from spi.statistics.estimators import (
     with_powers,
 )
 
-from ...results import Prefixes, Sampled
-from ...study import WeakPlan, sampled_errors, stderr_of
+from .plans import WeakPlan, sampled_errors, stderr_of
+from .results import Prefixes, Sampled
 
 
 class PlainSums(Sums):
@@ -49,8 +50,13 @@ class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
     sums = PlainSums
-
+    LABEL, LOOK = "plain Monte Carlo", ("o", "#0072B2")
     of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
+
+    @classmethod
+    def check(cls, case: Any) -> None:
+        """Raise the error about a case without a number of paths."""
+        need(case, "plain", "samples")
 
     @cached_property
     def grid(self) -> Grid:
@@ -195,6 +201,3 @@ class PlainPlan(WeakPlan, BlocksPlan):
 def _by_step(x: np.ndarray) -> np.ndarray:
     """(..., L, F) as (..., F, S): without the reference."""
     return np.moveaxis(x, -1, -2)[..., :-1]
-
-
-plan = PlainPlan.of

@@ -11,18 +11,35 @@ import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
 from spi.numerics.rng import POINTS
-from spi.numerics.sobol import SCRAMBLES
+from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS, SCRAMBLES
+from spi.specs.checks import need
+from spi.specs.keys import wrong
 from spi.statistics.estimators import standard_deviation
 
-from ...results import Quasi
-from ..plain.study import PlainPlan
+from .plain import PlainPlan
+from .results import Quasi
 
 
 @dataclass(frozen=True, kw_only=True)
 class QuasiPlan(PlainPlan):
     """Weak errors of one scheme by scrambled points."""
 
+    LABEL, LOOK = "quasi-Monte Carlo", ("s", "#009E73")
     of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy", "prefixes"))
+
+    @classmethod
+    def check(cls, case: Any) -> None:
+        """Raise the error about a number of paths that is no power of two, or too many dimensions."""
+        need(case, "quasi", "samples")
+        if case.samples < LEAST_PATHS or case.samples & (case.samples - 1):
+            right = f"must be a power of two for the estimator 'quasi', {LEAST_PATHS} or more"
+            raise wrong(f"is {case.samples}", right, "samples")
+        steps, right = round(case.final_time / case.reference_step), "use a reference_step that makes it"
+        for scheme in case.schemes:
+            dimensions = dimensions_of(case.row(scheme).record, case.reference_record(None), case.model, steps)[1]
+            if dimensions > MOST_DIMENSIONS:
+                mistake = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
+                raise wrong(mistake, f"{right} {MOST_DIMENSIONS} or fewer, or plain", "estimators")
 
     @property
     def prefixes(self) -> tuple[int, ...]:
@@ -48,6 +65,3 @@ class QuasiPlan(PlainPlan):
             dimensions=dimensions_of(self.scheme, reference, self.model, steps)[1],
         )
         return estimated | {"quasi": quasi}
-
-
-plan = QuasiPlan.of

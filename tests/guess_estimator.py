@@ -1,14 +1,15 @@
-"""Errors c h, as the spec says."""
+"""An estimator of weak errors as one may be added: each error is guessed to be c h, without computing anything."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.weak.plans import WeakPlan
 from spi.kinds.weak.results import Unsampled, WeakErrors
-from spi.kinds.weak.study import WeakPlan
+from spi.specs.checks import need
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order
 
@@ -27,6 +28,14 @@ class Guess(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class GuessPlan(WeakPlan):
     """Errors of one scheme, guessed."""
+
+    LABEL: ClassVar = "guess"
+    LOOK: ClassVar = ("s", "#000000")
+
+    @classmethod
+    def check(cls, case: Any) -> None:
+        """There must be a guess."""
+        need(case, "guess", "accuracy")
 
     def cost(self) -> Cost:
         """Nothing."""
@@ -51,7 +60,7 @@ class GuessPlan(WeakPlan):
     def results(self, state: State) -> WeakErrors:
         """The same error for each test function."""
         count = len(self.case.functions)
-        error = np.outer(np.ones(count), self.case.per_step * self.h)
+        error = np.outer(np.ones(count), self.case.accuracy * self.h)
         nothing, ones = np.zeros(count), np.ones_like(error)
         bounds: Any = {"error_bound": 0 * ones, "expectation_bound": ones}
         unsampled = Unsampled(**bounds, limit=nothing, limit_bound=nothing + 1)
@@ -64,6 +73,3 @@ class GuessPlan(WeakPlan):
             "cpu_seconds": 0.0,
         }
         return WeakErrors(**(self.whole(state) | estimated))
-
-
-plan = GuessPlan.of

@@ -28,9 +28,9 @@ from spi.statistics.estimators import (
 from spi.statistics.intervals import student_factor
 from spi.storage.records import Order
 
-from ...results import Levels as LevelTable
-from ...study import stderr_of
-from ..kolmogorov.study import solution
+from .kolmogorov import solution
+from .plans import stderr_of
+from .results import Levels as LevelTable
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The paths of a multilevel estimator: the steps, reversals and schemes of a sample of each level.
@@ -106,7 +106,6 @@ class Decisions(NamedTuple):
     cpu_seconds: float
     allocations: int  #: number of allocations made
     targets: np.ndarray  #: (levels,) blocks that the current allocation wants
-    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error, chosen after the pilot
     known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
     control_bound: float  #: the largest estimate of their numerical error
     history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
@@ -121,7 +120,6 @@ class Decisions(NamedTuple):
             cpu_seconds=0.0,
             allocations=0,
             targets=np.full(levels, PILOT),
-            used=np.full(levels, True),
             known=np.full((levels, functions), np.nan if control else 0.0),
             control_bound=0.0,
             history_error=np.zeros((len(SHARES), functions, steps)),
@@ -191,7 +189,6 @@ class LevelSums(NamedTuple):
     nonfinite: np.ndarray  #: (levels,)
     cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
     control: np.ndarray  #: (levels, F) its expectations
-    used: np.ndarray  #: (levels,) bool, the levels whose sum is the error
 
     def only(self, levels: slice) -> "LevelSums":
         """The totals of some levels."""

@@ -13,13 +13,6 @@ as well.
 
 This needs a scheme that has the same limit as z: flows must be exact, and y must not be a scheme for the multiscale
 system, which for eps > 0 has a limit of its own.
-
-The difference can be **symmetrised**: with y* the scheme whose flows act in reversed order on the same increments,
-
-    E[phi(y) - phi(z)] = E[(phi(y) - phi(y*)) / 2] + E[(phi(y) + phi(y*)) / 2 - phi(z)],
-
-of which the first takes two cheap paths and the second has the variance O(h^2).  Each half has paths of its own.  The
-pilot decides step by step which way takes less work.
 """
 
 from dataclasses import dataclass
@@ -30,20 +23,22 @@ import numpy as np
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
+from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.numerics.rng import DIFFERENCES, HALVES, LANES
+from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
-from spi.schemes.splitting import Splitting, has_antithetic_path
-from spi.schemes.stages import in_reversed_order
+from spi.schemes.splitting import has_antithetic_path
+from spi.specs.checks import check_areas, need
+from spi.specs.keys import wrong
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
 
-from ...results import Differences, History, Sampled, WeakErrors
-from ...study import WeakPlan, sampled_errors, stderr_of
-from .sums import (
+from .kolmogorov import check_demands
+from .levels import (
     EQUAL,
     PILOT,
     PRODUCT,
@@ -57,6 +52,8 @@ from .sums import (
     expectations,
     levels_of,
 )
+from .plans import WeakPlan, sampled_errors, stderr_of
+from .results import Differences, History, Sampled, WeakErrors
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Multilevel differences: E phi(y_h) - E phi(y_{h/2}) level by level (Giles, Operations Research 56, 2008), added up.
@@ -69,7 +66,7 @@ from .sums import (
 # increments exchanged, the coins turned), that of the coarse path turns its coin.  All four are paths of the scheme; in
 # the difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a
 # level falls from O(h) to O(h^2).  Schemes without antithetic paths are compared with one that has them where that is
-# possible, see study.py.
+# possible, see :class:`DifferencesPlan`.
 #
 # An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 # expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
@@ -89,15 +86,38 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     sums = LevelTotals
-
+    LABEL, LOOK = "multilevel", ("D", "#D55E00")
     of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Sample, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
 
     @classmethod
+    def check(cls, case: Any) -> None:
+        """Raise the error about a case without target and budget, with a reference scheme, or an unsolvable control."""
+        need(case, "multilevel", "standard_error", "seconds")
+        if case.reference_scheme:
+            mistake = "has 'multilevel', which has references of its own, and reference_scheme is set"
+            raise wrong(mistake, "use plain or leave out reference_scheme", "estimators")
+        check_areas(case, case.reference_step, "reference_step")  # each level draws its own
+        if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
+            check_demands(case, "multilevel", multiscale=True)
+
+    @classmethod
+    def together(cls, case: Any, part: Part) -> list[tuple[int, ...]]:
+        """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
+        alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
+        others = tuple(n for n in case.extrapolate if n not in alone)
+        return [*((n,) for n in alone), *[others] * bool(others)]
+
+    @classmethod
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
-        """The plan for one scheme of a case."""
+        """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
+        return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).by_levels(case, part)
+
+    @classmethod
+    def by_levels(cls, case: Any, part: Part) -> "MultilevelPlan":
+        """The plan by differences between levels."""
         record = case.row(part.scheme, part.eps).record
         control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
@@ -164,15 +184,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             extra = extra.with_errors(self.all_errors(levels), levels.cpu_seconds.sum())
         if extra.allocations == len(SHARES):
             return extra if extra is not state.extra else None
-        if not extra.allocations:
-            extra = extra._replace(used=self.chosen(levels))
-            levels = levels._replace(used=extra.used)
         targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
         return extra._replace(targets=targets, allocations=extra.allocations + 1)
-
-    def chosen(self, levels: LevelSums) -> np.ndarray:
-        """(levels,) bool, the levels whose sum is the error, by the sums of the pilot: all."""
-        return levels.used
 
     def level_sums(self, state: State) -> LevelSums:
         """The sums of all levels, over the paths that are computed."""
@@ -185,7 +198,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             nonfinite=np.array([level.nonfinite for level in totals]),
             cpu_seconds=cpu_seconds,
             control=state.extra.known,
-            used=state.extra.used,
         )
 
     def progress(self, state: State) -> Done:
@@ -220,7 +232,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """
         with np.errstate(invalid="ignore"):
             variance = np.maximum(levels.moments().variance, self.least_variance(levels)).max(axis=1)
-            variance = np.nan_to_num(variance, nan=0.0, posinf=0.0) * levels.used
+            variance = np.nan_to_num(variance, nan=0.0, posinf=0.0)
         cost = self.seconds_per_block / LANES
         root, per_root = self.least_work(variance, cost)
         samples = np.zeros(len(self.levels))
@@ -303,21 +315,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 ORDER_2 = "splitting_order2"
 
 _BOTH_SIDES = (AS_TOSSED, COINS_TURNED)
-#: A shorter budget does not pay for compiling the scheme whose flows act in reversed order.
-_WORTH_SECONDS = 30.0
-_WHOLE, _FIRST_HALF, _SECOND_HALF = range(3)
-
-
-def together(case: Any, part: Part) -> list[tuple[int, ...]]:
-    """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
-    alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
-    others = tuple(n for n in case.extrapolate if n not in alone)
-    return [*((n,) for n in alone), *[others] * bool(others)]
-
-
-def plan(case: Any, part: Part) -> MultilevelPlan:
-    """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
-    return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
 
 
 def can_compare(case: Any, part: Part) -> bool:
@@ -334,22 +331,18 @@ def can_compare(case: Any, part: Part) -> bool:
 class DifferencesPlan(MultilevelPlan):
     """Weak errors of one scheme from differences to the scheme of weak order 2, and from levels of that scheme.
 
-    The levels are those of `order2`, and behind them the differences, from the largest step to the smallest; behind
-    those, where differences can be symmetrised, their first halves and then their second halves.
+    The levels are those of `order2`, and behind them the differences, from the largest step to the smallest.
     """
 
     order2: MultilevelPlan  #: of the scheme of weak order 2
-    turned: Any  #: the record of the scheme whose flows act in reversed order, None where there are no halves
 
     @classmethod
-    def of(cls, case: Any, part: Part) -> "DifferencesPlan":
-        """The plan for one scheme of a case."""
-        order2 = MultilevelPlan.of(case, Part(ORDER_2, part.estimator))
-        sides = _sides(case.row(part.scheme, part.eps).record)
-        turned = _turned(case, case.row(part.scheme, part.eps).record)
-        kinds = (_WHOLE,) if turned is None else (_WHOLE, _FIRST_HALF, _SECOND_HALF)
-        levels = *order2.levels, *(_difference(case, h, kind, len(sides)) for kind in kinds for h in case.steps)
-        return cls(case=case, part=part, levels=levels, control=None, order2=order2, turned=turned)
+    def by_levels(cls, case: Any, part: Part) -> "DifferencesPlan":
+        """The plan by one difference at each step, and levels of the scheme of weak order 2."""
+        order2 = MultilevelPlan.by_levels(case, Part(ORDER_2, part.estimator))
+        sides = len(_sides(case.row(part.scheme, part.eps).record))
+        levels = *order2.levels, *(_difference(case, h, sides) for h in case.steps)
+        return cls(case=case, part=part, levels=levels, control=None, order2=order2)
 
     @property
     def base(self) -> int:
@@ -359,37 +352,22 @@ class DifferencesPlan(MultilevelPlan):
     @property
     def seconds_per_block(self) -> np.ndarray:
         """(levels,) of one thread at typical speed."""
-        ns = np.array([typical_ns(self.order2.row, self.model), typical_ns(self.row, self.model)])
-        both, own = len(_BOTH_SIDES), len(_sides(self.scheme))
-        paths = np.array([[both, own], [0, 2], [both, 2]])  # of either scheme, in each kind of difference
-        per_path = np.repeat(paths @ ns / paths.sum(axis=1), len(self.case.steps))
+        paths = np.array([len(_BOTH_SIDES), len(_sides(self.scheme))])
+        ns = paths @ [typical_ns(self.order2.row, self.model), typical_ns(self.row, self.model)] / paths.sum()
         steps = np.array([level.steps for level in self.levels[self.base + 1 :]])
-        return np.append(self.order2.seconds_per_block, 1e-9 * LANES * per_path[: len(steps)] * steps)
-
-    def initial_extra(self) -> Decisions:
-        """The pilot is wanted; until then no difference is symmetrised."""
-        used = np.arange(len(self.levels)) <= self.base + len(self.case.steps)
-        return super().initial_extra()._replace(used=used)
-
-    def chosen(self, levels: LevelSums) -> np.ndarray:
-        """(levels,) bool: of each difference the whole, or both halves where these take less work."""
-        variance, cost = levels.moments().variance.max(axis=1), self.seconds_per_block
-        whole, *halves = np.sqrt(variance * cost)[self.base + 1 :].reshape(-1, len(self.case.steps))
-        symmetrised = np.sum(halves, axis=0) < whole if halves else np.zeros(len(whole), bool)
-        return np.concatenate([levels.used[: self.base + 1], ~symmetrised, *[symmetrised] * len(halves)])
+        return np.append(self.order2.seconds_per_block, 1e-9 * LANES * ns * steps)
 
     def kernel_calls(self) -> list[KernelCall]:
         """The kernels of all schemes."""
-        own = [self._own_paths(self.base + 1), *[self._own_paths(len(self.levels) - 1)] * bool(self.turned)]
-        calls = [call for times in own for call in self.calls_of_a_step(times, self.levels[-1].stream)]
-        return [*self.order2.kernel_calls(), *calls]
+        own = self.calls_of_a_step(self._own_paths(self.base + 1), self.levels[-1].stream)
+        return [*self.order2.kernel_calls(), *own]
 
     def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """The values of the test functions at the end of some blocks of one level."""
         if number <= self.base:
             return self.order2.values(number, first, blocks, end)
         level = self.levels[number]
-        grids = [(self.order2, level.grid)] * (self._kind(number) != _FIRST_HALF) + [(self, self._own_paths(number))]
+        grids = (self.order2, level.grid), (self, self._own_paths(number))
         values = [values_of_blocks(p, times, level.stream, first, blocks, end)[0] for p, times in grids]
         return np.concatenate(values, axis=1)
 
@@ -398,33 +376,21 @@ class DifferencesPlan(MultilevelPlan):
 
         With A = sum V C over the differences and B = sum (V C)^(1/2) over the levels the error of each step size has
         the variance v + w, where v = V_h / N_h is that of its difference and w that of all levels.  The work
-        A / v + B^2 / w is least for v : w = A^(1/2) : B.  Of a symmetrised difference (V C)^(1/2) is the sum of those
-        of its halves, which share v accordingly.  Levels that are not used have no variance.
+        A / v + B^2 / w is least for v : w = A^(1/2) : B.
         """
         levels, differences = slice(self.base + 1), slice(self.base + 1, None)
         root, per_root = self.order2.least_work(variance[levels], cost[levels])
-        shape = -1, len(self.case.steps)
-        roots = np.sqrt(variance * cost)[differences].reshape(shape)
-        of_differences = np.sqrt((roots.sum(axis=0) ** 2).sum())
+        of_differences = np.sqrt((variance * cost)[differences].sum())
         if not of_differences > 0:
-            return root, np.append(per_root, np.zeros(roots.size))
-        each = roots.sum(axis=0) * np.sqrt(variance / cost)[differences].reshape(shape)
-        return root + float(of_differences), np.append(per_root, each.ravel() / of_differences)
+            return root, np.append(per_root, np.zeros(len(self.case.steps)))
+        return root + float(of_differences), np.append(per_root, variance[differences] / of_differences)
 
     def errors(self, levels: LevelSums) -> Errors:
         """The errors of the scheme of weak order 2, with the differences added."""
         own, differences = self._divided(levels)
-        base, averages = self.order2.errors(own), differences.averages()
-        mean, without = (self._of_steps(values, differences.used) for values in averages)
-        unseen = self._of_steps(self.unseen_levels(differences), differences.used)
-        return Errors(
-            base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts, base.unseen + unseen.T
-        )
-
-    def _of_steps(self, values: np.ndarray, used: np.ndarray) -> np.ndarray:
-        """(..., S, F): at each step the sum over those levels (..., differences, F) of its difference in use."""
-        values = np.where(used[:, np.newaxis], values, 0.0)
-        return values.reshape(*values.shape[:-2], -1, len(self.case.steps), values.shape[-1]).sum(axis=-3)
+        base, (mean, without) = self.order2.errors(own), differences.averages()
+        unseen = base.unseen + self.unseen_levels(differences).T
+        return Errors(base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts, unseen)
 
     def _divided(self, levels: LevelSums) -> tuple[LevelSums, LevelSums]:
         """The levels of the scheme of weak order 2, and the differences."""
@@ -436,7 +402,7 @@ class DifferencesPlan(MultilevelPlan):
         own, differences = self._divided(levels)
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
         stderr = np.sqrt(table.variance / table.samples)
-        unseen = self._of_steps(self.unseen_levels(differences), differences.used) / student_factor(GROUPS)
+        unseen = self.unseen_levels(differences) / student_factor(GROUPS)
         fields, sampled = sampled_errors(self.h, *self.errors(levels))
         of_order2: Any = order2.sampled
         steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
@@ -456,27 +422,18 @@ class DifferencesPlan(MultilevelPlan):
         return WeakErrors(**(self.whole(state) | estimated))
 
     def _table(self, own: LevelSums, differences: LevelSums) -> Differences:
-        """The differences at each step; two halves in use are stated as one with the sum of their variances."""
-        used, moments = differences.used, differences.moments()
-        each = np.where(used, (differences.samples, differences.nonfinite, differences.cpu_seconds), 0.0)
-        samples, nonfinite, seconds = each.reshape(3, -1, len(self.h)).sum(axis=1)
-        whole = differences.only(slice(len(self.h)))
-        symmetrised = ~whole.used
-        with_z = differences.only(slice(-len(self.h), None)) if symmetrised.any() else whole  # the whole or second half
-        variance = self._of_steps(moments.variance / differences.samples[:, np.newaxis], used) * samples[:, np.newaxis]
-        consistency = [self._consistency(own, each) for each in (with_z, whole)]
-        kurtosis = np.where(used[:, np.newaxis], moments.kurtosis, 0.0).reshape(-1, *variance.shape).max(axis=0)
+        """The differences at each step."""
+        moments = differences.moments()
         return Differences(
             scheme=ORDER_2,
-            mean=self._of_steps(moments.mean, used).T,
-            variance=np.where(symmetrised, variance.T, moments.variance[: len(self.h)].T),
-            kurtosis=kurtosis.T,
-            consistency=np.where(symmetrised, *consistency),
-            samples=samples.astype(np.int64),
-            nonfinite=nonfinite.astype(np.int64),
-            seconds=seconds / samples,
-            variance_rate=whole.variance_rates(self.h),
-            symmetrised=symmetrised,
+            mean=moments.mean.T,
+            variance=moments.variance.T,
+            kurtosis=moments.kurtosis.T,
+            consistency=self._consistency(own, differences),
+            samples=differences.samples,
+            nonfinite=differences.nonfinite,
+            seconds=differences.cpu_seconds / differences.samples,
+            variance_rate=differences.variance_rates(self.h),
         )
 
     def _consistency(self, own: LevelSums, differences: LevelSums) -> np.ndarray:
@@ -495,41 +452,23 @@ class DifferencesPlan(MultilevelPlan):
             )
             return (np.abs(a - b) / (3.0 * (sd_b + sd_a))).T
 
-    def _kind(self, number: int) -> int:
-        """Whether a level is a whole difference, a first half or a second half."""
-        return (number - self.base - 1) // len(self.case.steps)
-
     def _own_paths(self, number: int) -> Grid:
-        """The grid of the paths of the scheme itself in a difference, in halves with those in reversed order."""
+        """The grid of the paths of the scheme itself in a difference."""
         times, sides = self.levels[number].grid, _sides(self.scheme)
         words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}
-        if self._kind(number) != _WHOLE:
-            words = {"doublings": (0, 0), "reference_scheme": self.turned, "by_reference": (0, 1)}
         return grid(times.reference_step, times.reference_steps, truncate=times.truncate, **words)
 
 
-def _difference(case: Any, h: float, kind: int, sides: int) -> Sample:
+def _difference(case: Any, h: float, sides: int) -> Sample:
     """The difference at one step: both sides of the scheme of weak order 2, and `sides` of the scheme itself.
 
-    The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.  Halves
-    have a path of the scheme and one of that whose flows act in reversed order, and the first half only those.
+    The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.
     """
     steps, doublings = round(case.final_time / h), round(np.log2(h / case.reference_step))
     times = grid(h, steps, (0, 0), truncate=case.truncate_noise, reversals=_BOTH_SIDES)
-    weights, stream = {
-        _WHOLE: ([[-0.5, -0.5, *[1.0 / sides] * sides], [0.5, 0.5, *[0.0] * sides]], DIFFERENCES),
-        _FIRST_HALF: ([[0.5, -0.5], [1.0, 0.0]], HALVES),
-        _SECOND_HALF: ([[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]], HALVES + 128),
-    }[kind]
-    numbers = RandomStream(np.uint64(case.seed), np.uint64(stream + 2 * doublings))
-    return Sample(times, numbers, np.array(weights), steps * len(weights[0]))
-
-
-def _turned(case: Any, record: Any) -> Splitting | None:
-    """The scheme whose flows act in reversed order, None where halves do not pay or there is no such scheme."""
-    short = case.seconds is not None and case.seconds < _WORTH_SECONDS
-    usable = isinstance(record, Splitting) and not tosses(record) and not short
-    return Splitting(in_reversed_order(record.stages)) if usable else None
+    weights = np.array([[-0.5, -0.5, *[1.0 / sides] * sides], [0.5, 0.5, *[0.0] * sides]])
+    stream = RandomStream(np.uint64(case.seed), np.uint64(DIFFERENCES + 2 * doublings))
+    return Sample(times, stream, weights, steps * weights.shape[1])
 
 
 def _sides(record: Any) -> tuple[int, ...]:
