@@ -199,20 +199,19 @@ PANELS: dict[str, Any] = {
     ],
     "law": [panels.Own(_law)],
     "distance": [
-        panels.ErrorPanel("law.distance", facet="variable", label=r"$\max\,|F_h-F|$ of ${f}$", only=_is_chosen)
+        panels.ErrorPanel("law_distance", facet="variable", label=r"$\max\,|F_h-F|$ of ${f}$", only=_is_chosen)
     ],
     "moments": [panels.Own(_moments)],
     "means": [
         panels.ErrorPanel(
-            "averages.bias",
+            "average_bias",
             facet="function",
-            axes="h function",
             label=_MEANS,
             only=_has_biases,
             note=panels.order_of("averages.order"),
         ),
         panels.CurvePanel(
-            "averages.average",
+            "average",
             "h",
             "function",
             label=r"$\overline{{{f}}}$",
@@ -222,12 +221,12 @@ PANELS: dict[str, Any] = {
     ],
     "histogram": [
         panels.HistogramPanel(
-            "averages.density", "cell_low", "cell_width", lambda one: one.largest_finite, exact="density_exact"
+            "density", "cell_low", "cell_width", lambda one: one.largest_finite, exact="density_exact"
         )
     ],
     "autocorrelation": [
         panels.CurvePanel(
-            "averages.correlation",
+            "correlation",
             "lag",
             "function",
             label="autocorrelation of ${f}$",
@@ -238,7 +237,7 @@ PANELS: dict[str, Any] = {
     ],
     "heat": [
         panels.CurvePanel(
-            "averages.variance",
+            "variance",
             "h",
             "function",
             factor=_response,
