@@ -1,13 +1,11 @@
 """Figures of weak errors: what is drawn, not how it looks."""
 
-import math
-
 import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
-from view_helpers import bars_of, edge, heading, legend_texts, line_of, points_of, rendered, save, title
+from view_helpers import bars_of, edge, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
 from spi.drawing import style
@@ -72,20 +70,6 @@ def test_negative_errors_and_the_sampling_floor():
     assert [x for x, _ in edge(ax, CARETDOWN)] == [2**-8] and "pale: not resolved" in legend_texts(fig)
 
 
-def test_slopes_of_both_orders():
-    groups = [weak_group(scheme, "kolmogorov", functions=1) for scheme in ("splitting", "splitting_order2")]
-    fig = views.figure(weak(*groups))
-    assert legend_texts(fig)[:2] == [
-        f"{label}: order {p}.00 [{p - 0.02:.2f}, {p + 0.02:.2f}]"
-        for p, label in ((1, "splitting"), (2, "splitting, weak order 2"))
-    ]
-    for p in (1, 2):
-        x, y = line_of(fig.axes[0], f"slope {p}").get_data()
-        assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(p)
-    assert "2^{-10}" not in fig.texts[1].get_text()  # there is no reference
-    assert "Kolmogorov" in fig.texts[1].get_text()
-
-
 def test_the_band_of_a_curve_only_where_it_can_be_seen():
     group = weak_group("splitting_order2", "kolmogorov", functions=1)
     assert not views.figure(weak(group)).axes[0].collections
@@ -114,12 +98,6 @@ def test_by_number_of_paths():
     np.testing.assert_array_equal(points_of(right, "$10^{6}$ paths")[::-1, 1], np.abs(shown[good]))
 
 
-def test_all_paths_where_no_prefix_has_them():
-    groups = one_scheme(panels=("samples",))
-    groups[0].attributes["samples"] = 5 * 10**6
-    assert "5000000 paths" in legend_texts(views.figure(weak(*groups)))
-
-
 def test_accuracy_against_seconds():
     results = weak(*one_scheme(panels=("seconds",)))
     accuracy, estimates = rendered(views.figure(results)).axes
@@ -141,37 +119,6 @@ def test_seconds_without_the_other_estimators(tmp_path):
     plain.variables["prefix_error_stderr"][1][:] = 0.0
     plain.variables["error_stderr"][1][:] = np.inf
     save(weak(plain), tmp_path, "seconds")
-
-
-@pytest.mark.parametrize(
-    ("cases", "functions", "shape"), [(3, 1, (1, 3)), (4, 1, (2, 2)), (2, 2, (2, 2)), (1, 2, (1, 2))]
-)
-def test_places_of_panels(cases, functions, shape):
-    names = [f"c{i}" for i in range(cases)]
-    groups = [weak_group("splitting", "multilevel", case=name, functions=functions) for name in names]
-    for i, group in enumerate(groups):
-        group.attributes["model_sigma"] = (0.5, float(i), math.nan)
-    fig = views.figure(weak(*groups))
-    spots = [ax.get_subplotspec() for ax in fig.axes]
-    assert (1 + max(s.rowspan.start for s in spots), 1 + max(s.colspan.start for s in spots)) == shape
-    assert len(fig.axes) == cases * functions
-    if cases > 1:
-        (second,) = (ax for ax in fig.axes if heading(ax).startswith("case c1, \\$5"))
-        assert "$\\sigma=(0.5,\\,1,\\,\\mathrm{off})$" in heading(second)
-
-
-@pytest.mark.share
-@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
-@pytest.mark.parametrize("which", ["all", "some"])
-def test_what_is_not_finite(value, which):
-    groups = one_scheme(panels=("errors", "samples", "seconds"))
-    for group in groups:
-        for name, (_, values) in group.variables.items():
-            if values.dtype == float and not name.startswith(("level", "order")):
-                values[..., : 1 if which == "some" else None] = value
-            elif name == "resolved":
-                values[..., : 1 if which == "some" else None] = False
-    rendered(views.figure(weak(*groups)))
 
 
 def test_paths_that_blow_up():
@@ -197,35 +144,6 @@ def test_no_bar_for_one_path_and_for_errors_of_0():
         assert all(np.ptp(segment[:, 1]) == 0 for segment in lines)
         bottom, top = ax.get_ylim()
         assert not error.any() or bottom < error.min() < error.max() < top
-
-
-def test_one_step_size():
-    groups = [
-        g._replace(coordinates={**g.coordinates, "h": H[:1]})
-        for g in one_scheme(panels=("errors", "samples", "seconds"))
-    ]
-    for group in groups:
-        for name, (axes, values) in group.variables.items():
-            if axes[-1:] == ("h",):
-                group.variables[name] = (axes, values[..., :1])
-            elif name.startswith("order"):
-                group.variables[name] = (axes, values * np.nan)
-    assert not any("order" in text for text in legend_texts(rendered(views.figure(weak(*groups)))))
-
-
-def test_only_schemes_with_prefixes_have_panels_of_seconds():
-    without = weak_group("splitting_order2", "plain", panels=("seconds",))
-    panels = [title(ax) for ax in views.figure(weak(*one_scheme(panels=("seconds",)), without)).axes]
-    assert panels == ["splitting, $h=2^{-5}$: accuracy", "splitting, $h=2^{-5}$: estimates"]
-
-
-def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
-    with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))
-    with pytest.raises(ValueError, match="no scheme"):
-        views.figure(weak())
 
 
 def test_formulas():

@@ -117,17 +117,6 @@ def test_one_path_and_levels_that_cost_the_same(results):
     assert " -0.01\n" in text
 
 
-def test_nonfinite_paths(results):
-    lines = [line for line in printed(results).splitlines() if line.startswith("splitting ") and "2^-3" in line]
-    assert lines[0].split()[-1] == "3" and "3" not in lines[1].split()[-1]
-
-
-def test_lost_references(results):
-    assert "reference paths" not in printed(results)
-    results.groups[0].attributes["reference_nonfinite"] = 3
-    assert printed(results).count("plain: 3 reference paths diverged (NaN or infinity)") == 1
-
-
 def test_agreement(results):
     """Sampled errors are off by one standard error, (error - exact) / stderr = 1, -1, ..."""
     records = views.rows(results)
