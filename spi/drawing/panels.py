@@ -7,7 +7,7 @@
     draw = Figures(PANELS, facts=("samples", "step"))
 
 Fields have the names that they have in files.  Axes, texts, units and intervals come from their description
-(``spi.storage.stored``), the points that count from the field ``resolved``.
+(``spi.storage.stored``).
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -75,6 +75,7 @@ class CurvePanel(NamedTuple):
     zero: bool = False
     top: float = plots.HUGE  #: larger values are only marked
     modulus: bool = False  #: whether the sign does not count
+    resolved: str = ""  #: a field with whether values are resolved; else those of intervals above 0 are, on log axes
     nan_diverged: bool = False  #: whether NaN means that paths diverged
     look: dict[str, Any] = {}  # noqa: RUF012
     same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
@@ -150,7 +151,7 @@ class CurvePanel(NamedTuple):
             ends = [np.abs(value) - half, np.abs(value) + half]
         value = np.abs(value) if self.modulus else value
         poor = ends[0] <= 0 if self.log and ends else np.zeros(value.shape, bool)
-        if (resolved := record.get("resolved")) is not None and record.by_name["resolved"].axes == numbers.axes:
+        if (resolved := record.get(self.resolved)) is not None:
             poor = ~self._taken(record, resolved, numbers.axes, place)
         if self.nan_diverged:
             value = np.where(np.isnan(value), np.inf, value)
@@ -206,8 +207,8 @@ _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "no
 
 def ErrorPanel(field: str, **options: Any) -> CurvePanel:
     """Moduli of errors against the step size on logarithmic axes, with reference slopes and fitted orders."""
-    given: dict[str, Any] = {"over": "h", "log": True, "modulus": True, "nan_diverged": True} | options
-    return CurvePanel(field, **given)
+    given: dict[str, Any] = {"over": "h", "log": True, "modulus": True, "nan_diverged": True, "resolved": "resolved"}
+    return CurvePanel(field, **given | options)
 
 
 def order_of(field: str = "order") -> Callable[[Any, int, int], str]:

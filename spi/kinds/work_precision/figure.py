@@ -48,9 +48,10 @@ def _facts(readings: Readings) -> dict[str, str]:
     return style.facts(readings[0], *names, estimator=estimator)
 
 
+_CASIMIR = r"Casimir error  $\max\,|C(y_h(t_n))-C(y_0)|$"
 PANELS = {
     "errors": [_over_time("error", note=panels.order_of(), then=_with_targets)],
-    "casimirs": [_over_time("casimir_drift", label=r"Casimir error  $\max\,|C(y_h(t_n))-C(y_0)|$", top=_SPOILT)],
+    "casimirs": [_over_time("casimir_drift", label=_CASIMIR, top=_SPOILT, resolved="")],
 }
 
 draw = panels.Figures(PANELS, _facts)
