@@ -103,9 +103,10 @@ class Plot(NamedTuple):
             entries += self._references(ax) + self._marks(ax)
         label = self.y if self.log or not self.series else _scaled(ax, self.y)
         ax.set(**{name: text for name, text in (("xlabel", self.x), ("ylabel", label)) if text})
+        entries += self.entries
         if self.own:
             entries += self.own(ax)
-        return [*entries, *self.entries], [end for line in self.series for end in _ends(ax, line)]
+        return entries, [end for line in self.series for end in _ends(ax, line)]
 
     def _scale(self, ax: Axes) -> None:
         grid(ax)
