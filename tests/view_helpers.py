@@ -85,10 +85,3 @@ def rendered(fig):
     with page.applied():
         FigureCanvasAgg(fig).draw()
     return fig
-
-
-def inches_of_panels(fig):
-    """(width, height) of each panel once the figure is laid out."""
-    fig.draw_without_rendering()
-    boxes = [ax.get_window_extent().transformed(fig.dpi_scale_trans.inverted()) for ax in fig.axes]
-    return [(box.width, box.height) for box in boxes]

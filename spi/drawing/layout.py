@@ -1,7 +1,7 @@
 """Figures of many panels: their places, letters and titles, and one legend."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 from typing import Any
 
@@ -78,13 +78,6 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
         look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
         fig.legend(artists, texts, loc="outside lower center", ncols=len(legend[0]), **look)
     return fig
-
-
-def check_panels(words: Iterable[str], allowed: Iterable[str]) -> None:
-    """Raise ValueError if one of the words is not the name of an `allowed` panel."""
-    for word in words:
-        if word not in allowed:
-            raise ValueError(f"{word!r} is not a known panel; known panels: {', '.join(allowed)}")
 
 
 def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Plot | None]]:

@@ -2,12 +2,12 @@
 
     PANELS = {
         "mean": [CurvePanel("mean", over="t", facet="function", label="mean of ${f}$", reference="reference")],
-        "histogram": [HistogramPanel("histogram.density", "bin_low", "bin_width", at=lambda record: -1)],
+        "histogram": [HistogramPanel("density", "bin_low", "bin_width", at=lambda record: -1)],
     }
     draw = Figures(PANELS, facts=("samples", "step"))
 
-Axes, texts and units come from the description of the field (``spi.storage.stored``); its interval from ``X_low`` and
-``X_high``, ``X_half`` or ``X_stderr`` beside the field X; the points that count from the field ``resolved``.
+Fields have the names that they have in files.  Axes, texts, units and intervals come from their description
+(``spi.storage.stored``).
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,8 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..storage.records import INTERVAL, Order
-from ..storage.stored import Described, Stored, interval_ends
+from ..storage.records import Order
+from ..storage.stored import Estimate, Stored
 from . import layout, plots, style
 
 _LINES = 4  # shades of one colour that can be told apart
@@ -29,60 +29,10 @@ Records = Sequence[Any]
 Looks = style.Looks
 
 
-class Values(NamedTuple):
-    """A field of a record: its values, their intervals, and the names of the axes."""
-
-    owner: Any  #: the record, perhaps a nested one, that has the field
-    name: str
-    values: plots.Array
-    axes: tuple[str, ...]
-    text: str  #: with its unit, if that is one
-
-    def beside(self, suffix: str) -> plots.Array | None:
-        """The field whose name has a suffix, as ``_stderr``; None if there is none."""
-        field: plots.Array | None = getattr(self.owner, self.name + suffix, None)
-        return field
-
-    def interval(self, factor: float, own: Any = None, record: Any = None) -> tuple[plots.Array, ...]:
-        """The ends of the 95 % intervals, half as wide as `factor` standard errors or as `own`; () without any."""
-        low, high, half, stderr = (self.beside(suffix) for suffix in ("_low", "_high", "_half", "_stderr"))
-        if own is not None:
-            return interval_ends(self.values, None, None, own(record), None, factor) or ()
-        return interval_ends(self.values, low, high, half, stderr, factor) or ()
-
-
-def values_of(record: Any, field: str, axes: str = "") -> Values | None:
-    """A field such as ``law.distance`` with its axes, or with those given; None where the record has none."""
-    owner, outer, meaning = record, (), None
-    *parents, name = field.split(".")
-    for parent in parents:
-        outer += next((one.meaning.axes for one in owner.described if one.name == parent), ())
-        if (owner := getattr(owner, parent, None)) is None:
-            return None
-    if (values := getattr(owner, name, None)) is None:
-        return None
-    meaning = next((one.meaning for one in owner.described if one.name == name), None)
-    names = tuple(axes.split()) or outer + (meaning.axes if meaning else ())
-    text = meaning.text if meaning else name.replace("_", " ")
-    unit = f" ({meaning.unit})" if meaning and meaning.unit in _UNITS else ""
-    return Values(owner, name, np.asarray(values, float), names, text + unit)
-
-
-def axis_of(record: Described, name: str) -> plots.Array | None:
-    """The values along an axis of a record or of one nested in it; None if no field describes it."""
-    for field in record.described:
-        inner = getattr(record, field.name)
-        if field.meaning.is_axis and name in (field.name, field.meaning.name) and inner is not None:
-            return np.asarray(inner)
-        if field.is_record and inner is not None and (values := axis_of(inner, name)) is not None:
-            return values
-    return None
-
-
-def names_along(record: Any, axis: str, count: int) -> list[str]:
+def names_along(record: Stored, axis: str, count: int) -> list[str]:
     """The name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
     if axis in ("function", "variable"):
-        return [style.maths(str(name), record.about.variables) for name in np.asarray(axis_of(record, axis)).tolist()]
+        return [style.maths(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
     symbols = {"casimir": "C", "number": r"\lambda"}
     if axis == "component":
         return style.component_names(record.about, count)
@@ -110,9 +60,9 @@ class CurvePanel(NamedTuple):
     over: str
     facet: str = ""  #: an axis with a panel for each place
     lines: str = ""  #: an axis with a line, in a shade of its own, for each of a few places
-    label: str = ""  #: of the vertical axis, with {f} for the name along `facet` in mathtext; by default the text
+    label: str = ""  #: of the vertical axis, with {name} or {f}, the name along `facet`; by default the text
     x: str = ""  #: label of the horizontal axis
-    axes: str = ""  #: of a property, which has no description
+    scale: str = ""  #: of that axis, if not the one that suits it
     at: Mapping[str, Callable[[Any], int | None]] = {}  #: places along other axes; None leaves a record out
     along: Callable[[Any, int], plots.Array] | None = None  #: the places of the values, instead of those along `over`
     half: Callable[[Any], plots.Array] | None = None  #: half the intervals, instead of those beside the field
@@ -123,30 +73,32 @@ class CurvePanel(NamedTuple):
     slopes: Sequence[float] | Callable[[Records], Sequence[float]] = ()
     log: bool = False
     zero: bool = False
-    band: bool | None = None  #: whether the interval is a band; None: of lines over time
-    shared: bool = False  #: whether all facets have one vertical axis
     top: float = plots.HUGE  #: larger values are only marked
     modulus: bool = False  #: whether the sign does not count
+    resolved: str = ""  #: a field with whether values are resolved; else those of intervals above 0 are, on log axes
     nan_diverged: bool = False  #: whether NaN means that paths diverged
     look: dict[str, Any] = {}  # noqa: RUF012
     same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
     only: Callable[[Any, int], bool] = lambda record, place: True  #: the places along `facet` that are shown
     then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
 
+    def numbers(self, record: Stored) -> Estimate | None:
+        """The numbers of a record, the largest along axes that the panel lacks; None if there is nothing to draw."""
+        numbers = record.estimate(self.field)
+        if numbers is None or not numbers.value.size or any(place(record) is None for place in self.at.values()):
+            return None
+        for axis in [axis for axis in numbers.axes if axis not in (self.over, self.facet, self.lines, *self.at)]:
+            numbers = numbers.without(axis, np.max)
+        return numbers if self.nan_diverged or np.isfinite(numbers.value).any() else None
+
     def expand(self, records: Records, looks: Looks) -> Iterator[Any]:
         """The panels of one case."""
-        pairs = [(record, values) for record in records if (values := values_of(record, self.field, self.axes))]
-        pairs = [
-            (record, values)
-            for record, values in pairs
-            if (self.nan_diverged or np.isfinite(values.values).any())
-            and all(place(record) is not None for place in self.at.values())
-        ]
+        pairs = [(record, numbers) for record in records if (numbers := self.numbers(record))]
         if not pairs:
             return
-        first, values = pairs[0]
-        everything = np.concatenate([values.values.ravel() for _, values in pairs])
-        count = values.values.shape[values.axes.index(self.facet)] if self.facet else 1
+        first, numbers = pairs[0]
+        everything = np.concatenate([numbers.value.ravel() for _, numbers in pairs])
+        count = numbers.value.shape[numbers.axes.index(self.facet)] if self.facet else 1
         names = names_along(first, self.facet, count) if self.facet else [""]
         shown = [record for record, _ in pairs]
         drawn = [
@@ -158,54 +110,53 @@ class CurvePanel(NamedTuple):
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
 
-    def _plot(self, pairs: Sequence[tuple[Any, Values]], looks: Looks, place: int, name: str) -> plots.Plot:
-        first, values = pairs[0]
+    def _plot(self, pairs: Sequence[tuple[Any, Estimate]], looks: Looks, place: int, name: str) -> plots.Plot:
+        first, meaning = pairs[0][0], pairs[0][0].by_name[self.field].meaning
         drawn = [line for record, own in pairs for line in self._lines(record, own, looks, place, len(pairs))]
-        scale = "steps" if self.over == "h" else "log" if self.over == "n" else "linear"
+        scale = self.scale or {"h": "steps", "n": "log"}.get(self.over, "linear")
         own: plots.Draw | None = None
         if self.over == "value":
             at = plots.places(np.concatenate([line.x for line in drawn]))
             drawn, scale = [line._replace(x=at.of(line.x)) for line in drawn], at.scale
             own = at.dress
         across, theory = self._theory(pairs, place)
-        if self.lines:
-            own = _shades(own, first, self.lines)
+        text = style.plain(meaning.text) + f" ({meaning.unit})" * (meaning.unit in _UNITS)
         return plots.Plot(
             [*drawn, *theory],
             style.long_title(first, self.facet, place),
             self.x or style.axis_label(first, self.over),
-            self.label.format(f=name.strip("$"))
-            if self.label
-            else " of ".join(filter(None, (style.plain(values.text), name))),
+            self.label.format(f=name.strip("$"), name=name) if self.label else " of ".join(filter(None, (text, name))),
             scale,
             self.log,
             across=across,
             slopes=self.slopes([record for record, _ in pairs]) if callable(self.slopes) else self.slopes,
             zero=self.zero,
             top=self.top,
-            shared=self.shared and place > 0,
             own=own,
+            entries=list(_shades(first, self.lines)) if self.lines else (),
         )
 
-    def _lines(self, record: Any, values: Values, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
+    def _lines(self, record: Any, numbers: Estimate, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
         """The lines of one scheme."""
-        x = axis_of(record, self.over) if self.along is None else self.along(record, place)
-        factor = self.factor(record, place)
+        x = record.get(self.over) if self.along is None else self.along(record, place)
+        if self.half is not None:
+            half = self.half(record)
+            numbers = numbers._replace(low=numbers.value - half, high=numbers.value + half)
         value, *ends = (
-            factor * self._taken(record, array, values.axes, place)
-            for array in (values.values, *values.interval(getattr(record, "interval", INTERVAL), self.half, record))
+            self.factor(record, place) * self._taken(record, array, numbers.axes, place)
+            for array in (numbers.value, *([] if numbers.exact else (numbers.low, numbers.high)))
         )
         if self.modulus and ends:
             half = np.abs(ends[1] - ends[0]) / 2
             ends = [np.abs(value) - half, np.abs(value) + half]
         value = np.abs(value) if self.modulus else value
         poor = ends[0] <= 0 if self.log and ends else np.zeros(value.shape, bool)
-        if (resolved := values_of(record, "resolved")) and resolved.axes == values.axes:
-            poor = self._taken(record, resolved.values, values.axes, place) < 0.5
+        if (resolved := record.get(self.resolved)) is not None:
+            poor = ~self._taken(record, resolved, numbers.axes, place)
         if self.nan_diverged:
             value = np.where(np.isnan(value), np.inf, value)
-        band = self.over in ("t", "lag") if self.band is None else self.band
-        alone = schemes == 1 and self.over in ("t", "lag")  # a single curve needs no markers, which look like data
+        in_time = self.over in ("t", "lag")
+        alone = schemes == 1 and in_time  # a single curve needs no markers, which look like data
         look = scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look
         text = style.label(record.about)
         rows = plots.spread(len(value), _LINES) if self.lines else [0]
@@ -213,7 +164,7 @@ class CurvePanel(NamedTuple):
             mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
             more = dict(zip(("low", "high"), mine[2:], strict=False)) | {"note": self.note(record, place, row)}
             own = look | ({"color": plots.shade(str(look["color"]), i, len(rows))} if i else {})
-            yield plots.series(x, mine[0], own, text * (i == 0), poor=mine[1], band=band, **more)
+            yield plots.series(x, mine[0], own, text * (i == 0), poor=mine[1], band=in_time and bool(ends), **more)
 
     def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
         """The part of an array at one place along the facet: (lines, over), or (over,), or a number."""
@@ -226,34 +177,29 @@ class CurvePanel(NamedTuple):
         return taken.T if turned else taken
 
     def _theory(
-        self, pairs: Sequence[tuple[Any, Values]], place: int
+        self, pairs: Sequence[tuple[Any, Estimate]], place: int
     ) -> tuple[list[tuple[float, str]], list[plots.Series]]:
         """Values of theory: a number for the whole panel, or a line."""
-        *parents, _ = self.field.split(".")
         for record, _ in pairs if self.reference else ():
-            theory = values_of(record, ".".join([*parents, self.reference]))
-            if theory is None:
+            if (theory := record.estimate(self.reference)) is None:
                 continue
-            values = self.factor(record, place) * self._taken(record, theory.values, theory.axes, place)
+            values = self.factor(record, place) * self._taken(record, theory.value, theory.axes, place)
             there = np.isfinite(values)
             if values.ndim == 0 and there:
                 return [(float(values), self.reference_name)], []
             if values.ndim and there.any():
                 look = plots.THEORY if there.all() else _SOMETIMES
-                x = np.asarray(axis_of(record, self.over))[there]
-                return [], [plots.series(x, values[there], look, self.reference_name)]
+                return [], [plots.series(record.get(self.over)[there], values[there], look, self.reference_name)]
         return [], []
 
 
-def _shades(own: plots.Draw | None, record: Any, axis: str) -> plots.Draw:
-    """The drawing of `own`, and entries for the places along an axis whose lines differ in shade."""
-    values = np.asarray(axis_of(record, axis))
+def _shades(record: Any, axis: str) -> Iterator[plots.Entry]:
+    """Entries of the legend for the places along an axis whose lines differ in shade; none for a single one."""
+    values = record.get(axis)
     rows = plots.spread(len(values), _LINES)
-    shades = [plots.Line2D([], [], color=plots.shade("#000000", i, len(rows)), linewidth=3) for i in range(len(rows))]
-    entries: list[plots.Entry] = [
-        (handle, style.value_of(axis, values[row])) for handle, row in zip(shades, rows, strict=True) if len(rows) > 1
-    ]
-    return lambda ax: [*(own(ax) if own else []), *entries]
+    for i, row in enumerate(rows if len(rows) > 1 else ()):
+        shade = plots.Line2D([], [], color=plots.shade("#000000", i, len(rows)), linewidth=3)
+        yield shade, style.value_of(axis, values[row])
 
 
 _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
@@ -261,8 +207,8 @@ _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "no
 
 def ErrorPanel(field: str, **options: Any) -> CurvePanel:
     """Moduli of errors against the step size on logarithmic axes, with reference slopes and fitted orders."""
-    given: dict[str, Any] = {"over": "h", "log": True, "modulus": True, "nan_diverged": True} | options
-    return CurvePanel(field, **given)
+    given: dict[str, Any] = {"over": "h", "log": True, "modulus": True, "nan_diverged": True, "resolved": "resolved"}
+    return CurvePanel(field, **given | options)
 
 
 def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
@@ -290,39 +236,35 @@ class HistogramPanel(NamedTuple):
 
     def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
         """The panels of one case."""
-        pairs = [(record, values) for record in records if (values := values_of(record, self.field))]
-        pairs = [(record, values) for record, values in pairs if self.at(record) is not None]
-        if not pairs:
+        shown = [record for record in records if record.get(self.field) is not None and self.at(record) is not None]
+        if not shown:
             return
-        first, values = pairs[0]
-        along = values.axes.index("function")
-        for f, name in enumerate(names_along(first, "function", values.values.shape[along])):
-            if not self.only(first, f):
+        along = shown[0].by_name[self.field].axes.index("function")
+        for f, name in enumerate(names_along(shown[0], "function", shown[0].get(self.field).shape[along])):
+            if not self.only(shown[0], f):
                 continue
             lines: list[plots.Series] = []
-            for record, own in pairs:
-                index: Any = (f, self.at(record)) if along == 0 else (self.at(record), f)
-                lines = [*self._lines(record, own, index, looks), *lines]
+            for record in shown:
+                index = (f, self.at(record)) if along == 0 else (self.at(record), f)
+                lines = [*self._lines(record, index, looks), *lines]
             lines.sort(key=lambda line: line.label == "exact")
             peak = max(float(np.nanmax(line.y, initial=0.0)) for line in lines)
-            title, label = style.long_title(first, "function", f), self.label.format(f=name.strip("$"))
+            title, label = style.long_title(shown[0], "function", f), self.label.format(f=name.strip("$"))
             yield plots.Plot(lines, title, name, label, ylim=(0.0, 1.12 * peak or 1.0))
 
-    def _lines(self, record: Any, values: Values, index: Any, looks: Looks) -> Iterator[plots.Series]:
+    def _lines(self, record: Any, index: Any, looks: Looks) -> Iterator[plots.Series]:
         """The density of one scheme without the empty cells at both ends, and that of theory."""
-        fields = (values.name, f"{values.name}_stderr", self.exact or values.name)
-        density, stderr, exact = (np.asarray(getattr(values.owner, name))[index] for name in fields)
-        low, width = (getattr(values.owner, name)[index] for name in (self.low, self.width))
+        density, bottom, top = (array[index] for array in record.estimate(self.field)[1:])
+        exact, low, width = (record.get(name)[index] for name in (self.exact or self.field, self.low, self.width))
         used = np.flatnonzero((density > 0) | (exact > 0))
         cells = slice(used[0], used[-1] + 1) if len(used) else slice(None)
-        middle = low + width * (np.arange(len(density)) + 0.5)
-        half = getattr(record, "interval", INTERVAL) * np.nan_to_num(stderr)
+        x = (low + width * (np.arange(len(density)) + 0.5))[cells]
         has_exact = bool(self.exact) and np.isfinite(exact).any()
         own = {"linestyle": "none", "markersize": 4.0} if has_exact else {"drawstyle": "steps-mid", "marker": ""}
-        look = scheme_look(record, looks) | own
-        yield plots.series(middle[cells], density[cells], look, style.label(record.about), half[cells])
+        look, ends = scheme_look(record, looks) | own, {"low": bottom[cells], "high": top[cells]}
+        yield plots.series(x, density[cells], look, style.label(record.about), **ends)
         if has_exact:
-            yield plots.series(middle[cells], exact[cells], plots.THEORY, "exact")
+            yield plots.series(x, exact[cells], plots.THEORY, "exact")
 
 
 class MapPanel(NamedTuple):
@@ -379,7 +321,8 @@ class Figures(NamedTuple):
     def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
         """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
         words = getattr(records[0], "panels", None) or tuple(self.panels)
-        layout.check_panels(words, self.panels)
+        if unknown := [word for word in words if word not in self.panels]:
+            raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
         groups: list[list[plots.Plot]] = []
         same: list[list[plots.Plot]] = []
         for word in words:

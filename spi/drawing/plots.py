@@ -88,10 +88,10 @@ class Plot(NamedTuple):
     zero: bool = False  #: whether a line marks 0
     top: float = HUGE  #: values beyond do not widen the axis
     own: Draw | None = None
+    entries: Sequence[Entry] = ()  #: further ones of the legend
     aspect: float = 0.74  #: height over width, with labels
     projection: str | None = None
     shared: bool = False  #: whether its vertical axis is that of the panel to the left
-    heading: str = ""  #: the case, above the title
 
     def draw(self, ax: Axes) -> tuple[list[Entry], list[End]]:
         """Draw on an axes; returns the entries of its legend and the ends of its lines."""
@@ -103,6 +103,7 @@ class Plot(NamedTuple):
             entries += self._references(ax) + self._marks(ax)
         label = self.y if self.log or not self.series else _scaled(ax, self.y)
         ax.set(**{name: text for name, text in (("xlabel", self.x), ("ylabel", label)) if text})
+        entries += self.entries
         if self.own:
             entries += self.own(ax)
         return entries, [end for line in self.series for end in _ends(ax, line)]

@@ -299,12 +299,11 @@ def maths(text: str, variables: tuple[str, ...] = ()) -> str:
 
 def long_title(record: Any, facet: str, place: int) -> str:
     """The title of the panel of one function: its name and formula, where they are not one."""
-    owner: Any = next((one for one in (record, getattr(record, "averages", None)) if hasattr(one, "functions")), None)
-    texts = getattr(owner, "texts", None) or getattr(owner, "formulas", None)
-    if facet != "function" or texts is None or owner.functions[place] == texts[place] or len(owner.functions) == 1:
+    names, texts = record.get("function"), record.get("texts")
+    if facet != "function" or texts is None or len(names) == 1 or names[place] == texts[place]:
         return ""
     text = texts[place]
-    return plain(owner.functions[place]) + (f": {maths(text, record.about.variables)}" if len(text) < _LONG else "")
+    return plain(names[place]) + (f": {maths(text, record.about.variables)}" if len(text) < _LONG else "")
 
 
 def value_of(axis: str, value: float) -> str:

@@ -1,61 +1,20 @@
 """The kinds of experiment, one folder each: the only place that lists them.
 
-A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
-needed, with the contents that the protocols below describe.  Any stands there for types of the kind itself: the class
-of its keys and the record of its results.
+A kind is a folder, or one file, with four modules, which are imported when they are first needed:
+
+* ``keys``: ``Case``, the keys of a case in a spec file, a subclass of ``spi.specs.BaseCase``;
+* ``study``: ``parts(case)``, the parts of a case in the order in which they are computed; ``plan(case, part)``, a
+  ``spi.kinds.plans.Plan`` that is ready to run; and perhaps ``remarks(case)``, warnings about what is left out or
+  changed;
+* ``results``: ``Record``, a subclass of ``spi.storage.stored.Stored``, the one description of what a study gives, and a
+  file holds, of a part; and perhaps ``rows(readings)``, rows of CSV and JSON beside those of each record;
+* ``figure``: ``draw = Figures(PANELS, FACTS)``, see ``spi.drawing.panels``, and perhaps a function ``film``.
 
 A new kind is such a folder and a line in KINDS.
 """
 
-from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
-
-from spi.storage.records import Part
-
-if TYPE_CHECKING:  # what takes a while to import
-    from spi.drawing import Figure
-    from spi.specs import BaseCase
-    from spi.storage.stored import Stored
-
-    from .plans import Plan
-
-
-class KeysModule(Protocol):
-    """``keys``: what may stand in a spec file."""
-
-    @property
-    def Case(self) -> "type[BaseCase]":
-        """The keys of a case."""
-
-
-class StudyModule(Protocol):
-    """``study``: what is computed."""
-
-    def parts(self, case: Any) -> list[Part]:
-        """The parts of a case in the order in which they are computed."""
-
-    def plan(self, case: Any, part: Part) -> "Plan":
-        """One part, ready to run."""
-
-    # remarks(case) -> Iterator[str] may be added: warnings about parts of a case that are left out or changed
-
-
-class ResultsModule(Protocol):
-    """``results``: the one description of what a study gives, and a file holds, of a part."""
-
-    @property
-    def Record(self) -> "type[Stored]":
-        """The record: of each field axes, text, unit and claim; its tables, rows and remarks; properties."""
-
-    # rows(readings) -> Iterator[dict[str, Any]] may be added: rows of CSV and JSON beside those of each record
-
-
-class FigureModule(Protocol):
-    """``figure``: ``draw = Figures(PANELS, FACTS)``, see ``spi.drawing.panels``, and perhaps a function ``film``."""
-
-    def draw(self, title: str, cases: Sequence[Sequence[Any]]) -> "Figure":
-        """The matplotlib figure of the results of each case."""
+from typing import Any
 
 
 class Folder:
@@ -75,11 +34,6 @@ class Folder:
 
 class Kind(Folder):
     """The modules of a kind of experiment, ``kind.keys`` and so on."""
-
-    keys: KeysModule
-    study: StudyModule
-    results: ResultsModule
-    figure: FigureModule
 
     MODULES = ("keys", "study", "results", "figure")
 

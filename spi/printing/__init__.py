@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .text import fraction, is_odd, new_console, new_table, print_lines, printable
+from .text import fraction, new_console, new_table, printable
 
 if TYPE_CHECKING:
     from ..schemes import Scheme  # a compiler comes with it
@@ -16,7 +16,7 @@ def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
 
     Without `unicode` it is ASCII.
     """
-    plain = [{key: None if is_odd(value) else value for key, value in record.items()} for record in records]
+    plain = _with_odd(records, lambda value: None)
     return json.dumps(plain, indent=2, ensure_ascii=not unicode, allow_nan=False)
 
 
@@ -24,13 +24,22 @@ def as_csv(records: list[dict[str, Any]]) -> str:
     """CSV with a header; infinities and nan are written ``inf`` and ``nan``, what a record lacks stays empty."""
     from pandas import DataFrame
 
-    plain = [{key: str(value) if is_odd(value) else value for key, value in record.items()} for record in records]
-    return DataFrame(plain, dtype=object).to_csv(index=False)
+    return DataFrame(_with_odd(records, str), dtype=object).to_csv(index=False)
+
+
+def _with_odd(records: Iterable[dict[str, Any]], word: Callable[[float], Any]) -> list[dict[str, Any]]:
+    """The records with words for infinities and nan."""
+    return [
+        {key: word(it) if isinstance(it, float) and not math.isfinite(it) else it for key, it in record.items()}
+        for record in records
+    ]
 
 
 def print_safely(lines: Iterable[str]) -> None:
     """Print lines as long as they are, without what a terminal would take for commands."""
-    print_lines(new_console(None), map(printable, lines))
+    console = new_console(None)
+    for line in lines:
+        console.print(printable(line), markup=False, soft_wrap=True)
 
 
 def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:

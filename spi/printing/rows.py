@@ -1,15 +1,11 @@
-"""The rows of JSON and CSV, whose columns are what the record of a result says, and results of unknown kinds."""
+"""The rows of JSON and CSV, whose columns are what the record of a result says."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from spi.storage.records import Group
 from spi.storage.stored import Entry, Stored
-
-from .tables import Cell, Grid
-from .text import interval_text
 
 Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
@@ -66,29 +62,3 @@ def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
         return {f"{name}[{label}]": (rest, part) for label, part in zip(labels, parts, strict=True)}
     template = template or (f"{name}_{{}}" if len(parts) > 1 else name)
     return {template.format(number): (rest, part) for number, part in enumerate(parts, 1)}
-
-
-def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:
-    """A row per point of the first axis of results of an unknown kind; further axes are spread over columns."""
-    if not group.coordinates:
-        return
-    first = next(iter(group.coordinates))
-    for i in range(len(group.coordinates[first])):
-        record = {"case": group.case, "scheme": group.variant, first: group.coordinates[first][i].item()}
-        for name, (axes, values) in group.variables.items():
-            if axes == (first,):
-                record[name] = values[i].item()
-            elif axes[:1] == (first,):
-                record.update({f"{name}[{','.join(map(str, j))}]": v.item() for j, v in np.ndenumerate(values[i])})
-        yield record
-
-
-def tables_of_groups(groups: Iterable[Group]) -> Iterator[Grid | Cell]:
-    """A table of all numbers of each group of results of an unknown kind, and its attributes."""
-    for group in groups:
-        rows = [dict(list(row.items())[2:]) for row in rows_of_group(group)]  # without case and scheme
-        cells = [[Cell(interval_text(value, form=".6g")) for value in row.values()] for row in rows]
-        title = f"{group.case}: {group.attributes.get('scheme_label', group.variant)}"
-        yield Grid(title, list(rows[0]) if rows else [], [cells], 0)
-        scalars = {name: values.item() for name, (axes, values) in group.variables.items() if not axes}
-        yield from (Cell(f"{name}: {value}") for name, value in {**scalars, **group.attributes}.items())

@@ -58,12 +58,6 @@ def print_whole(console: "Console", table: "Table") -> None:
     console.size = size
 
 
-def print_lines(console: "Console", lines: Iterable[str], style: str | None = None) -> None:
-    """Print lines as they are, however long."""
-    for line in lines:
-        console.print(line, style=style, markup=False, soft_wrap=True)
-
-
 def room(console: "Console") -> float:
     """The width of a terminal; a file or a pipe has room for everything."""
     return console.width if console.is_terminal else math.inf
@@ -227,11 +221,6 @@ def angle_note(largest: float) -> str:
     if not largest > LARGE_ANGLE:
         return ""
     return f"angles up to {largest:.1e} rad, which double precision knows to about {largest * 2.0**-52:.0e} rad"
-
-
-def is_odd(value: object) -> bool:
-    """Whether a value is infinite or nan."""
-    return isinstance(value, float) and not math.isfinite(value)
 
 
 def joined(parts: Sequence[str]) -> str:

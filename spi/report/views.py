@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
-from ..printing.rows import rows_of, rows_of_group, tables_of_groups
+from ..printing.rows import rows_of
 from ..printing.tables import Cell, Grid, printed, show_items
 from ..printing.text import new_console, printable
 from ..statistics import claims
@@ -54,9 +54,11 @@ def _whole(read: list[Stored]) -> Whole:
 def readings(results: Results) -> list[Stored]:
     """The groups as the records of the kind, see ``kinds/*/results.py``.
 
-    StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
+    StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
+    version of spi wrote.
     """
-    kind = results.attributes["kind"]
+    if (kind := results.attributes.get("kind")) not in KINDS:
+        raise StorageError(f"these are results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
     return [_reading(kind, group) for group in results.groups]
 
 
@@ -90,8 +92,6 @@ def rows(results: Results) -> list[dict[str, Any]]:
 
     Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
     """
-    if results.attributes.get("kind") not in KINDS:
-        return [row for group in results.groups for row in rows_of_group(group)]
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
     own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
@@ -114,10 +114,7 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
 
 
 def show(results: Results, console: Any) -> None:
-    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
-
-    Of results of an unknown kind all numbers are printed.
-    """
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
     cases = list(by_cases(results))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
@@ -130,9 +127,6 @@ def show(results: Results, console: Any) -> None:
 
 def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
     """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
-    if results.attributes.get("kind") not in KINDS:
-        yield list(tables_of_groups(results.groups)), []
-        return
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
     for whole in swept:

@@ -5,11 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
 from strong_results import strong_group
-from view_helpers import bars_of, edge, legend_texts, line_of, points_of, title
+from view_helpers import bars_of, edge, legend_texts, line_of, points_of
 
 from spi.drawing import fitting, layout, page, panels, plots, style
 from spi.kinds.lyapunov.results import Exponents
@@ -68,11 +67,6 @@ def test_places_of_panels(groups, cases, shape):
 def test_no_figure_is_much_higher_than_wide(groups):
     width, height = arranged(*groups).get_size_inches()
     assert height <= 1.4 * width
-
-
-def test_letters_where_there_are_several_panels():
-    assert [ax.get_title("left").strip() for ax in arranged(3).axes] == ["(a)", "(b)", "(c)"]
-    assert arranged(1).axes[0].get_title("left") == ""
 
 
 def test_a_title_without_room_beside_the_notes_at_lines_is_broken():
@@ -193,8 +187,3 @@ def test_a_quantity_that_is_one_number_is_a_fact_beside_others():
     fig = both("A", [[record]])
     assert len(fig.axes) == 1 and "all exponents: 0" in fig.texts[1].get_text()
     assert len(panels.Figures({"lyapunov": [same], "pullback": []})("A", [[record]]).axes) == 2  # where it is all
-
-
-def test_the_title_of_a_panel_is_its_function_where_that_has_a_name():
-    fig = layout.arranged("A", [(["a"], [[plots.Plot([plots.series(H, H, LOOK)], title="energy: $H$")]])], [])
-    assert isinstance(fig, Figure) and title(fig.axes[0]) == "energy: $H$"

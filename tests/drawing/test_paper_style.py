@@ -1,6 +1,5 @@
 """Figures for papers: their width, their letters, that no text lies on another, and that they need no colours."""
 
-import itertools
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +7,7 @@ import pytest
 import yaml
 from damage import call
 from equilibrium_results import averages_group, equilibrium, equilibrium_group
-from figure_checks import alike_without_colours, collisions, lightness
-from matplotlib import colormaps
+from figure_checks import alike_without_colours, collisions
 from stability_results import stability, stability_group
 from strong_results import LABELS, H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -18,7 +16,6 @@ from work_results import work_results
 
 from spi import storage
 from spi.drawing import page, style
-from spi.kinds.trajectory import figure_fields as fields
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Order
@@ -88,28 +85,6 @@ def test_title_and_parameters_are_the_caption():
     assert "T=1" in style.caption(fig) and "500 samples" in style.caption(fig)
 
 
-@pytest.mark.parametrize(
-    ("style", "width", "font", "message"),
-    [
-        ("paper", "three", None, "width: is 'three'; must be one or two"),
-        ("paper", "1in", None, "2.5 to 20 inches"),
-        ("paper", None, "DejaVu Serf", "did you mean 'DejaVu Serif'"),
-        ("screen", "one", None, "width: is for figures in the style paper only"),
-        ("print", None, None, "style: is 'print'; must be screen or paper"),
-    ],
-)
-def test_what_is_no_style(style, width, font, message):
-    with pytest.raises(ValueError, match=message):
-        page.named(style, width, font)
-
-
-def test_schemes_and_their_variants_need_no_colours():
-    markers = [row.look[0] for row in SCHEMES.values()]
-    assert len(set(markers)) == len(markers)
-    assert all(len(set(sequence)) == len(sequence) for sequence in style.SEQUENCES)
-    assert not any(set(a) & set(b) for a, b in itertools.combinations(style.SEQUENCES, 2))
-
-
 def test_no_two_schemes_of_an_experiment_have_one_colour():
     for path in Path("experiments").glob("*.yaml"):
         spec = yaml.safe_load(path.read_text())
@@ -130,14 +105,6 @@ def test_numbers_of_few_digits_are_exact():
     assert shown == ["0.03125", "-0.6", "2/3", "10^{-6}", r"3\cdot10^{8}", "0.454"]
 
 
-def test_scales_of_colours_are_scales_of_lightness():
-    """Of a value from low to high, or of its modulus where it has a sign."""
-    for name in (*style.RAMPS, fields.TIMES):
-        assert (np.diff(lightness(colormaps[name](np.linspace(0, 1, 65)))) > 0).all()
-    both = lightness(colormaps[fields.SIGNED](np.linspace(0, 1, 65)))
-    assert (np.diff(both)[:32] > 0).all() and (np.diff(both)[32:] < 0).all()
-
-
 def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     storage.write("r.h5", errors(1))
@@ -154,6 +121,7 @@ def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch
         (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
         (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is not an installed TrueType family"),
         (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
+        (["--style", "paper", "--width", "1in"], "--width: is '1in'; must be one or two (columns), or a length of 2.5"),
     ],
 )
 def test_a_wrong_option_is_refused_in_one_line(options, message, tmp_path, monkeypatch):

@@ -1,18 +1,13 @@
 """Figures of strong errors, and what all figures share: what is drawn, not how it looks."""
 
-import copy
-
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
-from matplotlib.markers import CARETUP
 from strong_results import LABELS, H, strong, unresolved
 from strong_results import strong_group as group_of
-from view_helpers import bars_of, edge, heading, legend_texts, line_of, points_of, rendered, save, title
+from view_helpers import heading, legend_texts, line_of, points_of, rendered, save, title
 
 from spi.drawing import style
 from spi.report import views
-from spi.schemes import SCHEMES
 from spi.storage.records import Order
 
 
@@ -66,36 +61,6 @@ def test_strong_panel(results):
     ]
 
 
-def test_markers_and_points(results):
-    (ax,) = views.figure(results).axes
-    for (scheme, label), marker in zip(LABELS.items(), "xoD", strict=True):
-        line = line_of(ax, label)
-        assert line.get_marker() == marker and line.get_markerfacecolor() == "none"
-        assert to_hex(line.get_color()).upper() == SCHEMES[scheme].look[1]
-        (group,) = (group for group in results.groups if group.variant == scheme)
-        error = group.variables["error"][1]
-        shown = error[np.isfinite(error) & group.variables["resolved"][1]]
-        np.testing.assert_array_equal(np.sort(points_of(ax, label)[:, 1]), np.sort(shown))
-    pale = [line for line in ax.lines if line.get_alpha()]
-    assert len(pale) == 1 and pale[0].get_linestyle() == "None" and pale[0].get_xdata().tolist() == [2**-13]
-    assert [x for x, _ in edge(ax, CARETUP)] == [2**-5]
-
-
-def test_five_cases_leave_one_place_free():
-    groups = [strong_group("splitting", case) for case in ("one", "two", "three", "four", "five")]
-    fig = views.figure(strong(*groups))
-    assert [ax.get_title("left").strip() for ax in fig.axes] == [f"({letter})" for letter in "abcde"]
-    assert [heading(ax).splitlines()[0] for ax in fig.axes][:2] == [r"case one, \$5", r"case two, \$5"]
-    assert {ax.get_subplotspec().colspan.start for ax in fig.axes} == {0, 1, 2}
-
-
-def test_error_bars_are_95_percent(results):
-    (ax,) = views.figure(results).axes
-    error = np.sort(results.groups[-1].variables["error"][1])
-    _, low, high = bars_of(ax, LABELS["splitting"])
-    np.testing.assert_allclose(high - low, 2 * 1.96 * 0.02 * error)
-
-
 def test_slopes_keep_off_the_data(results):
     (ax,) = views.figure(results).axes
     points = np.concatenate([points_of(ax, label) for label in LABELS.values()])
@@ -104,15 +69,6 @@ def test_slopes_keep_off_the_data(results):
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(order)
         ratio = points[:, 1] / (y[0] * (points[:, 0] / x[0]) ** order)
         assert (ratio < 0.7).all() if above else (ratio > 1.4).all()
-
-
-def test_plotting_changes_nothing(results):
-    before = copy.deepcopy(results)
-    views.figure(results)
-    for one, other in zip(results.groups, before.groups, strict=True):
-        assert one.attributes == other.attributes
-        for name, (_, values) in one.variables.items():
-            np.testing.assert_array_equal(values, other.variables[name][1])
 
 
 def test_cases_side_by_side(results):

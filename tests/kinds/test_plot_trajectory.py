@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
 from view_helpers import edge, heading, legend_texts, line_of, rendered, save, title
 
 from spi.kinds.trajectory import figure
-from spi.kinds.trajectory.keys import PANELS
 from spi.report import views
 from spi.schemes import SCHEMES
 
@@ -149,60 +147,6 @@ def test_what_is_undefined_for_a_while_is_a_gap():
     assert "C1 is" not in text
 
 
-def test_components_an_axes_per_scheme():
-    fig = views.figure(trajectories(*prey(("components", "casimirs"))))
-    assert [title(ax) for ax in fig.axes] == [LABELS["euler_maruyama"], LABELS["splitting"]]
-    assert fig.axes[0].get_ylim() == fig.axes[1].get_ylim()
-    assert legend_texts(fig)[:2] == ["$y_{1}$", "$y_{2}$"]
-
-
-def over_eps(panels, count=3):
-    """A scheme at several eps and its limit."""
-    turned = [on_circle(2 + 1e-15 * (i + 1) * T) for i in range(count + 1)]
-    told = [{"scheme": "ap_splitting", "eps": eps, "scheme_label": "AP"} for eps in (1.0, 0.1, 0.03, 1e-3)[:count]]
-    told.append({"scheme": "splitting", "scheme_label": "splitting"})
-    invariants = [(y[:, 1:] ** 2).sum(axis=1)[:, None] / 2 for y in turned]
-    each = zip(turned, invariants, told, strict=True)
-    return [path_group(y=y, casimirs=c, panels=panels, **attributes) for y, c, attributes in each]
-
-
-@pytest.mark.parametrize(
-    ("panels", "count", "columns"),
-    [("components", 3, 2), ("components", 2, 3), ("components", 4, 3), ("casimirs", 3, 1)],
-)
-def test_components_at_several_eps(panels, count, columns):
-    fig = rendered(views.figure(trajectories(*over_eps((panels,), count))))
-    assert 1 + max(ax.get_subplotspec().colspan.start for ax in fig.axes) == columns
-    if (panels, count) == ("components", 3):
-        titles = [title(ax) for ax in fig.axes]
-        assert titles == [*(rf"AP, $\varepsilon={e}$" for e in ("1", "10^{-1}", "0.03")), "splitting"]
-
-
-def test_two_cases_of_four_components_keep_their_rows():
-    groups = [group._replace(case=case) for case in ("a", "b") for group in over_eps(("components",))]
-    fig = views.figure(trajectories(*groups))
-    assert [ax.get_subplotspec().rowspan.start for ax in fig.axes] == [0] * 4 + [1] * 4
-
-
-def test_curves_at_several_eps_differ():
-    fig = views.figure(trajectories(*over_eps(("casimirs", "hamiltonian"))))
-    for ax in fig.axes:
-        curves_of = [line for line in ax.lines if len(line.get_xdata()) == len(T)]
-        assert (
-            len({to_hex(line.get_color()) for line in curves_of}) == 4 == len({line.get_marker() for line in curves_of})
-        )
-    assert legend_texts(fig)[0] == r"AP, $\varepsilon=1$"
-
-
-def test_nothing_but_a_path_that_blows_up():
-    panels = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "phase", "sphere")
-    for last in (1, 60, 101):
-        y = np.exp(np.outer(np.minimum(T, 0.99) * 714, [1.0, 0.9, 0.8]))
-        y[last:] = np.nan
-        group = path_group("euler_maruyama", y, y[:, :1], panels=panels, hamiltonian=y[:, 1])
-        rendered(views.figure(trajectories(group)))
-
-
 def test_window():
     euler_maruyama, splitting = views.readings(trajectories(*prey()))
     quiet, wild = np.full(5, 2.0), np.array([2.0, 3.0, 1e300, -np.inf, np.nan])
@@ -233,34 +177,11 @@ def test_the_sphere_shows_a_scheme_that_stays_on_it():
         assert title(ax).startswith(LABELS.get(shown, shown))
 
 
-def test_the_figure_knows_the_panels_of_a_spec():
-    assert tuple(figure.PANELS) == PANELS
-
-
 def test_axes_and_negative_populations_in_the_phase_plane():
     alone = views.figure(trajectories(*prey(("phase",))))
     assert len(alone.axes[0].patches) == 0 and "negative population" not in legend_texts(alone)
     both = views.figure(trajectories(*prey(("phase", "populations"))))
     assert len(both.axes[0].patches) == 1 and "negative population" in legend_texts(both)  # only the first is negative
-
-
-def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="the panel 'phase' needs two components"):
-        views.figure(trajectories(path_group("splitting", on_circle(2)[:, :1], np.ones((101, 1)), panels=("phase",))))
-    with pytest.raises(ValueError, match="'energy' is not a known panel; known panels: casimirs, "):
-        views.figure(trajectories(*prey(("energy",))))
-    with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(trajectories(*prey(("casimirs",))))
-    with pytest.raises(ValueError, match="no scheme"):
-        views.figure(trajectories())
-
-
-def test_the_shared_legend_is_clear_of_the_labels_of_axes():
-    fig = views.figure(trajectories(*bloch("one", ("casimirs", "casimirs", "casimirs"))))
-    fig.draw_without_rendering()
-    (legend,) = fig.legends
-    labels = [ax.xaxis.label.get_window_extent() for ax in fig.axes]
-    assert legend.get_window_extent().y1 < min(label.y0 for label in labels)
 
 
 def test_changes_of_casimirs_that_decay():

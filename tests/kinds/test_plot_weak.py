@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers import printed
 from matplotlib.markers import CARETDOWN, CARETUP
-from view_helpers import edge, legend_texts, line_of, points_of, rendered, save, title
+from matplotlib.path import Path
+from view_helpers import bars_of, edge, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
+from spi.drawing import style
 from spi.report import views
 from spi.schemes import SCHEMES
 
@@ -44,6 +47,37 @@ def test_errors_of_three_estimators():
     assert r"\varphi(y)=\sin (2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
 
 
+def test_negative_errors_and_the_sampling_floor():
+    """An interval that reaches 0 has an arrow of one length instead of a bar to the frame."""
+    group = weak_group("splitting_order2", "multilevel", stderr=1e-5)
+    error, resolved = group.variables["error"][1], group.variables["resolved"][1]
+    assert (error[1, :4] < 0).all() and not resolved[1, 3:].any() and resolved[1, :3].all()
+    error[1, 5] = 1e-9  # by chance; its interval reaches up to 2e-5
+    fig = views.figure(weak(group))
+    ax = fig.axes[1]
+    assert title(ax) == r"square: $\varphi(y)=y_{1}^{2}$"
+    label = group.attributes["scheme_label"]
+    np.testing.assert_array_equal(points_of(ax, label)[::-1, 1], -error[1, :3])
+    (pale,) = (line for line in ax.lines if line.get_alpha())
+    np.testing.assert_array_equal(pale.get_ydata()[::-1], np.abs(error[1, 3:5]))
+    bottom, _ = ax.get_ylim()
+    assert 1e-9 < bottom < 4e-6
+    (arrows,) = (line for line in ax.lines if isinstance(line.get_marker(), Path))
+    np.testing.assert_allclose(arrows.get_xdata(), [2**-8, 2**-7])
+    np.testing.assert_allclose(arrows.get_ydata(), [1e-9 + 1.96e-5, abs(error[1, 4])])
+    _, low, _ = bars_of(ax, label)
+    assert (low > bottom).all()
+    assert [x for x, _ in edge(ax, CARETDOWN)] == [2**-8] and "pale: not resolved" in legend_texts(fig)
+
+
+def test_the_band_of_a_curve_only_where_it_can_be_seen():
+    group = weak_group("splitting_order2", "kolmogorov", functions=1)
+    assert not views.figure(weak(group)).axes[0].collections
+    group.variables["error_bound"][1][:] = 1e-6
+    (band,) = views.figure(weak(group)).axes[0].collections
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(0.5 / 64 + 1e-6)
+
+
 def test_by_number_of_paths():
     results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
     fig = rendered(views.figure(results))
@@ -62,12 +96,6 @@ def test_by_number_of_paths():
     shown, resolved = (results.groups[0].variables[f"prefix_{name}"][1][2, 0] for name in ("error", "error_stderr"))
     good = np.abs(shown) >= 2 * resolved
     np.testing.assert_array_equal(points_of(right, "$10^{6}$ paths")[::-1, 1], np.abs(shown[good]))
-
-
-def test_all_paths_where_no_prefix_has_them():
-    groups = one_scheme(panels=("samples",))
-    groups[0].attributes["samples"] = 5 * 10**6
-    assert "5000000 paths" in legend_texts(views.figure(weak(*groups)))
 
 
 def test_accuracy_against_seconds():
@@ -91,20 +119,6 @@ def test_seconds_without_the_other_estimators(tmp_path):
     save(weak(plain), tmp_path, "seconds")
 
 
-@pytest.mark.share
-@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
-@pytest.mark.parametrize("which", ["all", "some"])
-def test_what_is_not_finite(value, which):
-    groups = one_scheme(panels=("errors", "samples", "seconds"))
-    for group in groups:
-        for name, (_, values) in group.variables.items():
-            if values.dtype == float and not name.startswith(("level", "order")):
-                values[..., : 1 if which == "some" else None] = value
-            elif name == "resolved":
-                values[..., : 1 if which == "some" else None] = False
-    rendered(views.figure(weak(*groups)))
-
-
 def test_paths_that_blow_up():
     group = weak_group("splitting", "plain", functions=1)
     group.variables["error"][1][0, :2] = 1e30, np.inf
@@ -116,16 +130,32 @@ def test_paths_that_blow_up():
     assert sorted(x for x, _ in edge(ax, CARETUP)) == [2**-4, 2**-3]
 
 
-def test_only_schemes_with_prefixes_have_panels_of_seconds():
-    without = weak_group("splitting_order2", "plain", panels=("seconds",))
-    panels = [title(ax) for ax in views.figure(weak(*one_scheme(panels=("seconds",)), without)).axes]
-    assert panels == ["splitting, $h=2^{-5}$"]
+def test_no_bar_for_one_path_and_for_errors_of_0():
+    """Neither has an interval: the errors of one path lie within the frame, and no line stands for an error of 0."""
+    for error, stderr in ((1e-2 * H, np.nan), (0.0 * H, 0.0)):
+        group = weak_group("splitting", "multilevel", functions=1)
+        group.variables["error"][1][0] = error
+        group.variables["error_stderr"][1][0] = stderr
+        group.variables["resolved"][1][...] = False
+        (ax,) = views.figure(weak(group)).axes
+        lines = [segment for lines in ax.collections for segment in lines.get_segments()]
+        assert all(np.ptp(segment[:, 1]) == 0 for segment in lines)
+        bottom, top = ax.get_ylim()
+        assert not error.any() or bottom < error.min() < error.max() < top
 
 
-def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
-    with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))
-    with pytest.raises(ValueError, match="no scheme"):
-        views.figure(weak())
+def test_formulas():
+    assert style.formula("3.141592653589793*y12^10 - exp(0.25*y1)") == r"\pi\,y_{12}^{10} - \exp (0.25\,y_{1})"
+    assert style.formula("2*y2^2 - y1", ("q_1", "P6")) == r"2\,P_{6}^{2} - q_{1}"
+    assert style.maths("y3^2") == "$y_{3}^{2}$" and style.maths("y1 <= 1/2") == r"$y_{1} \leq  1/2$"
+    assert style.maths("maximum of y3") == "maximum of $y_{3}$" and style.maths("a $ b_") == r"a \$ b_"
+
+
+def test_components_have_the_names_of_the_system():
+    """In the line above a figure, in the titles of panels, and under the table."""
+    results = weak(weak_group("splitting", "multilevel", variables=("P1", "P2", "G3")))
+    fig, text = views.figure(results), printed(results)
+    titles = " ".join(map(title, fig.axes))
+    assert "P_{1}" in titles and "y_{1}" not in titles
+    assert "P1" in text and "y1" not in text
+    assert [style.count(n) for n in (500, 10**6, 12345)] == ["500", "$10^{6}$", "12345"]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import stability_cases
 from helpers import COMPILED, INITIAL, compiled_only
-from stability_cases import EPS, PHI, RIGID, paths_by_hand, study, summary_by_hand
+from paths_by_hand import paths_by_hand
+from stability_cases import EPS, PHI, RIGID, study, summary_by_hand
 from states import check_going_on, taken
 
 from spi.kinds.stability import study as stability
@@ -98,10 +99,3 @@ def test_going_on_from_the_middle_gives_the_same_bits(case_of):
     done = [one.done for one in progress]
     assert (np.diff(done[:-2]) > 0).all() and done[0] == 0
     assert done[-3:] == [progress[-1].total] * 3  # only the true expectations are still missing
-
-
-def test_values_and_step_sizes_do_not_influence_one_another(case_of):
-    whole, _ = study(case_of(RIGID), "splitting")
-    part, _ = study(case_of(RIGID, "sweep={s: [2]}", "steps=[2^-1, 2^-3]"), "splitting")
-    for name in set(part) - {"truth", "truth_bound"}:
-        assert np.array_equal(part[name][0], whole[name][1][[0, 2]])

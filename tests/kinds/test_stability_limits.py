@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import stability_cases
 from helpers import INITIAL, RIGID_BODY, compiled_only, loop_in_python
-from stability_cases import PHI, PREDATORS, RIGID, paths_by_hand, rigid_euler_step, study, summary_by_hand
+from paths_by_hand import paths_by_hand, rigid_euler_step
+from stability_cases import PHI, PREDATORS, RIGID, study, summary_by_hand
 from states import ignore
 
 from spi.exact import kolmogorov

@@ -44,11 +44,6 @@ def test_the_word_stands_for_its_values(spec):
     assert [c.eps for c in spec(EPS, "eps: s", "eps: [2*s+1]").cases[0].sweep.cases] == [(1.0,), (2.2,)]
 
 
-def test_a_parameter_of_the_model_by_its_name(spec):
-    case = spec(RIGID, WORD, "{sigma: 2^-1 .. 2^1}", SIGMA, "[1, 1, 1]").cases[0]
-    assert [c.model.sigma for c in case.sweep.cases] == [(s, s, s) for s in (0.5, 1.0, 2.0)]
-
-
 def test_the_word_is_no_part_of_other_words_or_numbers(spec):
     """`e` is neither the e of 1e-3 nor that of exp."""
     case = spec(RIGID, WORD, "{e: [0.5]}", SIGMA, "[2*e, 1e-3*exp(e), 1.e-3]").cases[0]

@@ -6,13 +6,12 @@ import re
 import numpy as np
 import pytest
 from helpers import COMPILED, compiled_only
+from paths_by_hand import paths_by_hand
 from states import begun, finished
-from strong_cases import case_of, paths_by_hand, study
+from strong_cases import case_of, study
 
-from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
-from spi.numerics.rng import LANES
 from spi.schemes import strong_order
 from spi.storage.records import Part
 
@@ -37,8 +36,8 @@ def test_blow_up_is_counted_and_left_out_of_the_fit():
         "samples=256",
     )
     found, attributes = study(case, "euler_maruyama")
-    paths = paths_by_hand(case, "euler_maruyama", case.steps)
-    lost = [int((~np.isfinite(paths[h][-1]).all(axis=0)).sum()) for h in case.steps]
+    paths = paths_by_hand(case, "euler_maruyama", sizes=case.steps)
+    lost = [int((~np.isfinite(paths[h][0][-1]).all(axis=0)).sum()) for h in case.steps]
     assert 0 < lost[0] < case.samples
     assert lost[1:] == [0, 0, 0, 0]
     assert found["nonfinite"].tolist() == lost
@@ -68,7 +67,7 @@ def test_paths_that_are_finite_but_whose_squares_are_not_are_infinitely_far():
 def test_a_reference_that_blows_up_is_reported():
     case = case_of("schemes=[euler_maruyama]", "model.sigma=[60, 60, 60]", "samples=64")
     found, attributes = study(case, "euler_maruyama")
-    reference = paths_by_hand(case, "euler_maruyama")[case.reference_step][-1]
+    reference = paths_by_hand(case, "euler_maruyama", sizes=[case.reference_step])[case.reference_step][0][-1]
     assert attributes["reference_nonfinite"] == (~np.isfinite(reference).all(axis=0)).sum() > 0
     assert np.isinf(found["error"]).all()
     assert math.isnan(found["order"])
@@ -124,19 +123,6 @@ def test_order_with_one_noise_is_one():
     zeros = case.model_copy(update={"model": case.model._replace(sigma=(1.0, 0.0, 0.0))})
     found, _ = study(zeros, "splitting")
     assert contains(found, 1.0)
-
-
-def test_an_implicit_scheme_reports_on_its_solver():
-    case = case_of("samples=70")
-    found, _ = study(case, "midpoint")
-    assert {"solves", "iterations", "failures", "largest_residual"} <= set(found)
-    steps = np.round(case.final_time / np.array(case.steps))
-    assert found["solves"].tolist() == (steps * 2 * LANES).tolist()  # blocks are computed whole
-    assert (found["iterations"] >= found["solves"]).all()
-    assert not found["failures"].any()
-    assert found["largest_residual"].max() < 1e-13
-    assert found["casimir_drift"].max() < 1e-12
-    assert not set(REPORT) & set(study(case, "euler_maruyama")[0])
 
 
 def test_progress_and_cost():

@@ -99,10 +99,13 @@ def test_without_what_may_be_missing(results):
     assert "levels h^" not in text and "errors are not corrected for what it lacks, as theory states no order" in text
 
 
-def test_lost_references(results):
-    assert "reference paths" not in printed(results)
-    results.groups[0].attributes["reference_nonfinite"] = 3
-    assert printed(results).count("plain: 3 reference paths diverged (NaN or infinity)") == 1
+def test_one_path_and_levels_that_cost_the_same(results):
+    plain, multilevel = results.groups[:2]
+    plain.variables["error_stderr"][1][...], plain.attributes["samples"] = math.nan, 1
+    multilevel.attributes["level_cost_rate"] = -0.01
+    text = printed(weak(plain, multilevel))
+    assert "splitting, plain: one path has no standard error: not resolved\n" in text and "nan" not in text
+    assert " -0.01\n" in text
 
 
 def test_agreement(results):

@@ -1,7 +1,5 @@
 """Trajectories: the path and its invariants, what is stored of them, and their tables."""
 
-import json
-
 import numpy as np
 import pytest
 from helpers import INITIAL, LANES, RIGID_BODY, printed, simulate
@@ -12,7 +10,6 @@ from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.kinds.plans import State
 from spi.kinds.trajectory import study
 from spi.kinds.trajectory.results import SolverMeans
-from spi.printing import as_json
 from spi.report import views
 from spi.schemes import SCHEMES
 
@@ -73,42 +70,6 @@ SOLVER = SolverMeans(failures=2, iterations_mean=3.25, largest_residual=1e-15)
 def results():
     groups = [group("euler_maruyama", case="one"), group("midpoint", case="one", solver=SOLVER)]
     return trajectories(*groups, group("splitting", 0, case="two"), title="Trajectories")
-
-
-def test_a_reading_says_what_its_scheme_preserves():
-    told = {
-        scheme: (reading.preserves_nothing, reading.preserves_casimirs)
-        for scheme in SCHEMES
-        for reading in views.readings(trajectories(group(scheme)))
-    }
-    assert {scheme for scheme, (nothing, _) in told.items() if nothing} == {
-        *("euler_maruyama", "roessler_rs2", "multiscale_euler", "multiscale_euler_semi_implicit"),
-    }
-    assert {scheme for scheme, (_, kept) in told.items() if kept} == {
-        *("splitting", "splitting_drift_first", "splitting_areas", "splitting_order2", "splitting_symmetric"),
-        *("splitting_joint_lie", "splitting_joint", "splitting_joint_areas"),
-        *("isospectral_midpoint", "ap_splitting", "ap_splitting_midpoint"),
-    }
-
-
-def test_what_is_optional(results):
-    lost, implicit, bare = views.readings(results)
-    assert (lost.nonfinite_from, implicit.nonfinite_from) == (0.75, None)
-    assert lost.lowest.tolist() == [1.0, -0.5] and implicit.lowest.tolist() == [1.0, -1.0]
-    assert repr(implicit.solver) == repr(SOLVER) and lost.solver is None
-    assert bare.casimir_drift == () and bare.casimirs.shape == (5, 0)
-
-
-def test_rows(results):
-    records = views.rows(results)
-    assert len(records) == 15
-    columns = ["case", "scheme", "t", "y_1", "y_2", "hamiltonian", "casimir_1", "casimir_2"]
-    assert list(records[0]) == columns and list(records[-1]) == columns[:-2]
-    assert records[7] == dict(
-        zip(columns, ("one", "midpoint", 0.5, 1.5, -0.5, 2 - 0.5 / 3, 1 + 5e-16, 2 + 1e-15), strict=True)
-    )
-    assert json.loads(as_json(records))[3]["y_1"] is None
-    assert all(type(value) in (str, float) for record in records for value in record.values())
 
 
 def test_columns_have_the_names_that_the_system_gives_its_components(results):

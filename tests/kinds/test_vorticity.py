@@ -123,11 +123,6 @@ def test_the_numbers_of_a_state_decide_results(spec):
     assert first.hash == spec(SPEC, overrides=["every=1"]).hash != spec(SPEC, overrides=["every=2"]).hash
 
 
-def test_a_profile_may_have_another_state(spec):
-    text = SPEC + "profiles:\n  quick:\n    initial: {vorticity: sin(x1)}\n"
-    assert [spec(text, profile=profile).cases[0].initial[0] for profile in ("laptop", "quick")] == [0.1, 0.0]
-
-
 def test_states_of_large_lattices(spec, tmp_path):
     """Modes far out, a field that has exactly the modes of the lattice, and a state that fits into a results file."""
     text = SPEC.replace("{name: sine_euler}", "{name: zeitlin, n: 127}")
@@ -252,7 +247,7 @@ def test_spectra_end_where_rounding_begins():
 
 
 def test_panels_of_fields_need_a_lattice():
-    for panel in ("vorticity", "spectrum", "enstrophy"):
+    for panel in ("vorticity", "spectrum"):
         group = moving("splitting", panels=(panel,))
         group.attributes.pop("lattice")
         with pytest.raises(ValueError, match=f"the panel '{panel}' needs a vorticity on the torus"):
@@ -311,14 +306,6 @@ def test_a_film_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         views.save_film(film, tmp_path, "a", lambda *_: None)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.gif": b"before"}
-
-
-def test_films_that_cannot_be_made():
-    still = trajectory_group("splitting", T, np.ones((11, 3)), np.ones((11, 1)))
-    with pytest.raises(ValueError, match="hold no vorticity, so there is no film; leave out --film"):
-        views.film(trajectories(still))
-    with pytest.raises(ValueError, match="no film of results of kind 'strong', only of trajectories"):
-        views.film(trajectories()._replace(attributes={"kind": "strong"}))
 
 
 def test_the_option_film(tmp_path, monkeypatch, capfd):

@@ -8,7 +8,7 @@ import pytest
 import work_study_cases
 from helpers import COMPILED
 from states import check_going_on, finished, same_numbers, taken
-from work_study_cases import STRONG, WEAK, Clock, group_of, same
+from work_study_cases import STRONG, Clock, group_of, same
 
 from spi import storage
 from spi.kinds.plans import State
@@ -93,10 +93,3 @@ def test_a_run_writes_errors_and_times(spec, tmp_path):
         assert set(group.variables) >= {"error", uncertainty, "resolved", "seconds_per_path", "ns_per_step"}
     direct = group_of(spec(STRONG, overrides=["schemes=[splitting]"]), "splitting")
     assert same(paths.variables["error"][1], direct.variables["error"][1])
-
-
-def test_defaults(spec):
-    case = spec(STRONG).cases[0]
-    assert (case.targets, case.repeats, case.functions, case.estimators) == (None, 15, {}, ())
-    case = spec(WEAK.format(estimators="multilevel") + "targets: [1/8]\nrepeats: 3\n").cases[0]
-    assert (case.targets, case.repeats, case.estimators) == ((0.125,), 3, ("multilevel",))

@@ -5,7 +5,7 @@ import pytest
 from helpers import printed
 from matplotlib.markers import CARETDOWN, CARETUP
 from strong_results import unresolved
-from view_helpers import bars_of, edge, heading, legend_texts, points_of, title
+from view_helpers import bars_of, edge, points_of
 from work_cases import answers
 from work_results import MADE_UP, H, work_group, work_results
 
@@ -28,19 +28,6 @@ def axes(figure):
     errors = [ax for ax in figure.axes if "Casimir" not in ax.get_ylabel()]
     casimirs = [ax for ax in figure.axes if "Casimir" in ax.get_ylabel()]
     return dict(zip(("one", "lost", "weak"), errors, strict=True)), dict(zip(("one", "lost"), casimirs, strict=True))
-
-
-def test_panels(figure, axes):
-    errors, casimirs = axes
-    for ax in figure.axes:
-        assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
-        assert ax.get_xlabel() == "processor time of a path (s)"
-    assert errors["one"].get_ylabel().startswith("strong error") and errors["weak"].get_ylabel().startswith(
-        "weak error"
-    )
-    assert heading(errors["one"]).splitlines()[0].startswith("case one") and r"\sigma" in heading(errors["lost"])
-    columns = [ax.get_subplotspec().colspan.start for ax in (*errors.values(), *casimirs.values())]
-    assert columns == [0, 1, 2, 0, 1]
 
 
 def test_points_of_errors(axes):
@@ -67,11 +54,6 @@ def test_resolved_errors_of_a_blow_up_do_not_widen_the_axes():
     assert ax.get_ylim()[1] < 1 and [x for x, _ in edge(ax, CARETUP)] == [seconds]
 
 
-def test_weak_errors_have_pale_points(axes):
-    (pale,) = (line for line in axes[0]["weak"].lines if line.get_alpha())
-    assert len(pale.get_xdata()) == 1 and pale.get_linestyle() == "None"
-
-
 def test_requested_errors(axes):
     for case, seen in (("one", [0.01, 0.1]), ("weak", [1e-6, 1e-4, 0.01])):
         lines = [line for line in axes[0][case].lines if line.get_linestyle() == "--" and len(line.get_ydata())]
@@ -89,42 +71,11 @@ def test_points_of_casimirs(axes):
     assert [x for x, _ in edge(spoilt, CARETUP)] == sorted(lost[:3]) and spoilt.get_ylim()[1] < 10
 
 
-def test_one_legend(figure):
-    assert {"requested errors", "0, or below the axis", "paths diverged, or beyond the axis"} <= set(
-        legend_texts(figure)
-    )
-
-
-def test_without_casimirs_there_is_one_panel():
-    fig = views.figure(work_results(("weak",), ("splitting", "midpoint")))
-    (ax,) = fig.axes
-    assert title(ax) == "" and len(fig.legends) == 1
-
-
 def test_a_scheme_without_casimirs_beside_others():
     groups = [work_group("one", scheme, casimirs=scheme == "midpoint") for scheme in ("midpoint", "splitting")]
     fig = views.figure(Results({"kind": "work_precision"}, tuple(groups)))
     drawn = [{line.get_label() for line in ax.lines} for ax in fig.axes]
     assert label_of("splitting") in drawn[0] - drawn[1] and label_of("midpoint") in drawn[1]
-
-
-def test_times_that_differ_little_have_more_ticks():
-    group = work_group("one", "splitting")
-    for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):
-        group.variables[name] = (("h",), group.variables[name][1] ** 0.25)
-    fig = views.figure(Results({"kind": "work_precision"}, (group,)))
-    fig.draw_without_rendering()
-    low, high = fig.axes[0].get_xlim()
-    assert high < 30 * low and sum(low <= tick <= high for tick in fig.axes[0].get_xticks()) >= 2
-
-
-def test_four_cases_are_a_square():
-    names = ("one", "two", "three", "four")
-    fig = views.figure(work_results(names, ("splitting",), casimirs=False))
-    titles = [heading(ax).split(",")[0] for ax in fig.axes if heading(ax)]
-    assert titles == [f"case {name}" for name in names] and len(fig.axes) == 4
-    tops = [ax.get_position().y0 for ax in fig.axes]
-    assert tops[0] == pytest.approx(tops[1]) and tops[2] == pytest.approx(tops[3]) and tops[2] < tops[0]
 
 
 @pytest.mark.parametrize("variables", [("error",), ("error", "error_stderr", "casimir_drift", "seconds_per_path")])

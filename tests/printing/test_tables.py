@@ -1,8 +1,6 @@
 """Records, JSON, CSV and printed tables."""
 
-import csv
 import io
-import json
 import math
 
 import numpy as np
@@ -11,7 +9,6 @@ from helpers import printed
 from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
-from spi.printing import as_csv, as_json
 from spi.printing.text import (
     decimal,
     duration,
@@ -23,7 +20,8 @@ from spi.printing.text import (
     with_interval,
 )
 from spi.report import views
-from spi.storage.records import Group, Order, Results
+from spi.storage import StorageError
+from spi.storage.records import Order
 
 
 def strong_group(case, scheme, label, order, implicit=False):
@@ -58,36 +56,6 @@ def test_rows(results):
     assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
     assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
     assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
-
-
-def test_rows_without_casimirs(results):
-    group = results.groups[0]
-    group.coordinates["casimir"] = np.arange(0)
-    group.variables["casimir_drift"] = (("h", "casimir"), np.zeros((9, 0)))
-    assert "casimir_drift" not in views.rows(results)[0]
-    assert "2^-13" in printed(results)
-
-
-def test_json(results):
-    records = views.rows(results)
-    back = json.loads(as_json(records), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
-    assert [list(record) for record in back] == [list(record) for record in records]
-    assert back[0]["error"] is None and back[0]["resolved"] is False
-    assert back[30]["order"] is None
-    assert back[10]["error"] == records[10]["error"]
-
-
-def test_csv(results):
-    records = views.rows(results)
-    back = list(csv.DictReader(io.StringIO(as_csv(records))))
-    assert set(back[0]) == set(records[0]) | set(records[9]) and len(back) == len(records)
-    assert float(back[0]["error"]) == math.inf and back[0]["solves"] == "" and back[9]["solves"] == "100"
-    for key in ("h", "error", "casimir_drift", "ns_per_step"):
-        np.testing.assert_array_equal([float(record[key]) for record in back], [record[key] for record in records])
-
-
-def test_csv_of_nothing():
-    assert as_csv([]).strip() == "" and json.loads(as_json([])) == []
 
 
 def test_printed_table(results):
@@ -143,20 +111,11 @@ def test_no_table_is_cut_on_a_terminal_that_is_narrower(monkeypatch, terminal):
     assert all(number in text.getvalue() for number in numbers) and "…" not in text.getvalue()
 
 
-def test_unknown_kind(results):
-    group = Group(
-        "a",
-        "splitting",
-        {"t": np.array([0.0, 0.5]), "component": np.arange(2)},
-        {"y": (("t", "component"), np.array([[1.0, 2.0], [np.nan, 1 / 3]])), "seed": ((), np.array(7))},
-        {"samples": 3},
-    )
-    other = Results({"kind": "new"}, (group,))
-    assert views.rows(other)[1]["y[1]"] == 1 / 3
-    text = printed(other)
-    assert "0.333333" in text and "samples: 3" in text and "seed: 7" in text
-    wide = printed(results._replace(attributes={"kind": "other"}))
-    assert "…" not in wide and all(f"{0.3 * h**0.51:.6g}" in wide for h in H[:-1])
+def test_results_of_an_unknown_kind_are_said_to_be_that(results):
+    other = results._replace(attributes={"kind": "new"})
+    for view in (views.rows, printed):
+        with pytest.raises(StorageError, match="these are results of kind 'new'; known kinds: strong, trajectory"):
+            view(other)
 
 
 @pytest.mark.parametrize(

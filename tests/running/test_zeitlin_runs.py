@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import COMPILED, loop_in_python
 from kills import Interruptions, numbers
-from strong_cases import draw
+from paths_by_hand import draw
 from zeitlin_cases import take
 
 from spi import storage

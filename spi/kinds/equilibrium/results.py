@@ -50,16 +50,6 @@ class Law(Described):
     distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
 
     @property
-    def frequency(self) -> Array:
-        """(S, V, bins) fractions over the exact ones."""
-        return self.fraction.shape[2] * self.fraction
-
-    @property
-    def frequency_stderr(self) -> Array:
-        """(S, V, bins) their standard errors."""
-        return self.fraction.shape[2] * self.fraction_stderr
-
-    @property
     def z(self) -> Array:
         """(S, M) means less their exact values, in standard errors."""
         return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)

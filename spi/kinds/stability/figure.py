@@ -25,33 +25,28 @@ LOOKS = (
 )
 HATCHES = "#999999", "#ffffff"  # on a pale colour, and on others
 CAP = 1e4  # relative errors and growths beyond that are only marked
+_THIN = {"linestyle": ":", "marker": ""}
 
 
 def _regimes(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """A map of the regimes of each scheme over step size and value."""
-    for i, reading in enumerate(readings):
-        own = _map(reading)
-        yield plots.Plot(
-            title=style.label(reading.about),
-            x=style.AXES["h"],
-            y=style.word(reading.word),
-            own=own,
-            aspect=0.9,
-            shared=i > 0,
-        )
+    axes: dict[str, Any] = {"x": style.AXES["h"], "y": style.word(readings[0].word), "aspect": 0.9}
+    for i, one in enumerate(readings):
+        yield plots.Plot(title=style.label(one.about), own=_map(one), shared=i > 0, **axes)
 
 
 def _map(reading: Stability) -> Any:
     """A function that draws the cells of step sizes and values, each in the colour of its regime."""
-    h = np.sort(reading.h)
+    h = reading.h[::-1]
     x, y = plots.Places(h, h, "log"), sweeps.even_places(np.sort(reading.values))
-    regimes = reading.regimes[np.argsort(reading.values)][:, np.argsort(reading.h)]
+    regimes = reading.regimes[np.argsort(reading.values), ::-1]
     numbers = np.unique(regimes).tolist()
 
     def own(ax: plots.Axes) -> list[plots.Entry]:
         across, up = sweeps.cell_borders(x), sweeps.cell_borders(y)
         for number in numbers:
-            cells = [_cell(across[j : j + 2], up[i : i + 2]) for i, j in np.argwhere(regimes == number)]
+            corners = [(across[j : j + 2], up[i : i + 2]) for i, j in np.argwhere(regimes == number)]
+            cells = [list(zip(a[[0, 1, 1, 0]], b[[0, 0, 1, 1]], strict=True)) for a, b in corners]
             ax.add_collection(PolyCollection(cells, label=str(number), **_look(number)))
         ax.set_xscale("log", base=2)
         ax.set_yscale("linear" if y.scale == "linear" else "log")
@@ -81,35 +76,23 @@ def _look(number: int) -> dict[str, Any]:
     return {"facecolor": colour, "hatch": hatch, "edgecolor": HATCHES[number > 2], "linewidth": 0}
 
 
-def _cell(x: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
-    return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+_MEDIAN: plots.Entry = plots.Line2D([], [], color="black", linestyle=":"), "dotted: median path, else the worst"
 
 
 def _quantity(field: str, label: str, median: str = "", **options: Any) -> panels.Own:
     """A panel of one quantity over the swept value, a line for each scheme and step size, or over the only axis."""
 
-    def drawn(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | str]:
+    def drawn(readings: Readings, looks: style.Looks) -> Iterator[Any]:
         axes: dict[str, Any] = {"over": "value", "lines": "h"}
         if len(readings[0].values) == 1:
             axes = {"over": "h", "at": {"value": lambda one: 0}}
-        given: dict[str, Any] = {"axes": "value h", "log": True, "top": CAP, "band": False} | axes | options
-        own = list(panels.CurvePanel(field, label=label, **given).expand(readings, looks))
-        dotted = list(panels.CurvePanel(median, label=label, **given).expand(readings, looks)) if median else []
-        for plot, other in zip(own, dotted or own, strict=True):
-            if not isinstance(plot, plots.Plot) or not isinstance(other, plots.Plot) or plot is other:
-                yield plot
-                continue
-            thin = [line._replace(label="", look=line.look | {"linestyle": ":", "marker": ""}) for line in other.series]
-            entries: list[plots.Entry] = [
-                (plots.Line2D([], [], color="black", linestyle=":"), "dotted: median path, else the worst")
-            ]
-            yield plot._replace(series=[*plot.series, *thin], own=_with(plot.own, entries))
+        given: dict[str, Any] = {"label": label, "log": True, "top": CAP} | axes | options
+        each = [list(panels.CurvePanel(one, **given).expand(readings, looks)) for one in (field, median) if one]
+        for plot, *others in zip(*each, strict=True):
+            thin = [line._replace(label="", look=line.look | _THIN) for other in others for line in other.series]
+            yield plot._replace(series=[*plot.series, *thin], entries=[*plot.entries, _MEDIAN]) if thin else plot
 
     return panels.Own(drawn)
-
-
-def _with(own: Any, entries: list[plots.Entry]) -> Any:
-    return lambda ax: [*(own(ax) if own else []), *entries]
 
 
 _RMS = r"rms error at $T$  relative to $|y_0|$"
@@ -117,17 +100,15 @@ _LAW = r"$\max_\varphi\,|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T
 PANELS = {
     "regimes": [panels.Own(_regimes)],
     "finite": [_quantity("finite", "finite paths", log=False, same="share of finite paths: {}")],
-    "casimir": [
-        _quantity("casimirs.largest_worst", "relative Casimir error", "casimirs.largest_median", nan_diverged=True)
-    ],
+    "casimir": [_quantity("casimir_worst", "relative Casimir error", "casimir_median", nan_diverged=True)],
     "norm": [
         _quantity("largest_norm", r"largest $|y|\,/\,|y_0|$", nan_diverged=True, same=r"largest $|y|\,/\,|y_0|$: {}")
     ],
     "error": [_quantity("error", _RMS, nan_diverged=True)],
-    "law": [_quantity("law.distance", _LAW)],
+    "law": [_quantity("law_distance", _LAW)],
     "positive": [_quantity("positive", "share of positive paths", log=False, same="share of positive paths: {}")],
-    "failures": [_quantity("solver.failing_fraction", "solver failures per step", same="solver failures: {}")],
-    "iterations": [_quantity("solver.iterations_per_solve", "iterations per step", log=False)],
+    "failures": [_quantity("failing_fraction", "solver failures per step", same="solver failures: {}")],
+    "iterations": [_quantity("iterations_per_solve", "iterations per step", log=False)],
     "angle": [_quantity("largest_angle", "largest angle of a flow (rad)", top=1e100, same="largest angle: {}")],
 }
 

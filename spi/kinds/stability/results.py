@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -36,11 +35,6 @@ class CasimirErrors(Described):
     def largest_worst(self) -> Array:
         """(V, S) the error on the worst path of the Casimir where it is largest; NaN counts as the largest."""
         return self.worst.max(axis=-1)
-
-    @property
-    def largest_median(self) -> Array:
-        """(V, S) the error on the median path of the Casimir where it is largest."""
-        return self.median.max(axis=-1)
 
 
 class Law(Described):
@@ -88,9 +82,8 @@ def _percent(shares: Array | None, worst: Callable[..., Array]) -> list[str] | N
 
 def _iterations(reading: "Stability", readings: Sequence["Stability"]) -> list[str] | None:
     """For each value the least and the most iterations of a solve over the step sizes; None of explicit schemes."""
-    if reading.solver is None:
+    if (numbers := reading.iterations_per_solve) is None:
         return None
-    numbers = reading.solver.iterations_per_solve
     finite = (row[np.isfinite(row)] for row in numbers)
     ends = ([f"{end:.1f}" for end in (row.min(), row.max())] if row.size else [] for row in finite)
     return ["-".join(dict.fromkeys(texts)) for texts in ends]
@@ -156,17 +149,15 @@ class Stability(Stored):
             f"{seconds:.3g} s on {first.threads} threads"
         )
 
-    def known(self, field: str) -> Any:
-        """The value of a field such as ``law.distance``; None if there is none."""
-        value: Any = self
-        for name in field.split("."):
-            value = getattr(value, name, None)
-        return value
-
     @derived("value h", "share of the solves that fail", claim=_SMALL)
     def failing_fraction(self) -> Array | None:
         """(V, S) of an implicit scheme; None of others."""
         return self.solver.failing_fraction if self.solver else None
+
+    @derived("value h", "iterations of a solve")
+    def iterations_per_solve(self) -> Array | None:
+        """(V, S) of an implicit scheme; None of others."""
+        return self.solver.iterations_per_solve if self.solver else None
 
     @derived("value h", "the worst regime that applies", column="regime")
     def regime(self) -> Array:
@@ -191,7 +182,7 @@ class Stability(Stored):
         the true solution may grow as well.  NaN is never good.
         """
         norm = np.where(np.isnan(self.largest_norm), np.inf, self.largest_norm)
-        finest = norm[:, [np.argmin(self.h)]]
+        finest = norm[:, -1:]
         never = np.zeros(norm.shape, bool)
         worst_first = [
             ~self.all_finite,
@@ -208,11 +199,10 @@ class Stability(Stored):
 def largest_step(h: Array, good: Array) -> tuple[float, bool]:
     """The largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
 
-    `h` (S,) in any order, `good` (S,).
+    `h` (S,) from large to small, `good` (S,).
     """
-    order = np.argsort(h)
-    count = int(np.logical_and.accumulate(np.asarray(good, bool)[order]).sum())
-    return (float(h[order][count - 1]) if count else float("nan")), count == len(order) > 0
+    count = int(np.logical_and.accumulate(good[::-1]).sum())
+    return (float(h[-count]) if count else math.nan), count == len(h) > 0
 
 
 Record = Stability

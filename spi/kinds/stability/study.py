@@ -102,6 +102,7 @@ class ValuePlan(BlocksPlan):
             "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
             "expectation": expectation,
             "expectation_stderr": expectation_stderr,
+            "report": paths.report[:-1],
         }
 
 
@@ -276,25 +277,17 @@ class StabilityPlan(Plan):
 
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
-        case = self.case
-        named = {"word": case.sweep.word, "functions": tuple(map(canonical, case.expressions))}
-        axes = {"values": np.array(case.sweep.values), "h": np.array(case.steps)}
-        return Stability(**(self.whole(state) | axes | named | self._arrays(state)))
-
-    def _arrays(self, state: State) -> dict[str, Any]:
-        """All arrays by the names of their fields."""
-        totals = [state.total(i) for i in range(len(self.points))]
-        each = [point.summary(total) for point, total in zip(self.points, totals, strict=True)]
+        case, each = self.case, [point.summary(state.total(i)) for i, point in enumerate(self.points)]
         of = {name: np.array([summary[name] for summary in each]) for name in each[0]}
-        report = np.array([total.report[:-1] for total in totals])
-        arrays: dict[str, Any] = {name: of[name] for name in _PER_POINT} | reported(report)
+        fields = self.whole(state) | {name: of[name] for name in _PER_POINT} | reported(of["report"])
+        fields |= {"values": np.array(case.sweep.values), "h": np.array(case.steps), "word": case.sweep.word}
+        fields["functions"] = tuple(map(canonical, case.expressions))
         if populations(self.model):
-            arrays["positive"] = of["positive"]
+            fields["positive"] = of["positive"]
         if of["casimir_worst"].shape[-1]:
-            arrays["casimirs"] = CasimirErrors(worst=of["casimir_worst"], median=of["casimir_median"])
+            fields["casimirs"] = CasimirErrors(worst=of["casimir_worst"], median=of["casimir_median"])
         if self.first.row.composition is not None:  # its flows may rotate
-            arrays["largest_angle"] = report[..., REPORT.index("largest_angle")]
-        if self.case.functions:
-            names = tuple(self.case.functions)
-            arrays["law"] = state.extra.law(names, of["expectation"], of["expectation_stderr"])
-        return arrays
+            fields["largest_angle"] = of["report"][..., REPORT.index("largest_angle")]
+        if case.functions:
+            fields["law"] = state.extra.law(tuple(case.functions), of["expectation"], of["expectation_stderr"])
+        return Stability(**fields)

@@ -47,7 +47,11 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     names = [style.maths(name, reading.about.variables) for name in reading.functions]
 
     def own(ax: plots.Axes) -> list[plots.Entry]:
-        ax.figure.colorbar(ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r"), ax=ax, pad=0.02)
+        ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
+        for i, j in np.ndindex(matrix.shape):
+            text = f"{matrix[i, j]:.2f}".replace("-", "\N{MINUS SIGN}")
+            colour = "white" if abs(matrix[i, j]) > 0.6 else "black"
+            ax.text(j, i, text, color=colour, ha="center", va="center", fontsize=7)
         ax.set_xticks(range(len(names)), names, rotation=30, ha="right", rotation_mode="anchor")
         ax.set_yticks(range(len(names)), names)
         return []
@@ -64,9 +68,13 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
     values = density_map.law if m is None else density_map.density[m]
     highest = max(float(one.density_map.density[at].max()) for one in readings if one.density_map) or 1.0
     density = np.where(values > 0, values, np.nan)
-    is_sphere = density_map.is_sphere
-    cells = maps.on_sphere(density_map, at, density) if is_sphere else (*maps.cell_edges(density_map, at), density.T)
+    edges = maps.cell_edges(density_map, at)
+    cells = maps.on_sphere(density_map, at, density) if density_map.is_sphere else (*edges, density.T)
     maps.draw_cells(ax, reading.about, density_map, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
+    used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
+    if not density_map.is_sphere and used[0].size:  # as far as there are paths
+        xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
+        ax.set(xlim=xlim, ylim=ylim)
     return []
 
 

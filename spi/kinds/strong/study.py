@@ -8,7 +8,7 @@ value at the final time is stored as well.  The reference is the scheme itself, 
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -51,28 +51,21 @@ class StrongSums(Sums):
 class Times(NamedTuple):
     """The times measured once all paths are done."""
 
-    seconds: float  #: wall clock
-    ns_per_step: np.ndarray  #: (S,) of a step of one path on one thread, NaN until measured
+    seconds: float = 0.0  #: wall clock
+    ns_per_step: Array = np.zeros(0)  #: (S,) of a step of one path on one thread; none until they are measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrongPlan(BlocksPlan):
-    """Strong errors of one scheme; `timed_steps` says whether the time of a step is measured at the end."""
+    """Strong errors of one scheme."""
 
     record = StrongErrors
     sums = StrongSums
-
-    timed_steps: bool = True
 
     @cached_property
     def grid(self) -> Grid:
         """The step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps, areas=False)
-
-    @property
-    def measured(self) -> bool:
-        """Whether the time of a step is measured: other drivers are made beside the loop over time."""
-        return self.timed_steps and self.case.noise is None
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums."""
@@ -81,7 +74,7 @@ class StrongPlan(BlocksPlan):
 
     def initial_extra(self) -> Times:
         """No time has been measured."""
-        return Times(0.0, np.full(len(self.steps) - 1, np.nan))
+        return Times()
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The contributions of some blocks."""
@@ -94,32 +87,23 @@ class StrongPlan(BlocksPlan):
         return {"squares": observer.rows, "drift": drift, "nonfinite": lost, "report": report}
 
     def finalise(self, state: State) -> Iterator[Times]:
-        """Measure the time of a step at each step size."""
-        for i in np.flatnonzero(np.isnan(state.extra.ns_per_step)) if self.measured else ():
-            began, ns = time.perf_counter(), state.extra.ns_per_step.copy()
-            ns[i] = self.nanoseconds_per_step(self.case.steps[i])
-            yield Times(state.extra.seconds + time.perf_counter() - began, ns)
+        """Measure the time of a step at each step size, unless drivers are made beside the loop over time."""
+        if self.case.noise is None and not len(state.extra.ns_per_step):
+            began = time.perf_counter()
+            times = np.array([self.nanoseconds_per_step(h) for h in self.case.steps])
+            yield Times(time.perf_counter() - began, times)
 
     def nanoseconds_per_step(self, h: float) -> float:
         """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
         most = 2e8 / (LANES * typical_ns(self.row, self.model))  # about 0.2 s
-        steps = max(1, min(_TIMED_STEPS, int(most)))
-        best = np.inf
+        steps, seconds = max(1, min(_TIMED_STEPS, int(most))), []
         with limited_threads(1):
             for _ in range(3):
                 arguments = self.arguments_of_steps(h, steps, 1)
                 began = time.perf_counter()
                 integrate(*arguments)
-                best = min(best, time.perf_counter() - began)
-        return 1e9 * best / (steps * LANES)
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the first paths, without times of steps where they have not been measured."""
-        shorter = super().so_far(state)
-        if shorter is None or not np.isnan(state.extra.ns_per_step).any():
-            return shorter
-        plan: Any = shorter.plan
-        return shorter.of(replace(plan, timed_steps=False))
+                seconds.append(time.perf_counter() - began)
+        return 1e9 * min(seconds) / (steps * LANES)
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
@@ -133,75 +117,45 @@ class StrongPlan(BlocksPlan):
         return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def whole(self, state: State) -> dict[str, Any]:
-        """Also the times of steps."""
+        """Also the times of steps, where they were measured."""
         times = state.extra.ns_per_step
-        seconds = times * 1e-9 * self.steps[:-1] * self.samples
-        timed = {"seconds": seconds, "ns_per_step": times} if self.measured else {}
-        return super().whole(state) | timed
+        seconds = times * 1e-9 * self.steps[: len(times)] * self.samples
+        return super().whole(state) | ({"seconds": seconds, "ns_per_step": times} if len(times) else {})
 
     def estimates(self, sums: StrongSums) -> dict[str, Any]:
-        """The errors, their order, and the extremes along the paths."""
-        case, counts, h = self.case, group_counts(sums.paths), np.array(self.case.steps)
-        error = errors(sums.squares, counts, self.steps[:-1])
-        stderr = jackknife_stderr(error.sup, error.sup_without, counts)
-        resolved = is_resolved(error.sup, stderr)
+        """The errors, their order, and the extremes along the paths.
+
+        Standard errors are those at the time where the supremum over all paths is reached.
+        """
+        case, counts, h, steps = self.case, group_counts(sums.paths), np.array(self.case.steps), self.steps[:-1]
+        distance, without = root_mean_square(sums.squares, counts)
+        distance = np.nan_to_num(distance, nan=np.inf, posinf=np.inf)  # a diverged path makes the mean infinite
+        ends = np.cumsum(steps)
+        numbers = np.array([np.argmax(distance[end - n : end]) for end, n in zip(ends, steps, strict=True)])
+        farthest, last = ends - steps + numbers, ends - 1
+        error = distance[farthest]
+        stderr, final_stderr = (jackknife_stderr(distance[at], without[:, at], counts) for at in (farthest, last))
+        resolved = is_resolved(error, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
-        together = error.sup <= _LOST * (math.hypot(*case.initial) or math.inf)
+        fitted = resolved & (error <= _LOST * (math.hypot(*case.initial) or math.inf))
         own_reference = case.reference_step if case.reference_scheme in (None, self.part.scheme) else 0.0
         return {
             "h": h,
-            "error": error.sup,
+            "error": error,
             "error_stderr": stderr,
-            "error_time": (error.at + 1) * h,
-            "error_final": error.final,
-            "error_final_stderr": jackknife_stderr(error.final, error.final_without, counts),
+            "error_time": (numbers + 1) * h,
+            "error_final": distance[last],
+            "error_final_stderr": final_stderr,
             "casimir_drift": sums.drift[:-1],
             "nonfinite": sums.nonfinite[:-1],
             "resolved": resolved,
             **reported(sums.report[:-1]),
-            "order": fit_order(h, error.sup, error.sup_without, counts, resolved & together, own_reference),
+            "order": fit_order(h, error, without[:, farthest], counts, fitted, own_reference),
             "expected_order": strong_order(self.row, case.model, case.initial, case.noise),
             "reference_nonfinite": int(sums.nonfinite[-1]),
             "reference_casimir_drift": tuple(sums.drift[-1].tolist()),
-            "note": note_unresolved(error.sup, stderr, resolved, sums.paths),
+            "note": note_unresolved(error, stderr, resolved, sums.paths),
         }
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Strong errors from sums over paths.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-class Errors(NamedTuple):
-    """Errors per step size, S of them from large to small, with leave-one-out values (groups, S).
-
-    Leaving out groups is done at the time where the supremum over all paths is reached.
-    """
-
-    sup: np.ndarray  #: (S,) largest root mean square distance over the grid
-    sup_without: np.ndarray
-    at: np.ndarray  #: (S,) number of the grid point where it is reached
-    final: np.ndarray  #: (S,) the same at the final time
-    final_without: np.ndarray
-
-
-def errors(squares: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> Errors:
-    """The errors from sums of squares (GROUPS, points) over `counts` (GROUPS,) paths.
-
-    Step size after step size, from large to small, has as many points as `steps` (S,).
-    """
-    value, without = root_mean_square(squares, counts)
-    value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)  # a diverged path makes the mean square infinite
-    ends = np.cumsum(steps)
-    at = np.array([np.argmax(value[end - n : end]) for end, n in zip(ends, steps, strict=True)], dtype=int)
-    first = ends - steps
-    return Errors(
-        sup=value[first + at],
-        sup_without=without[:, first + at],
-        at=at,
-        final=value[ends - 1],
-        final_without=without[:, ends - 1],
-    )
 
 
 plan = StrongPlan.of

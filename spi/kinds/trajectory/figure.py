@@ -8,10 +8,9 @@ from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from spi.drawing import page, panels, plots, style
-from spi.models.zeitlin.fields import enstrophy
 
 from .figure_fields import film as film
-from .figure_fields import need_lattice, spectra, vorticities
+from .figure_fields import spectra, vorticities
 from .results import Trajectory
 
 Readings = Sequence[Trajectory]
@@ -53,62 +52,49 @@ def window(curves: Sequence[tuple[Trajectory, np.ndarray]], errors: bool = False
     return float(low - spare), float(high + spare)
 
 
-def _over_time(
-    readings: Readings, looks: style.Looks, values: Sequence[np.ndarray], label: str, errors: bool = False
-) -> plots.Plot:
-    """A quantity of each path over time."""
-    alone = {"marker": ""} if len(readings) == 1 else {}  # a single curve needs no markers, which look like data
-    lines = [
-        plots.series(one.t, of_path, panels.scheme_look(one, looks, **alone), style.label(one.about))
-        for one, of_path in zip(readings, values, strict=True)
-    ]
+def _times(readings: Readings) -> tuple[float, float]:
+    """The limits of the axis of time."""
     t = readings[0].t
-    frame = window(list(zip(readings, values, strict=True)), errors)
-    return plots.Plot(lines, x=style.AXES["t"], y=label, xlim=(t[0], t[-1] if len(t) > 1 else t[0] + 1), ylim=frame)
+    return float(t[0]), float(t[-1] if len(t) > 1 else t[0] + 1)
 
 
-def _casimirs(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """Each Casimir over time."""
-    for c, name in enumerate(panels.names_along(readings[0], "casimir", readings[0].casimirs.shape[1])):
-        yield _over_time(readings, looks, [one.casimirs[:, c] for one in readings], f"{name}$(y)$")
+def _over_time(field: str, label: str, facet: str = "", errors: bool = False, further: Any = None) -> panels.CurvePanel:
+    """A quantity of each path over time; `further` changes its panels."""
+
+    def framed(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+        curves = [(one, line.y) for one, line in zip(readings, plot.series, strict=True)]
+        plot = plot._replace(xlim=_times(readings), ylim=window(curves, errors))
+        return further(plot, readings, place) if further else plot
+
+    return panels.CurvePanel(field, "t", facet, label=label, then=framed)
 
 
-def _casimir_errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The change of each Casimir over time, but for damping."""
-    grown = r"$e^{k\gamma t}$" if "damping" in readings[0].about.parameters else ""
-    for c, name in enumerate(panels.names_along(readings[0], "casimir", readings[0].casimirs.shape[1])):
-        values = [one.casimir_changes[:, c] for one in readings]
-        yield _over_time(readings, looks, values, f"{grown}{name}$(y)-${name}$(y_0)$", errors=True)
+def _but_for_damping(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+    return plot._replace(y=rf"$e^{{k\gamma t}}${plot.y}") if "damping" in readings[0].about.parameters else plot
 
 
-def _hamiltonian(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The Hamiltonian over time."""
-    yield _over_time(readings, looks, [one.hamiltonian for one in readings], "$H(y)$")
+def _enstrophy(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+    first = float(readings[0].enstrophy[0])
+    return plot._replace(title=f"$Z(0)={style.number(first)}$", y=plot.y if first else "enstrophy  $Z(t)$")
 
 
-def _enstrophy(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The change of the enstrophy over time, relative to that of the first scheme at the start."""
-    need_lattice(readings, "enstrophy")
-    with np.errstate(all="ignore"):
-        values = [enstrophy(one.y) for one in readings]
-        first = float(values[0][0])
-        changes = [of_path / first - 1 if first else of_path for of_path in values]
-    label = "enstrophy  $Z(t)/Z(0)-1$" if first else "enstrophy  $Z(t)$"
-    yield _over_time(readings, looks, changes, label, errors=True)._replace(title=f"$Z(0)={style.number(first)}$")
+def _populated(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+    negative = _lowest(readings, place) < 0
+    return plot._replace(own=(lambda ax: _below_zero(ax, "y", True)) if negative else None)
 
 
 def _components(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """All components over time, a panel for each scheme."""
     names, pairs = _names(readings), readings[0].about.model in style.COMPLEX
-    frame, t = window([(one, one.y) for one in readings]), readings[0].t
+    frame = window([(one, one.y) for one in readings])
     for k, one in enumerate(readings):
         lines = []
         for i, name in enumerate(names):
             colour, line = divmod(i, 2) if pairs else (i, i % len(LINES))  # a colour per mode, or per component
             look = {"color": COLOURS[colour % len(COLOURS)], "linestyle": LINES[line]}
             lines.append(plots.series(one.t, one.y[:, i], look, name if i < len(COLOURS) else ""))
-        title, ends = style.label(one.about), (t[0], t[-1] if len(t) > 1 else t[0] + 1)
-        yield plots.Plot(lines, title, style.AXES["t"], "components", xlim=ends, ylim=frame, shared=k > 0)
+        axes: dict[str, Any] = {"xlim": _times(readings), "ylim": frame, "shared": k > 0}
+        yield plots.Plot(lines, style.label(one.about), style.AXES["t"], "components", **axes)
 
 
 def _names(readings: Readings) -> list[str]:
@@ -132,14 +118,6 @@ def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plo
         if shaded and low < 0:
             (ax.axvspan if axis == "x" else ax.axhspan)(low, 0, color=OUTSIDE, linewidth=0, zorder=0)
     return [(Patch(color=OUTSIDE), "negative population")] if shaded and across else []
-
-
-def _populations(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """Each component over time, all schemes."""
-    for i, name in enumerate(_names(readings)):
-        plot = _over_time(readings, looks, [one.y[:, i] for one in readings], name)
-        negative = _lowest(readings, i) < 0
-        yield plot._replace(own=(lambda ax: _below_zero(ax, "y", True)) if negative else None)
 
 
 def _phase(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
@@ -244,17 +222,17 @@ def _two_sided(ax: Any, points: np.ndarray, eye: np.ndarray, colour: str, width:
             ax.add_collection3d(Line3DCollection(segments[chosen], capstyle="butt" if alpha < 1 else "round", **look))
 
 
-PANELS = {
-    "casimirs": [panels.Own(_casimirs)],
-    "casimir_errors": [panels.Own(_casimir_errors)],
-    "hamiltonian": [panels.Own(_hamiltonian)],
+PANELS: dict[str, Any] = {
+    "casimirs": [_over_time("casimirs", "{name}$(y)$", "casimir")],
+    "casimir_errors": [_over_time("changes", "{name}$(y)-${name}$(y_0)$", "casimir", True, _but_for_damping)],
+    "hamiltonian": [_over_time("hamiltonian", "$H(y)$")],
     "components": [panels.Own(_components)],
-    "populations": [panels.Own(_populations)],
+    "populations": [_over_time("y", "{name}", "component", further=_populated)],
     "sphere": [panels.Own(_sphere)],
     "phase": [panels.Own(_phase)],
     "vorticity": [panels.Own(vorticities)],
     "spectrum": [panels.Own(spectra)],
-    "enstrophy": [panels.Own(_enstrophy)],
+    "enstrophy": [_over_time("enstrophy_change", "enstrophy  $Z(t)/Z(0)-1$", errors=True, further=_enstrophy)],
 }
 
 draw = panels.Figures(PANELS, ("step", "path"))

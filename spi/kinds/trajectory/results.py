@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
+from spi.models.zeitlin.fields import enstrophy
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
 from spi.statistics.claims import lost_among
@@ -76,8 +76,8 @@ class Trajectory(Stored):
             return np.searchsorted(self.t, [t - self.t[1] / 2 for t in self.times]).tolist()
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
 
-    @property
-    def casimir_changes(self) -> Array:
+    @derived("t casimir", "changes of the Casimirs but for damping")
+    def changes(self) -> Array:
         """(N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)."""
         if self.damped_changes is not None:
             return self.damped_changes
@@ -88,6 +88,20 @@ class Trajectory(Stored):
     def lattice(self) -> int | None:
         """N where y is a vorticity on the lattice modulo N, see ``spi.models.zeitlin.tables``."""
         return math.isqrt(self.y.shape[1] + 1) if self.surface == "torus" else None
+
+    @property
+    def enstrophy(self) -> Array:
+        """(N + 1,) Z of a vorticity."""
+        with np.errstate(all="ignore"):
+            return enstrophy(self.y)
+
+    @derived("t", "change of the enstrophy, relative to that at the start unless it is 0")
+    def enstrophy_change(self) -> Array | None:
+        """Z(t)/Z(0) - 1 of a vorticity, Z(t) where Z(0) = 0; None of other states."""
+        if self.lattice is None:
+            return None
+        values = self.enstrophy
+        return values / values[0] - 1 if values[0] else values
 
     @property
     def preserves_nothing(self) -> bool:
@@ -120,7 +134,7 @@ class Trajectory(Stored):
         count = self.casimirs.shape[1]
         named = {f"C{c + 1 if count > 1 else ''}": self.casimirs[:, c] for c in range(count)}
         for name, values in {"H": self.hamiltonian, **named}.items():
-            if lost := losses(self, values):
+            if lost := lost_times(self, values):
                 yield f"{self.about.label}: {name} is {lost}"
 
     @derived("", "1 if the path diverged", claim="at most")
@@ -129,33 +143,16 @@ class Trajectory(Stored):
         return self.nonfinite_from is not None
 
 
-class Losses(NamedTuple):
-    """The times at which a quantity is not defined although y is finite."""
-
-    number: int  #: of these times
-    times: int  #: number of all times
-    first: float  #: the first of these times
-    lasting: bool  #: whether it is undefined from then on, as long as y is finite
-
-    def __str__(self) -> str:
-        if self.lasting:
-            return f"not defined from t = {self.first:g}"
-        return f"not defined at {self.number} of {self.times} times, first t = {self.first:g}"
-
-
-def losses(reading: Trajectory, values: Array) -> Losses | None:
-    """The losses of `values` (t, ...) along the path of a reading; None if they are finite wherever y is."""
-    alive = np.isfinite(reading.y).all(axis=1)
-    lost = np.flatnonzero(alive & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+def lost_times(record: Trajectory, values: Array) -> str:
+    """The times at which `values` (t,) are not defined although y is finite; empty if there are none."""
+    alive = np.isfinite(record.y).all(axis=1)
+    lost = np.flatnonzero(alive & ~np.isfinite(values))
     if not len(lost):
-        return None
-    lasting = len(lost) == alive[lost[0] :].sum()
-    return Losses(len(lost), len(values), float(reading.t[lost[0]]), bool(lasting))
-
-
-def diverged(reading: Trajectory) -> str:
-    """A phrase with the time from which on y is not finite; empty if it always is."""
-    return "" if reading.nonfinite_from is None else f"diverged from t = {reading.nonfinite_from:g}"
+        return ""
+    first = f"t = {record.t[lost[0]]:g}"
+    if len(lost) == alive[lost[0] :].sum():  # undefined from then on, as long as y is finite
+        return f"not defined from {first}"
+    return f"not defined at {len(lost)} of {len(values)} times, first {first}"
 
 
 Record = Trajectory

@@ -31,7 +31,7 @@ class WorkPrecision(Stored):
                 Column("error", "error\n(95 % or bound)", resolved="resolved", missing="nan"),
                 Column("seconds_per_path", "time per\npath", form=duration, interval=""),
                 Column("ns_per_step", "ns per\nstep", form=".1f"),
-                Column("largest_drift", "Casimir\ndrift"),
+                Column("casimir_drift", "Casimir\ndrift"),
                 Column("nonfinite", "di-\nverged", red=0),
             ],
         ),
@@ -73,21 +73,10 @@ class WorkPrecision(Stored):
         if self.error_stderr is None and self.error_bound is None:
             raise KeyError("error_stderr")
 
-    @property
-    def exact(self) -> bool:
-        """Whether nothing was sampled."""
-        return self.error_bound is not None
-
     @derived("h", "half the interval of the error, or its bound", name="error_half")
     def half(self) -> Array:
         """(S,) half the 95 % interval of the error, or the bound of its numerical error."""
         return INTERVAL * self.error_stderr if self.error_stderr is not None else np.asarray(self.error_bound)
-
-    @derived("h", "largest change of all Casimirs")
-    def largest_drift(self) -> Array | None:
-        """(S,) of several Casimirs the largest drift; None where there is none."""
-        known = self.casimir_drift is not None and self.casimir_drift.size > 0
-        return self.casimir_drift.max(axis=1) if known and self.casimir_drift is not None else None
 
     @property
     def curve(self) -> WorkCurve:

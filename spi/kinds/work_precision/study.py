@@ -57,8 +57,7 @@ def remarks(case: Any) -> Iterator[str]:
 
 def plan(case: Any, part: Part) -> "WorkPlan":
     """The plan for one scheme of a case."""
-    errors: Any = weak.plan(case, part) if case.functions else replace(strong.plan(case, part), timed_steps=False)
-    return WorkPlan(case=case, part=part, errors=errors)
+    return WorkPlan(case=case, part=part, errors=(weak if case.functions else strong).plan(case, part))
 
 
 class Times(NamedTuple):
