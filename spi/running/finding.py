@@ -12,7 +12,7 @@ from .. import storage
 from ..specs.document import SpecError, text_of
 from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
-from ..specs.naming import results_name
+from ..specs.naming import results_in
 from ..storage import StorageError
 from ..storage.results import read_root
 from ..storage.sums import SUFFIX
@@ -39,11 +39,11 @@ class Wanted(NamedTuple):
             words += override.split("=", 1) if override.startswith("--") else ["--set", override]
         return words
 
-    def name(self, experiment: str) -> str:
-        """The name of the results of an experiment; SpecError if there is no such profile."""
+    def path(self, folder: str | Path, experiment: str) -> Path:
+        """The file of the results of an experiment in a folder; SpecError if there is no such profile."""
         if self.profile not in PROFILES:
             raise SpecError(f"--profile: '{self.profile}' is not a known profile; {suggestion(self.profile, PROFILES)}")
-        return results_name(experiment, self.profile, self.overrides)
+        return results_in(folder, experiment, self.profile, self.overrides)
 
 
 PLAIN = Wanted()
@@ -59,7 +59,7 @@ def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished:
     """
     if source.suffix in SPECS:
         return results_of(source, folder, wanted, unfinished)
-    path = folder / f"{wanted.name(str(source))}.h5"
+    path = wanted.path(folder, str(source))
     is_name = source.name == str(source) and source.suffix not in (*STORED, *SUMS) and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
         return _existing(path, source.name, str(source), wanted, unfinished)
@@ -73,7 +73,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
     paths = sorted(folder.glob("*.h5"))
     if wanted != PLAIN:
-        wanted.name("")  # so that a wrong profile is said before any file is read
+        wanted.path(folder, "")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
     if not paths:
         runs = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
@@ -84,7 +84,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
 
 def _is_of(path: Path, wanted: Wanted) -> bool:
     try:
-        return path.stem == wanted.name(str(read_root(path).get("experiment", "")))
+        return path == wanted.path(path.parent, str(read_root(path).get("experiment", "")))
     except StorageError:
         return False  # `spi show` lists it with what is wrong
 
@@ -135,8 +135,7 @@ def results_of(
     Results with another number of samples, title or claims count as those of the spec file.
     """
     spec = Path(spec)
-    path = Path(folder) / f"{wanted.name(spec.stem)}.h5"
-    path = _existing(path, spec.stem, spec.as_posix(), wanted, unfinished)
+    path = _existing(wanted.path(folder, spec.stem), spec.stem, spec.as_posix(), wanted, unfinished)
     if path.suffix in SUMS:
         return path
     stored = read_root(path)
@@ -168,7 +167,7 @@ def _existing(path: Path, name: str, called: str, wanted: Wanted, unfinished: bo
         )
     if others:
         verb, more = "is" if len(others) == 1 else "are", ", ..." * (len(others) > 5)
-        remedies.append(f"there {verb} {', '.join(others[:5])}{more}")
+        remedies.append(f"there {verb} {', '.join(others[:5])}{more}, see `spi list results`")
     raise StorageError(f"{path}: no such file; {'; '.join(remedies)}")
 
 
@@ -219,5 +218,6 @@ def _unfinished_in(path: Path) -> Unfinished | None:
     with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
         run = about["run"]
         if not about["finished"]:
-            return Unfinished(results_name(run["experiment"], run["profile"], run["overrides"]), path, about)
+            results = results_in(path.parent.parent, run["experiment"], run["profile"], run["overrides"])
+            return Unfinished(results.stem, path, about)
     return None

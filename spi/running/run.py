@@ -17,6 +17,7 @@ from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
+from ..specs.naming import results_in
 from ..storage.records import Group, Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
@@ -147,8 +148,8 @@ def run(
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """The results file of an experiment: ``<out>/<name>.h5``, with profile and overrides in the name."""
-    return Path(out) / f"{experiment.results_name}.h5"
+    """The results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`."""
+    return results_in(out, experiment.name, experiment.profile, experiment.overrides)
 
 
 class Session(Checkpoint):

@@ -118,16 +118,17 @@ def test_commands_show_and_list_and_draw_it(tmp_path, monkeypatch):
     options = ["--profile", "quick", "--set", "seed=2"]
     Path("body.yaml").write_text(strong("seed=2").text)
     experiment = load("body.yaml", "quick", ["seed=2", "samples=10^6"])
+    name = experiment.results_name
     assert stopped(experiment, "results", 12)
     code, out, err = call("show", "body", *options)
     assert (code, err) == (0, "") and "\nunfinished: euler_maruyama " in out and " of 1,000,000 samples" in out
     assert call("show", "body.yaml", *options) == (code, out, err)
     code, out, _ = call("show")
-    assert out.startswith("body.quick.seed=2\n    strong, unfinished: euler_maruyama ")
+    assert out.startswith(f"{name}\n    strong, unfinished: euler_maruyama ")
     assert call("plot", "body", *options)[0] == 0
     assert {path.name for path in Path("results").glob("body*")} == {
-        "body.quick.seed=2_unfinished.pdf",
-        "body.quick.seed=2_unfinished.png",
+        f"{name}_unfinished.pdf",
+        f"{name}_unfinished.png",
     }
     code, _, err = call("plot", "body", *options, "--style", "paper")
     assert code == 1 and "the run is unfinished" in err and err.count("\n") == 1
