@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand
 
+from .listing import print_results
 from .options import (
     FAILED,
     INVALID,
@@ -53,7 +54,7 @@ def show(
     from ..running import finding
 
     if source is None:
-        _list(results)
+        print_results(results)
         return
     (file,) = stored([source], results, options, unfinished=True)
     stored_results = _read(file, options.trust_code)
@@ -75,19 +76,6 @@ def _read(file: Path, trust_code: bool) -> "Results":
 
     with ProgressLine(file.stem) as line:
         return so_far(file, trust_code, line.report)
-
-
-def _list(folder: Path) -> None:
-    """Print the list of results in a folder."""
-    from ..printing import print_safely, result_lines
-    from ..running.finding import listed
-
-    results, problems = listed(folder)
-    if not results and not problems:
-        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
-    print_safely(result_lines(results))
-    for problem in problems:
-        tell(f"spi: {problem}")
 
 
 @run_options()

@@ -1,4 +1,4 @@
-"""The commands with which a person begins: list, new, doctor."""
+"""The commands with which a person begins, new and doctor, and the cache."""
 
 import contextlib
 import re
@@ -6,7 +6,7 @@ import shlex
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Self
 
 import typer
 
@@ -77,52 +77,6 @@ def cache(
         typer.echo(f"{len(old)} old folders are removed, {size}")
     elif old:
         typer.echo(f"{len(old)} old folders, {size}: `spi cache --clear-old` removes them")
-
-
-def list_(
-    only: Annotated[
-        Literal["models", "schemes", "experiments"] | None,
-        typer.Argument(metavar="models|schemes|experiments", help="Only these."),
-    ] = None,
-    folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
-) -> None:
-    """List models, schemes and experiments.
-
-    The experiments are those that come with spi, and those in ./experiments if that folder exists.
-    """
-    from ..printing import print_models, print_schemes
-
-    invalid: list[str] = []
-    if only in (None, "models"):
-        from ..models import MODELS
-
-        print_models(MODELS)
-    if only in (None, "schemes"):
-        from ..schemes import SCHEMES
-
-        print_schemes(SCHEMES)
-    if only in (None, "experiments"):
-        invalid = _list_experiments(folder)
-    for problem in invalid:
-        tell(f"spi: {problem}")
-    if invalid:
-        raise typer.Exit(INVALID)
-
-
-def _list_experiments(folder: Path) -> list[str]:
-    """Print the experiments that come with spi and those in a folder; the mistakes in those of the latter."""
-    from ..printing import print_experiments
-    from ..running import shipped
-    from ..running.load import headings
-
-    own, _ = headings(map(shipped.path_of, shipped.names()))
-    print_experiments("experiments that come with spi: spi run NAME", {path.stem: it for path, it in own.items()})
-    if not folder.is_dir() or folder.samefile(shipped.folder()):
-        return []
-    others, problems = headings(sorted(folder.glob("*.yaml")))
-    if others:
-        print_experiments(f"experiments in {folder}", {str(path): heading for path, heading in others.items()})
-    return problems
 
 
 def new(

@@ -151,6 +151,7 @@ class Heading(NamedTuple):
     title: str
     figure: int | None  #: of the paper
     kind: str
+    model: Mapping[str, Any]  #: its keys, or those of the first case
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
@@ -162,7 +163,8 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
         file = kinds.file.validate_python(kinds.asked(Document(text_of(path), str)))
     except (SpecError, ValidationError):
         return None
-    return Heading(file.title or Path(path).stem, file.figure, file.kind)
+    model = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
+    return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
