@@ -19,11 +19,11 @@ from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
-from ..storage.sums import FORMER_SUFFIX, SUFFIX
+from ..storage.sums import SUFFIX
 from . import shipped
 
 #: The endings of files of results, and of sums over paths.
-STORED, SUMS = (".h5",), (SUFFIX, ".previous", FORMER_SUFFIX)
+STORED, SUMS = (".h5",), (SUFFIX,)
 
 
 @functools.cache
@@ -144,7 +144,7 @@ class StoredSpec(NamedTuple):
 def stored_spec(path: str | Path) -> StoredSpec:
     """The spec in a file of results, or of sums, which is not read; StorageError if the file cannot be read."""
     if Path(path).suffix in SUMS:
-        stored = (about_last(Path(path)) or {}).get("run")
+        stored = (storage.about_sums(Path(path)) or {}).get("run")
         if not isinstance(stored, dict):
             raise storage.StorageError(f"{path}: holds no sums over paths of this version of spi; give results")
     else:
@@ -175,11 +175,6 @@ def _python_files(data: Any) -> Iterator[str]:
         if key == "python" and isinstance(value, str):
             yield value
         yield from _python_files(value)
-
-
-def about_last(path: Path) -> dict[str, Any] | None:
-    """The attributes of a file of sums, or of the previous one while a run replaces it; None if both are unreadable."""
-    return storage.about_sums(path) or storage.about_sums(storage.previous(path))
 
 
 def means_another(path: str | Path, experiment: specs.Experiment) -> bool:

@@ -22,7 +22,7 @@ from ..storage.records import Group, Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
 from .finding import results_of
-from .load import SUMS, Source, about_last, headings, layers, load, load_any, load_stored, plans, sources
+from .load import SUMS, Source, headings, layers, load, load_any, load_stored, plans, sources
 from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
 
 __all__ = [
@@ -129,7 +129,6 @@ def run(
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
         storage.remove_leftovers(target)  # of a run that was killed when its results were there
         storage.remove_leftovers(sums_path(experiment, out))
-        storage.remove_previous(sums_path(experiment, out))
         return target
     session = Session(experiment, out, fresh, watch, limits)
     if not fresh:
@@ -212,9 +211,8 @@ class Session(Checkpoint):
             return self.target
         if replaced not in (None, (self.experiment.hash, NUMBERS_DIGEST)):
             self.remove_finished(*replaced)
-        storage.remove_previous(self.path)
         for file in self.shards().values():
-            storage.remove_sums(file)
+            file.unlink(missing_ok=True)
         return self.target
 
 
@@ -299,7 +297,7 @@ def so_far(path: Path, trust_code: bool = False, report: Callable[[Progress], No
     if path.suffix not in SUMS:
         return storage.read(path)
     experiment = load_stored(path, trust_code)
-    about = about_last(path) or {}
+    about = storage.about_sums(path) or {}
     if about.get("source_digest") != NUMBERS_DIGEST:
         raise storage.StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
     checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), USUAL, NOBODY.tell)

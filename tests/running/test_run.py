@@ -17,7 +17,6 @@ from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
-from spi.running.checkpoint import Checkpoint
 from spi.running.finding import Wanted
 from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
@@ -207,19 +206,6 @@ def other_sources(monkeypatch):
     return change
 
 
-def test_sums_of_a_former_layout_are_named_and_stay(tmp_path):
-    """They cannot be read any more; none is lost without a word."""
-    wanted, news = experiment("samples=2", schemes=SCHEMES[:1]), []
-    former = tmp_path / "sums" / f"{wanted.name}-{wanted.hash[:12]}-01234567-v4.npz"
-    former.parent.mkdir()
-    former.write_bytes(b"sums")
-    checkpoint = Checkpoint(wanted, runner.sums_path(wanted, tmp_path), Limits(), news.append)
-    checkpoint.resume()
-    (line,) = news
-    assert line.startswith(f"{former} has sums over these paths that other sources of spi computed (digest 01234567)")
-    assert line.endswith("with these the run begins anew") and former.read_bytes() == b"sums"
-
-
 def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sources):
     """Unfinished sums, with which the sources go on that began them, and results, which --fresh replaces."""
     wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
@@ -256,10 +242,7 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     before, there = path.read_bytes(), files(tmp_path)
     half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
-    sums = runner.sums_path(wanted, tmp_path)
-    storage.previous(sums).write_bytes(sums.read_bytes())  # killed before the sums of before were removed
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
-    assert not storage.previous(sums).exists()
     assert path.read_bytes() == before
     assert files(tmp_path) == there or os.name != "posix"
     assert not reports and len(news) == 1 and "use --fresh to recompute" in news[0]
