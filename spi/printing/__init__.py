@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .text import is_odd, new_console, print_lines, printable
+from .text import human_time, is_odd, new_console, print_lines, printable, short
 
 
 def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
@@ -33,8 +33,8 @@ def print_safely(lines: Iterable[str]) -> None:
 def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
     """That an experiment is valid and what it would cost: a ``spi.running.run.Cost``, and what is to be compiled."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
-    seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
-    takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
+    seconds = f"{'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
+    takes = f"{short(cost.path_steps)} steps of paths, {seconds}"
     return (
         f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
         f"{'time not known before' if math.isnan(cost.seconds) else takes}"

@@ -17,6 +17,7 @@ from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
+from ..printing.text import short
 from ..specs.naming import results_in
 from ..storage.records import Group, Results
 from . import compiling
@@ -90,7 +91,7 @@ class Progress(NamedTuple):
     @property
     def precision(self) -> str:
         """The standard error in words; empty before there is one."""
-        return "" if math.isnan(self.stderr) else f"standard error {self.stderr:.1e}"
+        return "" if math.isnan(self.stderr) else f"standard error {short(self.stderr)}"
 
 
 class Watch(NamedTuple):

@@ -22,14 +22,13 @@ from annotated_types import Ge, MinLen
 from pydantic import ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from ..models import MODELS
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, key_of, needed_keys, one_of, suggestion
-from .models import COMPLETE, ModelPart, check_overrides, is_another, overridden
+from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, suggestion
+from .models import ModelPart, check_overrides, is_another, overridden
 from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
@@ -64,11 +63,6 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     profile = create_model(f"{kind}_profile", __base__=part, cases=(dict[str, part], ABSENT))
     by_name: dict[str, Any] = dict.fromkeys(PROFILES[1:], (profile, ABSENT))
     profiles = create_model(f"{kind}_profiles", __base__=Keys, **by_name)
-    classes = zip(MODELS, COMPLETE, strict=True)
-    models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
-    models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
-    enough = [] if case_class.unless_asked is None else [{"required": ["accuracy"]}]
-    alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
@@ -77,8 +71,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),
     }
-    extra = {"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone, *enough]}}
-    file = create_model(kind, __base__=part, __doc__=case_class.__doc__, __cls_kwargs__=extra, **whole)
+    file = create_model(kind, __base__=part, __doc__=case_class.__doc__, **whole)
     return profile, file
 
 
@@ -122,7 +115,7 @@ class Layers(NamedTuple):
         return {**data, "kind": ANSWER}
 
     def json_schema(self) -> dict[str, Any]:
-        """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
+        """The JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
         schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self.file.json_schema()}
         return {**schema, "title": "An experiment of spi"}
 

@@ -358,12 +358,6 @@ def cut_short(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def with_one_bit_flipped(path):
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 4
-    path.write_bytes(data)
-
-
 def of_another_version(path):
     about, parts = storage.read_sums(path)
     del about["version"]
@@ -381,21 +375,6 @@ def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted
     path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
     assert numbers(path) == uninterrupted
-
-
-def test_the_checkpoint_before_a_damaged_one_is_used(tmp_path, small_batches, uninterrupted):
-    wanted, stopped = experiment(f"samples={MANY}"), []
-    for _ in range(2):
-        reports = Reports(SCHEMES[0], 2)
-        with pytest.raises(runner.Stopped):
-            runner.run(wanted, tmp_path, watch=Watch(report=reports))
-        stopped.append(reports.done(SCHEMES[0])[-1])
-    with_one_bit_flipped(runner.sums_path(wanted, tmp_path))
-    reports = Reports()
-    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
-    assert reports.done(SCHEMES[0])[0] == stopped[0]
-    assert numbers(path) == uninterrupted
-    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
 
 
 def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):
