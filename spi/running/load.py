@@ -19,11 +19,10 @@ from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
-from ..storage.sums import SUFFIX
 from . import shipped
 
-#: The endings of files of results, and of sums over paths.
-STORED, SUMS = (".h5",), (SUFFIX,)
+#: The endings of files of results.
+STORED = (".h5",)
 
 
 @functools.cache
@@ -142,13 +141,8 @@ class StoredSpec(NamedTuple):
 
 
 def stored_spec(path: str | Path) -> StoredSpec:
-    """The spec in a file of results, or of sums, which is not read; StorageError if the file cannot be read."""
-    if Path(path).suffix in SUMS:
-        stored = (storage.about_sums(Path(path)) or {}).get("run")
-        if not isinstance(stored, dict):
-            raise storage.StorageError(f"{path}: holds no sums over paths of this version of spi; give results")
-    else:
-        stored = read_root(path)
+    """The spec in a file of results, which is not read; StorageError if the file cannot be read."""
+    stored = read_root(path)
     try:
         files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources") or "{}").items()]
         name = str(stored.get("experiment", ""))

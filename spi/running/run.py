@@ -21,9 +21,9 @@ from ..printing.text import short
 from ..specs.naming import results_in
 from ..storage.records import Group, Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
 from .finding import results_of
-from .load import SUMS, Source, headings, layers, load, load_any, load_stored, plans, sources
+from .load import Source, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
 
 __all__ = [
@@ -285,40 +285,6 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def so_far(path: Path, trust_code: bool = False, report: Callable[[Progress], None] = NOBODY.report) -> Results:
-    """The results in a file, or those of the unfinished run whose sums over paths it holds.
-
-    The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
-    samples as are there, or with as many of the values and step sizes.  `report` is called for work without paths.
-
-    StorageError if the file cannot be read, or has nothing yet that could be shown.
-    """
-    if path.suffix not in SUMS:
-        return storage.read(path)
-    experiment = load_stored(path, trust_code)
-    about = storage.about_sums(path) or {}
-    if about.get("source_digest") != NUMBERS_DIGEST:
-        raise storage.StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
-    checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), USUAL, NOBODY.tell)
-    checkpoint.resume()
-    checkpoint.merge(path, with_extra=False)
-    states = [state.plan.so_far(state) for state in checkpoint.states]
-
-    def tick(number: int, state: State) -> None:
-        report(progress_of_part(state, number, len(states)))
-
-    groups: list[Group] = []
-    for number, state in enumerate(states):
-        if state is not None:
-            with state.working(partial(tick, number, state)):
-                groups += state.groups()
-    progress = progress_of(checkpoint.states)
-    if not groups:
-        raise storage.StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
-    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
-    return Results(root_attributes(experiment) | more, tuple(groups), ())
 
 
 def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:

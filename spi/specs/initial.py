@@ -211,15 +211,15 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
         lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip()]
         head = [name.strip() for name in lines[0].split(",")] if lines else []
         head, rows = (names, lines) if any(map(_is_number, head)) else (head, lines[1:])
-        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2) if rows else np.empty((0, len(head)))
+        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2) if rows else np.empty(0)
     except ValueError as error:  # which UnicodeDecodeError is as well
         right += f"; or be an .npz of numpy.savez with an array y of {len(names)} columns, and perhaps weight"
         raise wrong(f"is {shown(path)}, which is no CSV of numbers ({error})", right, "file") from None
+    if not rows:
+        raise wrong(f"is {shown(path)}, which has no states", right, "file")
     if sorted({*head} - {"weight"}) != sorted(names) or len({*head}) != len(head) or values.shape[1] != len(head):
         fault = f"with {values.shape[1]} columns" if head == names else f"with the columns {', '.join(head)}"
         raise wrong(f"is {shown(path)}, {fault}", right, "file")
-    if not rows:
-        raise wrong(f"is {shown(path)}, which has no states", right, "file")
     columns = dict(zip(head, values.T, strict=True))
     return np.stack([columns[name] for name in names], axis=1), columns.get("weight", np.ones(len(rows)))
 

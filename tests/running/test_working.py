@@ -71,20 +71,6 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
         assert falls.sum() <= (kind == "answer")
 
 
-def test_showing_what_is_unfinished_tells_how_far_it_solves(spec, tmp_path):
-    experiment, reports = spec("statistics"), []
-
-    def stop(progress):
-        if progress.work:
-            raise KeyboardInterrupt
-
-    with loop_in_python(), pytest.raises(Stopped):
-        runner.run(experiment, tmp_path, watch=Watch(report=stop))
-    references._exact.cache_clear()
-    assert runner.so_far(runner.sums_path(experiment, tmp_path), report=reports.append).groups
-    assert len(reports) > 10 and {one.work.title for one in reports} == {"solving"}
-
-
 @pytest.mark.parametrize("kind", SPECS)
 def test_what_is_solved_for_is_in_the_prediction(spec, monkeypatch, kind):
     experiment = spec(kind)
