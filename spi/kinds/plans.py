@@ -68,12 +68,6 @@ class State:
         finally:
             self.work = None
 
-    def of(self, plan: Any) -> "State":
-        """The state with these sums of another plan, of fewer of these paths."""
-        other = State(plan)
-        other.extra, other.tallies = self.extra, dict(self.tallies)
-        return other
-
     @property
     def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""
@@ -91,11 +85,6 @@ class State:
         """The sums over those paths of a path set that are computed."""
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
-
-    def complete(self) -> int:
-        """The number of first path sets of which all paths are computed."""
-        whole = [self.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(self.path_sets)]
-        return [*whole, False].index(False)
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
@@ -360,10 +349,6 @@ class Plan:
     def next_allocation(self, state: State) -> Any | None:
         """Once all chunks are in, the new `extra` if it requests further paths; None if nothing is left to compute."""
         return None
-
-    def so_far(self, state: State) -> State | None:
-        """The state of a plan of fewer paths, steps or values, all of which are computed; None if there are none."""
-        return None if state.missing() else state
 
     def finalise(self, state: State) -> Iterator[Any]:
         """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""

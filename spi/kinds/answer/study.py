@@ -909,9 +909,5 @@ class AnswerPlan(SamplesPlan):
                 stderr = float(self.outcome(state).stderr[0])
         return Done(done, total, stderr)
 
-    def so_far(self, state: State) -> State | None:
-        """None: before the end there is no bound of the bias."""
-        return None if state.missing() or state.extra.stage < DONE else state
-
 
 plan = AnswerPlan.of

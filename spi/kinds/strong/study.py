@@ -8,7 +8,7 @@ value at the final time is stored as well.  The reference is the scheme itself, 
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -113,14 +113,6 @@ class StrongPlan(BlocksPlan):
                 integrate(*arguments)
                 best = min(best, time.perf_counter() - began)
         return 1e9 * best / (steps * LANES)
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the first paths, without times of steps where they have not been measured."""
-        shorter = super().so_far(state)
-        if shorter is None or not np.isnan(state.extra.ns_per_step).any():
-            return shorter
-        plan: Any = shorter.plan
-        return shorter.of(replace(plan, timed_steps=False))
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
