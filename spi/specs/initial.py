@@ -2,7 +2,6 @@
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
-    initial: {results: results/vortex_merger.h5, case: calm, time: 4}
     initial: {modes: {"1,0": 0.1+0.3i, "2,-1": 0.2}}
     initial: {vorticity: "cos(x1) + cos(x2)"}
     initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
@@ -31,7 +30,7 @@ from ..models.delegation import undamped
 from ..models.zeitlin import fields
 from ..models.zeitlin.tables import places
 from ..systems import expanded, has_range, variables
-from .files import Files, array_in, check_finite, content, state_in, unpacked
+from .files import Files, array_in, check_finite, content, unpacked
 from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -275,7 +274,7 @@ class Vorticity(Keys):
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
-            keys = _FIELDS if given else (*_FIELDS, "file", "results")
+            keys = _FIELDS if given else (*_FIELDS, "file")
             raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(keys)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
@@ -294,29 +293,11 @@ class Stored(Keys):
 
     file: key_of(
         str, "a file of numpy.save: a number per component, or a vorticity on a square grid of at least N points a side"
-    ) = ABSENT
+    )
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity on the grid") = False
-    results: key_of(str, "a results file of kind trajectory") = ABSENT
-    time: key_of(NonNegative, "time of a stored state in it", "time") = ABSENT
-    case: key_of(str, "name of the case in it; default: the only one") = ABSENT
-    scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
-
-    @condition
-    def _check_one(self) -> None:
-        given = self.model_fields_set
-        if {"file", "results"} <= given:
-            raise wrong("has file and results", "must have one of them")
-        if "results" in given and "time" not in given:
-            raise wrong("missing key 'time'", "add time: that of a stored state", "time")
-        of_other = {"time", "case", "scheme"} if "file" in given else {"subtract_mean"}
-        if beside := sorted(of_other & given):
-            which, other = ("file", "results") if "file" in given else ("results", "file")
-            raise wrong(f"stands beside {which}", f"leave it out, it is for {other}", beside[0])
 
     def state(self, files: Any, n: int | None) -> tuple[float, ...]:
         """The numbers of the state, on the lattice modulo `n` if there is one."""
-        if self.results is not None:
-            return tuple(state_in(files, self.results, self.case, self.scheme, self.time).tolist())
         values = array_in(files, self.file)
         if values.ndim == 1:
             return tuple(values.tolist())
@@ -428,15 +409,14 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
         return numbers(_with_ranges(value, info))
     if "law" in value:
         return random_state(value, info.data.get("model"), cast(Files, info.context))
-    stored = "file" in value or "results" in value
-    given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
+    given, model = (Stored if "file" in value else Vorticity).model_validate(value), info.data.get("model")
     if model is None:  # it is wrong, which is reported
         return ()
     n = fields.lattice_of(model)
     if isinstance(given, Stored):
         return given.state(info.context, n)
     if n is None:
-        right = "must be a list, a number per component, or have file or results"
+        right = "must be a list, a number per component, or have file"
         raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
     return given.state(n)
 
