@@ -89,31 +89,6 @@ class Layers(NamedTuple):
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
-    def asked(self, document: Document) -> Any:
-        """The data of a file, with kind answer where it names an accuracy and not how it is to be reached.
-
-        SpecError where it names half of that."""
-        data = document.data
-        of_file = data if isinstance(data, dict) else {}
-        case_class = self.cases.get(str(of_file.get("kind")))
-        if case_class is None or case_class.unless_asked is None:
-            return data
-        cases = of_file.get("cases")
-        within = [case for case in (cases if isinstance(cases, list) else ()) if isinstance(case, dict)]
-        named = {*of_file}.union(*within)
-        if "accuracy" not in named:
-            return data
-        if beside := ", ".join(named.intersection(case_class.unless_asked)):
-            if "steps" not in named:
-                right = f"leave out {beside}, and steps and samples are chosen, or add steps and reference_step"
-                document.fail(("accuracy",), f"is beside {beside}, but without steps; {right}")
-            return data
-        answer = self.cases[ANSWER].model_fields
-        if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
-            fault = "asks for an answer, whose scheme, steps and samples are chosen"
-            document.fail(("accuracy",), f"{fault}; leave out {lost}, or accuracy")
-        return {**data, "kind": ANSWER}
-
     def json_schema(self) -> dict[str, Any]:
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
         schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self.file.json_schema()}
@@ -153,10 +128,10 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Only its keys are looked at: models and initial states can take seconds.
     """
     try:
-        file = kinds.file.validate_python(kinds.asked(Document(text_of(path), str)))
+        file = kinds.file.validate_python(Document(text_of(path), str).data)
     except (SpecError, ValidationError):
         return None
-    model = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
+    model: Mapping[str, Any] = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
     return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
 
 
@@ -291,7 +266,6 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    document.data = kinds.asked(document)
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document

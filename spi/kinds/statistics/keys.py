@@ -116,13 +116,9 @@ class Case(StepCase):
         Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
     ) = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
-    accuracy: key_of(
-        Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
-    ) = pydantic.Field(default=None, exclude=True)
 
     quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
-    unless_asked: ClassVar = ()
     distinct: ClassVar = ("panels", "statistics", "quantiles")
     unsaid: ClassVar[dict[str, Any]] = {
         **StepCase.unsaid,
@@ -212,13 +208,6 @@ class Case(StepCase):
         for name, since in self.autocorrelation.items():
             self._check_name(name, "autocorrelation", name)
             self.place(since, "autocorrelation", name)
-        return self
-
-    @condition
-    def _check_accuracy(self) -> Self:
-        if self.accuracy is not None:
-            right = "name it in the file, without step and samples, or use `spi answer`"
-            raise wrong("cannot be asked for here, where step and samples are given", right, "accuracy")
         return self
 
     @condition
