@@ -33,28 +33,6 @@ steps: [1/4, 1/8]
 schemes: [splitting]
 functions: {a: y1, b: y3^2}
 """,
-    "statistics": """
-final_time: 1
-step: 2^-4
-schemes: [splitting]
-functions: {a: y1, b: y3^2}
-statistics: [mean, variance, covariance, quantiles, histogram]
-autocorrelation: {a: 1/2}
-density: {of: [a, b], cells: 4}
-""",
-    "lyapunov": """
-final_time: 2
-step: 2^-4
-schemes: [splitting]
-pullback: {times: [1, 2], points: 200}
-""",
-    "answer": """
-final_time: 1
-schemes: [splitting_order2]
-functions: {a: y1, b: y3^2}
-accuracy: 5e-2
-sampling: true
-""",
 }
 
 
