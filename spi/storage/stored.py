@@ -37,7 +37,6 @@ from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
 from typing import (
-    Annotated,
     Any,
     ClassVar,
     Generic,
@@ -235,9 +234,7 @@ class Described:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls, include_extras=True)
-        if wrong := [name for name, hint in hints.items() if get_origin(hint) is Annotated]:
-            raise TypeError(f"{cls.__name__}.{wrong[0]}: describe it by its default, as in `error: Array = array(...)`")
+        hints = get_type_hints(cls)
         own: Any = cls  # mypy does not see that it is a dataclass by now
         cls.described = tuple(
             _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
