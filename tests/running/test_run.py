@@ -17,7 +17,7 @@ from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
-from spi.running.finding import Wanted
+from spi.running.finding import Wanted, listed
 from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
 
@@ -312,6 +312,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
         runner.run(wanted, tmp_path, watch=Watch(report=first))
     checkpoint = runner.sums_path(wanted, tmp_path)
     assert files(tmp_path) == {checkpoint}
+    (line,), problems = listed(tmp_path)
+    assert (line.name, problems) == (wanted.results_name, []) and line.created.startswith("unfinished: euler_maruyama ")
     stopped_at = first.done(scheme)[-1]
     assert 0 < stopped_at < MANY
 
