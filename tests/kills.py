@@ -2,8 +2,6 @@
 
 import contextlib
 import os
-import subprocess
-import sys
 import time
 from multiprocessing import get_context
 from pathlib import Path
@@ -105,49 +103,6 @@ def stray(kind, out):
     """Files in a folder that should not be there."""
     wanted = {runner.results_path(experiment(kind), out), runner.sums_path(experiment(kind), out), Path(out, "log")}
     return sorted({path for path in Path(out).rglob("*") if path.is_file()} - wanted)
-
-
-#: What a child runs: a command that is sent SIGTERM at a call of a function, given by its share of the number of calls
-#: that the command makes, the last argument; it prints that number to standard error if it is not known.
-_COMMAND = """
-import os, signal, sys
-from spi import cli
-at, calls = int(sys.argv.pop()), 0
-def count(frame, event, argument):
-    global calls
-    calls += 1
-    if calls == at:
-        sys.setprofile(None)
-        os.kill(os.getpid(), signal.SIGTERM)
-sys.setprofile(count)
-try:
-    cli.main()
-finally:
-    sys.setprofile(None)
-    if at < 0:
-        print(calls, file=sys.stderr)
-"""
-_CALLS = {}  #: command -> how many calls it makes
-
-
-def _called(arguments, at):
-    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    return subprocess.run(
-        [sys.executable, "-c", _COMMAND, *map(str, arguments), str(at)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-
-
-def stopped_at(share, *arguments):
-    """(exit code, stderr, number of the call) of a command that is asked to stop at a share of its calls."""
-    if arguments not in _CALLS:
-        _CALLS[arguments] = int(_called(arguments, -1).stderr.split()[-1])
-    at = 1 + int(share * _CALLS[arguments])
-    answer = _called(arguments, at)
-    return answer.returncode, answer.stderr, at
 
 
 class Interruptions:

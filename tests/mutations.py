@@ -12,6 +12,7 @@ from pathlib import Path
 
 import yaml
 from damage import call
+from reuse_cases import FILES, SPECS
 
 #: Those of systems in files of their own are left out, as each is checked in an empty folder.
 EXPERIMENTS = [
@@ -19,111 +20,8 @@ EXPERIMENTS = [
     for path in sorted((Path(__file__).parents[1] / "experiments").glob("*.yaml"))
     if not re.search("(system|python):", path.read_text(encoding="utf-8"))  # which name files of their own
 ]
-_BODY = """
-model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
-initial: [cos(1.1), 0, sin(1.1)]
-"""
-_HELD = """
-model: {algebra: so(3), variables: [y1, y2, y3], parameters: {a: 1/4}, hamiltonian: a*y1^2 + y2^2/2 + 3*y3^2/4,
-  noises: [y1, y2, y3], sigma: [1, 1, 1]}
-temperature: 1/4
-initial: {law: gibbs, through: [0, 0, 1], temperature: 1/4}
-"""
-#: Specs with many keys of kinds of which few experiments have them.
-MANY_KEYS = [
-    f"""kind: statistics{_BODY}
-final_time: 1
-step: 2^-4
-every: 2
-schemes: [splitting, mine]
-compositions: {{mine: [noise 1/2, drift 1, noise 1/2 backwards]}}
-samples: 640
-functions: {{a: y1^2, e: H, turned: {{passage: "y1 < 0"}}, highest: {{maximum: y3}}, b: y3}}
-statistics: [mean, variance, covariance, quantiles, histogram]
-quantiles: [0.1, 0.5]
-bins: 32
-density: {{of: [a, b], times: [1/2, 1], cells: 8}}
-autocorrelation: {{b: 1/2}}
-reference: {{a: exact, e: {{file: known.csv}}, b: "sin(1.1)*exp(-t)"}}
-panels: [mean, histogram, maps]
-expect: {{splitting: {{deviation: 4, a: {{mean: 0.2 +- 1}}, "b, 0.5-quantile": {{quantile: 0.3 +- 1}}}}}}
-""",
-    f"""kind: statistics{_HELD}
-final_time: 2
-step: 2^-3
-times: [0, 1, 2]
-schemes: [splitting_metropolis]
-samples: 128
-functions: {{energy: H, square: y3^2}}
-density: sphere
-reference: {{energy: stationary, square: stationary}}
-sweep: {{s: [1, 2], of: [mean, variance]}}
-cases: [{{name: one, model: {{sigma: [s, 1, 1]}}}}]
-""",
-    f"""kind: lyapunov{_BODY}
-final_time: 4
-warm_up: 1
-step: 2^-4
-every: 4
-exponents: 2
-schemes: [splitting, euler_maruyama]
-samples: 128
-panels: [lyapunov, pullback]
-pullback: {{times: [1, 4], points: 500}}
-truncate_noise: true
-expect: {{splitting: {{exponent_sum: 0 +- 1e-3, dimension: 2 +- 0.1, nonfinite: 0}}}}
-""",
-    f"""kind: equilibrium{_HELD}
-steps: [1/2, 1/4]
-final_time: 64
-burn_in: 8
-spacing: 1/2
-schemes: [splitting_symmetric, splitting_metropolis]
-samples: 64
-functions: {{energy: H, square: y3^2}}
-reference: {{energy: exact, square: finest}}
-bins: 10
-accuracy: 1e-2
-panels: [means, histogram, autocorrelation, heat, acceptance]
-expect: {{splitting_symmetric: {{up to 1/4: {{energy: {{average: 0.4 +- 0.1}}}}, order: 2 +- 1}}}}
-profiles: {{quick: {{samples: 32}}}}
-""",
-    f"""kind: answer{_BODY}
-final_time: 1
-functions: {{square: y1^2, wave: sin(2*pi*y1), far: y1 > 0.5}}
-accuracy: 2e-2
-schemes: [splitting_order2, splitting_symmetric]
-extrapolate: [0, 1]
-steps: [1, 1/2, 1/4, 1/8]
-samples: 2^12
-reference_scheme: roessler_rs2
-sampling: true
-seconds: 10
-expect: {{splitting_order2: {{square: {{value: 0.2 +- 1, interval: 0.1}}}}}}
-""".replace(", far: y1 > 0.5", ""),
-    f"""kind: answer{_BODY}
-final_time: 1/2
-functions: y1^2
-accuracy: 1e-3
-cases: [{{name: other, model: {{sigma: [0, s, 0]}}, sweep: {{s: [1, 2]}}}}]
-damping: 1/10
-""",
-    f"""kind: stability{_BODY.replace("[1, 1, 1]", "[s, s, 0]")}
-final_time: 1
-steps: 2^-1 .. 2^-3
-reference_step: 2^-5
-schemes: [splitting, midpoint]
-reference_scheme: splitting
-samples: 64
-sweep: {{s: [0.1, 1]}}
-functions: {{m: y1, e: y1^2}}
-accurate: 0.1
-panels: [regimes, law]
-expect: {{splitting: {{finite: 1, up to 2^-2: {{s up to 1: {{casimir_worst: 1e-10}}}}}}}}
-""",
-]
-#: The file that one of these names.
-KNOWN = "t,value,stderr\n0,0,0\n1/2,1,0\n1,0.3,1e-3\n".replace("1/2", "0.5")
+#: Specs with many keys, of all kinds.
+MANY_KEYS = [f"kind: {kind}\n{text}\n" for kind, text in SPECS.items()]
 
 
 def kind_of(text):
@@ -243,7 +141,7 @@ def answer(draw, folder, kind=None):
     what, certain, text = mutated(draw, text)
     file = folder / name
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    (folder / "known.csv").write_text(KNOWN, encoding="utf-8")
+    (folder / "known.csv").write_text(FILES["known.csv"][0], encoding="utf-8")
     try:
         with limited(LONGEST):
             code, out, err = call("check", file)

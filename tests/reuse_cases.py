@@ -7,7 +7,6 @@ nothing else makes a value that it can have.
 
 import functools
 import io
-import json
 import shutil
 import tempfile
 from itertools import groupby
@@ -85,7 +84,6 @@ LAYERS = (
     "model: {python: oscillator.py, name: Oscillator}\ninitial: [1, 0]\n---\nschemes: [splitting]\n"
     "functions: {b: y1}\nreference:\ndensity:",
     "model: {system: top.yaml, parameters: {c: 2}}\n---\nschemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
-    "initial: {results: r.h5, time: 1}",
     "reference_scheme: splitting\n---\nschemes: [splitting]\nextrapolate: 0",
     "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nsteps: [1/2, 1/4, 1/8]\n---\n"
     "schemes: [splitting_order2]\npanels: [errors]\nfunctions: {b: y1^2}",
@@ -132,7 +130,6 @@ FILES = {
         archive(y=y, weight=np.array(weight, float))
         for y, weight in ((_POINTS, [1, 2, 3]), (_POINTS[::-1], [1, 2, 3]), (_POINTS, [3, 2, 1]), (-_POINTS, [1, 2, 3]))
     ),
-    "r.h5.states": tuple(json.dumps({"the case/the scheme at 1.0": array_text(point)}) for point in _POINTS[:2]),
     "y.npy": tuple(map(array_text, (_POINTS[0], _POINTS[1]))),
     "heun.py": (
         _HEUN,
@@ -157,7 +154,7 @@ class Spec(NamedTuple):
     @classmethod
     def of(cls, data, **other):
         """With the first text of each file, or with the one of the number that is given."""
-        named = {name: text for name, text in FILES.items() if name.removesuffix(".states") in str(data)}
+        named = {name: text for name, text in FILES.items() if name in str(data)}
         return cls(data, tuple((name, text[other.get(name, 0)]) for name, text in named.items()))
 
     @property

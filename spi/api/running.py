@@ -40,7 +40,7 @@ def run(
     ``cases={"strong": {"seed": 7}}`` changes one case.
 
     Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``; a profile and overrides
-    are added to the name, as in ``<name>.quick.seed=2.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
+    are added to the name, as in ``<name>.quick.e70e6b.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
     ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
     nothing is left on disk.  `fresh` recomputes from scratch and overwrites existing results.  `threads` is the number
     of threads; `workers` the number of processes on this machine, or the address of a Dask scheduler.  `progress` shows

@@ -3,15 +3,30 @@
 import os
 import signal
 import sys
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
-from . import running, showing, starting
+from . import listing, running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, RunOptions, Specs, load, run_options
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
+
+class Commands(TyperGroup):
+    """The commands by what they are for, each with its whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for each panel."""
+        commands: Any = self.commands
+        for panel in dict.fromkeys(command.rich_help_panel for command in commands.values()):
+            first = {name: of.help.partition("\n\n")[0] for name, of in commands.items() if of.rich_help_panel == panel}
+            with formatter.section(panel):
+                formatter.write_dl([(name, " ".join(text.split())) for name, text in first.items()])
+
+
 app = typer.Typer(
+    cls=Commands,
     help="A laboratory for stochastic Poisson integrators.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -37,19 +52,6 @@ def _common(
     """A laboratory for stochastic Poisson integrators."""
 
 
-app.command()(running.run)
-app.command()(running.answer)
-app.command("list")(starting.list_)
-app.command()(starting.new)
-app.command()(running.merge)
-app.command()(running.verify)
-
-
-app.command()(showing.plot)
-app.command()(showing.show)
-
-
-@app.command()
 @run_options()
 def check(specs: Specs, options: RunOptions) -> None:
     """Validate experiments and estimate their cost."""
@@ -65,7 +67,6 @@ def check(specs: Specs, options: RunOptions) -> None:
             print_safely([f"{name}:", *(f"  {line}" for line in lines)])
 
 
-@app.command()
 @run_options("samples", "seed")
 def model(specs: Specs, options: RunOptions) -> None:
     """Print the Python source of the models of experiments."""
@@ -76,7 +77,6 @@ def model(specs: Specs, options: RunOptions) -> None:
             typer.echo(text.rstrip("\n"))
 
 
-@app.command()
 def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
@@ -86,9 +86,41 @@ def schema() -> None:
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
 
-app.command(cls=showing.Report)(showing.report)
-app.command()(starting.doctor)
-app.command()(starting.cache)
+def _examples(*lines: str) -> str:
+    """The end of a help text."""
+    return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
+
+
+_EXAMPLES = {
+    "run": _examples(
+        "spi run rigid_body_strong --profile quick",
+        "spi run my_body.yaml --samples 10^6 --set 'steps=2^-3 .. 2^-8'",
+    ),
+    "answer": _examples(
+        "spi answer rigid_body_strong --function y1^2 --accuracy 1e-4",
+        "spi answer my_body.yaml --time 2 --seconds 60 --dry",
+    ),
+    "plot": _examples(
+        "spi plot rigid_body_strong --profile quick",
+        "spi plot results/my_body.h5 --style paper --width two --out figures",
+    ),
+}
+_PANELS: dict[str, dict[str, Any]] = {
+    "Begin": {"list": listing.list_, "new": starting.new, "doctor": starting.doctor},
+    "Compute": {"check": check, "run": running.run, "answer": running.answer, "merge": running.merge},
+    "Look at results": {
+        "show": showing.show,
+        "plot": showing.plot,
+        "report": showing.report,
+        "verify": running.verify,
+    },
+    "More": {"model": model, "schema": schema, "cache": starting.cache},
+}
+_CLASSES = {"report": showing.Report}
+for _panel, _commands in _PANELS.items():
+    for _name, _command in _commands.items():
+        _style = {"rich_help_panel": _panel, "epilog": _EXAMPLES.get(_name), "cls": _CLASSES.get(_name)}
+        app.command(_name, **_style)(_command)  # type: ignore[arg-type]
 
 
 def main() -> NoReturn:

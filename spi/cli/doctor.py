@@ -1,6 +1,5 @@
 """Whether this installation works: its versions, its folder of compiled kernels, and a small run."""
 
-import importlib.metadata
 import os
 import shutil
 from collections.abc import Iterator
@@ -12,12 +11,10 @@ from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, scrat
 from ..checks.compilable import CompilationError
 from ..compiler import rounding
 from ..ensemble.loop import thread_count
-from ..running.compiling import physical_memory, processors
+from ..running.compiling import processors
 from ..running.run import NOBODY, Watch, load, run
 from ..schemes import typical_ns
 from ..storage.records import Group
-
-_PACKAGES = ("numba", "llvmlite", "numpy", "scipy", "h5py")
 
 #: The quick profile of the experiment rigid_body_strong for one scheme, and its strong errors, which depend on the
 #: processor in their last bits only, where it has no fused operations.
@@ -39,7 +36,7 @@ _TOLERANCE = 1e-9  #: relative
 _DRIFT = 1e-12  #: of the Casimir function, which the scheme keeps but for rounding
 
 _SLOW = 5.0  #: how many times longer than typical a step may take before that is worth a warning
-_LEAST_MEMORY, _LEAST_ROOM = 2e9, 1e9  #: bytes, of the machine and on the disk of the cache
+_LEAST_ROOM = 1e9  #: bytes on the disk of the cache
 
 
 class Finding(NamedTuple):
@@ -59,23 +56,11 @@ def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
     """The facts about this installation, the quick ones first; `watch` follows the small run."""
     about = storage.provenance()
     yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
-    yield _packages()
+    yield Finding("packages", ", ".join(f"{name} {about[f'machine_{name}']}" for name in ("numba", "numpy", "h5py")))
     yield _vectors(about["machine_processor"])
     yield _threads()
-    yield _memory()
     yield _cache()
     yield from _small_run(watch)
-
-
-def _packages() -> Finding:
-    installed, missing = [], []
-    for package in _PACKAGES:
-        try:
-            installed.append(f"{package} {importlib.metadata.version(package)}")
-        except (ImportError, OSError):
-            missing.append(package)
-    remedy = f"{', '.join(missing)} should be there too, install spi again" if missing else ""
-    return Finding("packages", ", ".join(installed), remedy)
 
 
 def _vectors(processor: str) -> Finding:
@@ -89,14 +74,6 @@ def _threads() -> Finding:
     threads, count = thread_count(), processors()
     remedy = "" if threads == count else "NUMBA_NUM_THREADS in the environment says how many are used"
     return Finding("threads", f"{threads}, for {count} processors", remedy)
-
-
-def _memory() -> Finding:
-    size = physical_memory()
-    if size is None:
-        return Finding("memory", "of unknown size")
-    remedy = "" if size >= _LEAST_MEMORY else "see what `spi check` says an experiment needs"
-    return Finding("memory", f"{size / 1e9:.1f} GB", remedy)
 
 
 def _cache() -> Finding:

@@ -145,18 +145,16 @@ def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:
     return experiments
 
 
-def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions, unfinished: bool = False) -> list[Path]:
+def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
     """The files of results that a person means: files, spec files, or names of experiments; without any, all.
 
-    Those of names lie in `folder`, and the options of their runs choose among them; where there are none yet, the sums
-    of an `unfinished` run will do.  Raises StorageError if there are none, or if those of a spec file are of another.
+    Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there are
+    none, or if those of a spec file are of another.
     """
     from ..running.finding import Wanted, every, results_file
 
     wanted = Wanted(options.profile or "laptop", tuple(options.assignments))
-    return (
-        [results_file(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
-    )
+    return [results_file(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
 
 
 def end(code: int, message: str) -> NoReturn:

@@ -5,7 +5,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .. import CACHE_PROBLEM
-from ..printing.text import human_time, printable
+from ..printing.text import human_time, print_lines, printable
 from .terminal import STOP, tell
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class ProgressLine:
     def tell(self, news: str) -> None:
         """Print a line that stays, above that of the progress if there is one."""
         if self.bar:
-            self.bar.console.print(f"spi: {news}", markup=False, soft_wrap=True)
+            print_lines(self.bar.console, [f"spi: {news}"])
         else:
             tell(f"spi: {news}")
 

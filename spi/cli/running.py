@@ -271,9 +271,13 @@ def answer(
     the bias, and writes <out>/<name>.answer.h5.
     """
     from ..running.load import load_answer
+    from ..specs.naming import as_override
 
-    keys = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
+    keys = {"final_time": time, "accuracy": accuracy, "seconds": seconds}
     named = [f"{key}={value}" for key, value in keys.items() if value is not None]
+    if function:
+        several = {f"phi{i}": text for i, text in enumerate(function, 1)}
+        named.append(as_override("functions", several if len(several) > 1 else function[0]))
     experiment = load_answer(spec, options.profile, [*named, *options.assignments], options.trust_code)
     limits = _limits(max_time, checkpoint)
     prepare(threads)
@@ -294,16 +298,6 @@ def answer(
     else:
         views.print_tables(results)
     tell(f"results: {path}")
-
-
-def _functions(texts: list[str] | None) -> str | None:
-    """The value of the key ``functions``: one function by its text, several as a mapping."""
-    if not texts:
-        return None
-    quoted = ["'" + text.replace("'", "''") + "'" for text in texts]
-    if len(quoted) == 1:
-        return quoted[0]
-    return "{" + ", ".join(f"phi{i}: {text}" for i, text in enumerate(quoted, 1)) + "}"
 
 
 def _predict(experiment: "Experiment") -> None:

@@ -1,7 +1,6 @@
 """The commands that show stored results: show, plot, and as a page report."""
 
 import contextlib
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand
 
+from .listing import print_results
 from .options import (
     FAILED,
     INVALID,
@@ -26,10 +26,8 @@ from .terminal import STOP, takes_all_characters, tell
 if TYPE_CHECKING:
     from ..storage.records import Results
 
-_PAGE = 9.0  # inches of the height of a page's text
 
-
-@run_options()
+@run_options("trust_code")
 def show(
     source: Annotated[
         Path | None,
@@ -44,22 +42,16 @@ def show(
     *,
     options: RunOptions,
 ) -> None:
-    """Print stored results to standard output; without a name, list what results there are.
-
-    Of a run that is unfinished, what is there so far.
-    """
+    """Print stored results to standard output; without a name, list what results there are."""
+    from .. import storage
     from ..printing import as_csv, as_json
     from ..report import views
-    from ..running import finding
 
     if source is None:
-        _list(results)
+        print_results(results)
         return
-    (file,) = stored([source], results, options, unfinished=True)
-    stored_results = _read(file, options.trust_code)
-    if file.parent == results and (path := finding.unfinished_run(results, file.stem)):
-        sums = shlex.quote(path.as_posix())
-        tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
+    (file,) = stored([source], results, options)
+    stored_results = storage.read(file)
     with _about(file):
         if format == "table":
             views.print_tables(stored_results)
@@ -68,29 +60,7 @@ def show(
             typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
 
 
-def _read(file: Path, trust_code: bool) -> "Results":
-    """The results in a file, or those of an unfinished run, with a line on the solving that they need."""
-    from ..running.run import so_far
-    from .progress import ProgressLine
-
-    with ProgressLine(file.stem) as line:
-        return so_far(file, trust_code, line.report)
-
-
-def _list(folder: Path) -> None:
-    """Print the list of results in a folder."""
-    from ..printing import print_safely, result_lines
-    from ..running.finding import listed
-
-    results, problems = listed(folder)
-    if not results and not problems:
-        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
-    print_safely(result_lines(results))
-    for problem in problems:
-        tell(f"spi: {problem}")
-
-
-@run_options()
+@run_options("trust_code")
 def plot(
     sources: Several = None,
     results: ResultsFolder = RESULTS,
@@ -109,14 +79,11 @@ def plot(
     *,
     options: RunOptions,
 ) -> None:
-    """Draw figures from stored results: <out>/<name>.pdf and .png.
-
-    Of a run that is unfinished, what is there so far: <out>/<name>_unfinished.pdf and .png.
-    """
+    """Draw figures from stored results: <out>/<name>.pdf and .png."""
+    from .. import storage
     from ..drawing import page
     from ..drawing.style import caption
     from ..report import views
-    from ..running import finding
 
     try:
         page.named(style, width, font)
@@ -124,21 +91,18 @@ def plot(
         end(INVALID, f"--{error}")
 
     def draw(path: Path) -> None:
-        stored_results = _read(path, options.trust_code)
+        stored_results = storage.read(path)
         with _about(path):
             figure = views.figure(stored_results, style, width, font)
-        folder, stem = finding.place_of_figures(path)
-        for written in views.save(figure, out or folder, stem if style == "screen" else f"{stem}_paper"):
+        folder = out or path.parent
+        for written in views.save(figure, folder, path.stem if style == "screen" else f"{path.stem}_paper"):
             tell(f"wrote {written}")
         if style == "paper":
             tell(f"caption: {caption(figure)}")
-            if (height := figure.get_figheight()) > _PAGE:
-                more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
-                tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
         if film:
-            _write_film(path, stored_results, out or folder, stem)
+            _write_film(path, stored_results, folder)
 
-    _each(draw, stored(sources, results, options, unfinished=True))
+    _each(draw, stored(sources, results, options))
 
 
 def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
@@ -162,14 +126,17 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
         raise typer.Exit(max(codes))
 
 
-def _write_film(path: Path, results: "Results", folder: Path, stem: str) -> None:
+def _write_film(path: Path, results: "Results", folder: Path) -> None:
     from ..report import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
         moving = views.film(results)
-        work = "drawing the frames of a film"
-        written = views.save_film(moving, folder, stem, lambda done, total: line.report_work(done + 1, total, work))
+
+        def frame(done: int, total: int) -> None:
+            line.report_work(done + 1, total, "drawing the frames of a film")
+
+        written = views.save_film(moving, folder, path.stem, frame)
     tell(f"wrote {written}")
 
 

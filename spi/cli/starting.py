@@ -1,12 +1,11 @@
-"""The commands with which a person begins: list, new, doctor."""
+"""The commands with which a person begins, new and doctor, and the cache."""
 
 import contextlib
 import re
 import shlex
 import shutil
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,112 +16,37 @@ from .terminal import tell
 if TYPE_CHECKING:
     from ..running.load import StoredSpec
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The folder of compiled kernels: what it holds, and the removal of kernels of sources that are no longer installed.
-# ---------------------------------------------------------------------------------------------------------------------
-
 _DIGEST = re.compile("[0-9a-f]{16}")
-
-
-class Folder(NamedTuple):
-    """One folder of the cache."""
-
-    path: Path
-    content: str
-    files: int
-    size: int  #: bytes
-    written: float  #: the latest time at which a file was written, in seconds since 1970; 0 if there is none
-
-    @classmethod
-    def of(cls, path: Path, content: str) -> Self:
-        """The folder at a path, from which other processes may remove files meanwhile."""
-        files = []
-        for file in path.rglob("*"):
-            with contextlib.suppress(FileNotFoundError):
-                if file.is_file():
-                    files.append(file.stat())
-        newest = max((file.st_mtime for file in files), default=0.0)
-        return cls(path, content, len(files), sum(file.st_size for file in files), newest)
-
-    def __str__(self) -> str:
-        day = time.strftime("%Y-%m-%d", time.localtime(self.written)) if self.written else "never"
-        amount = f"{self.files:>6} files {self.size / 1e6:>8.1f} MB"
-        return f"{self.path.name:<16} {amount}  last written {day:<10}  {self.content}"
 
 
 def cache(
     clear_old: Annotated[bool, typer.Option("--clear-old", help="Remove the kernels of other sources.")] = False,
 ) -> None:
     """Say what is kept of compiled kernels, and remove old ones."""
-    parent, current, old = kernels_folder().parent, [], []
-    for path in sorted(parent.iterdir()) if parent.is_dir() else ():
-        if _DIGEST.fullmatch(path.name) and path.is_dir() and not path.is_symlink():  # all else there is not ours
-            if path.name == KERNEL_DIGEST:
-                current.append(Folder.of(path, "kernels of this version"))
-            else:
-                old.append(Folder.of(path, "kernels of other sources"))
-    if modules_folder().is_dir():
-        current.append(Folder.of(modules_folder(), "models and functions of specs, for kernels of all sources"))
+    parent = kernels_folder().parent
+    folders = sorted(parent.iterdir()) if parent.is_dir() else []
+    ours = [path for path in folders if _DIGEST.fullmatch(path.name) and path.is_dir() and not path.is_symlink()]
+    old = [path for path in ours if path.name != KERNEL_DIGEST]
     typer.echo(f"{parent} (SPI_CACHE_DIR chooses another)")
-    for folder in (*current, *(folder for folder in old if folder.files)):  # every edit leaves an empty one
-        typer.echo(f"  {folder}")
-    if not current and not old:
-        typer.echo("  nothing is kept yet")
-    size = f"{sum(folder.size for folder in old) / 1e6:.1f} MB"
+    typer.echo(f"  {_amount([kernels_folder()])}: kernels of this version")
+    typer.echo(f"  {_amount([modules_folder()])}: models and functions of specs")
+    typer.echo(f"  {_amount(old)}: kernels of other sources, which `spi cache --clear-old` removes")
+    for folder in old if clear_old else ():
+        shutil.rmtree(folder, ignore_errors=True)
+        if folder.exists():
+            end(FAILED, f"{folder} cannot be removed; see whose it is, or remove it yourself")
     if clear_old:
-        for folder in old:
-            shutil.rmtree(folder.path, ignore_errors=True)
-            if folder.path.exists():
-                end(FAILED, f"{folder.path} cannot be removed; see whose it is, or remove it yourself")
-        typer.echo(f"{len(old)} old folders are removed, {size}")
-    elif old:
-        typer.echo(f"{len(old)} old folders, {size}: `spi cache --clear-old` removes them")
+        typer.echo(f"{len(old)} old folders are removed")
 
 
-def list_(
-    only: Annotated[
-        Literal["models", "schemes", "experiments"] | None,
-        typer.Argument(metavar="models|schemes|experiments", help="Only these."),
-    ] = None,
-    folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
-) -> None:
-    """List models, schemes and experiments.
-
-    The experiments are those that come with spi, and those in ./experiments if that folder exists.
-    """
-    from ..printing import print_models, print_schemes
-
-    invalid: list[str] = []
-    if only in (None, "models"):
-        from ..models import MODELS
-
-        print_models(MODELS)
-    if only in (None, "schemes"):
-        from ..schemes import SCHEMES
-
-        print_schemes(SCHEMES)
-    if only in (None, "experiments"):
-        invalid = _list_experiments(folder)
-    for problem in invalid:
-        tell(f"spi: {problem}")
-    if invalid:
-        raise typer.Exit(INVALID)
-
-
-def _list_experiments(folder: Path) -> list[str]:
-    """Print the experiments that come with spi and those in a folder; the mistakes in those of the latter."""
-    from ..printing import print_experiments
-    from ..running import shipped
-    from ..running.load import headings
-
-    own, _ = headings(map(shipped.path_of, shipped.names()))
-    print_experiments("experiments that come with spi: spi run NAME", {path.stem: it for path, it in own.items()})
-    if not folder.is_dir() or folder.samefile(shipped.folder()):
-        return []
-    others, problems = headings(sorted(folder.glob("*.yaml")))
-    if others:
-        print_experiments(f"experiments in {folder}", {str(path): heading for path, heading in others.items()})
-    return problems
+def _amount(folders: list[Path]) -> str:
+    """The number and size of the files in folders, from which other processes may remove files meanwhile."""
+    sizes = []
+    for file in (file for folder in folders for file in folder.rglob("*")):
+        with contextlib.suppress(FileNotFoundError):
+            if file.is_file():
+                sizes.append(file.stat().st_size)
+    return f"{len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
 
 
 def new(

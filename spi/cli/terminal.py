@@ -3,6 +3,7 @@
 import codecs
 import io
 import os
+import shutil
 import signal
 import sys
 import unicodedata
@@ -10,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
+
+from ..printing.text import printable, wrapped
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Standard output and error, whatever they can take.
@@ -20,8 +23,9 @@ _INSTEAD = {"±": "+-", "µ": "u", "–": "-", "—": "-", "…": "...", "×": "
 
 
 def tell(message: str) -> None:
-    """A line on standard error, without what a terminal would take for a command."""
-    typer.echo("".join(c if c.isprintable() or c == "\n" else "?" for c in message), err=True)
+    """A line on standard error, on a terminal broken between words and without what it would take for a command."""
+    text = printable(message)
+    typer.echo(wrapped(text, shutil.get_terminal_size().columns) if sys.stderr.isatty() else text, err=True)
 
 
 def takes_all_characters() -> bool:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
@@ -177,11 +177,6 @@ class BlocksPlan(PathsPlan, Blockwise):
         """Paths done, all paths, and the standard error of the first estimate."""
         sums = state.so_far()
         return Done(sums.paths, self.samples, self.stderr(sums) if sums.paths else float("nan"))
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the first paths, as many as are computed without a gap."""
-        paths = state.tally().leading(state.path_sets[0])
-        return state.of(replace(self, case=self.case.model_copy(update={"samples": paths}))) if paths else None
 
 
 def lanes_of(states: np.ndarray, d: int) -> np.ndarray:

@@ -26,16 +26,12 @@ from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
-from spi.storage.records import Group, Part, fits
+from spi.storage.records import Group, Part
 from spi.storage.stored import Description, Stored
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The state of a part: the sums that are computed so far.
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-#: More than any machine computes: sums that ask for more were edited.
-_MOST_CHUNKS = 10**7
 
 
 class Nothing(NamedTuple):
@@ -71,12 +67,6 @@ class State:
         finally:
             self.work = None
 
-    def of(self, plan: Any) -> "State":
-        """The state with these sums of another plan, of fewer of these paths."""
-        other = State(plan)
-        other.extra, other.tallies = self.extra, dict(self.tallies)
-        return other
-
     @property
     def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""
@@ -94,11 +84,6 @@ class State:
         """The sums over those paths of a path set that are computed."""
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
-
-    def complete(self) -> int:
-        """The number of first path sets of which all paths are computed."""
-        whole = [self.tally(i).leading(path_set) == path_set.samples for i, path_set in enumerate(self.path_sets)]
-        return [*whole, False].index(False)
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
@@ -133,8 +118,8 @@ class State:
             "path_sets": [
                 {
                     "number": number,
-                    "nodes": [[*node, _plain(sums), digest(sums)] for node, sums in tally.nodes.items()],
-                    "short": [[index, _plain(sums), digest(sums)] for index, sums in tally.short.items()],
+                    "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
+                    "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
                     "digests": [[*chunk, text] for chunk, text in self.digests.get(number, {}).items()],
                 }
                 for number, tally in self.tallies.items()
@@ -145,33 +130,19 @@ class State:
         """Add the sums of another state of the same part, in the form of :meth:`plain`.
 
         Sums over paths that are not wanted, or that cannot be separated from those of unwanted paths, are left out.
-        ValueError if they do not fit, or if sums do not have their digests.
         """
-        before, tallies = self.extra, dict(self.tallies)
-        try:
-            if with_extra and "extra" in plain:
-                self.extra = _rebuilt(self.extra, plain["extra"])
-            self._add(plain["path_sets"])
-        except Exception:  # half of it is nothing
-            self.extra, self.tallies = before, tallies
-            raise
-
-    def _add(self, others: list[dict[str, Any]]) -> None:
-        """Add sums over path sets in the form of :meth:`plain`."""
+        if with_extra and "extra" in plain:
+            self.extra = _rebuilt(self.extra, plain["extra"])
         path_sets = self.path_sets
-        if sum(path_set.samples / path_set.chunk_blocks for path_set in path_sets) > _MOST_CHUNKS * LANES:
-            raise ValueError("more paths than can be computed")
-        for other in others:
+        for other in plain["path_sets"]:
             number = other["number"]
-            if 0 <= number < len(path_sets):
+            if number < len(path_sets):
                 empty = self.plan.empty(number)
-                digests = {(index, paths): text for index, paths, text in other["digests"]}
-                nodes = {(height, n): _checked(empty, *sums) for height, n, *sums in other["nodes"]}
-                short = {index: _checked(empty, *sums) for index, *sums in other["short"]}
-                nodes, short = self._adopted(number, nodes), self._adopted(number, short)
+                nodes = self._adopted(number, {(k, n): _rebuilt(empty, sums) for k, n, sums in other["nodes"]})
+                short = self._adopted(number, {index: _rebuilt(empty, sums) for index, sums in other["short"]})
                 tally = Tally(nodes, short).within(path_sets[number])
-                _check_chunks(tally, digests, path_sets[number])
                 self.tallies[number] = self.tally(number).merged(tally)
+                digests = {(index, paths): text for index, paths, text in other["digests"]}
                 self.digests.setdefault(number, {}).update(digests)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
@@ -180,52 +151,15 @@ class State:
         return {key: value for key, value in adopted.items() if value is not None}
 
 
-def _checked(like: Any, plain: dict[str, Any], expected: str) -> Any:
-    """The sums in the form of :func:`_plain`; ValueError if `expected` is not their digest."""
-    sums = _rebuilt(like, plain)
-    if digest(sums) != expected:
-        raise ValueError("sums that are not those of their digest")
-    return sums
-
-
-def _check_chunks(tally: Tally, digests: dict[tuple[int, int], str], path_set: PathSet) -> None:
-    """Raise ValueError if a chunk that is done has no digest, or the sums over it alone have another one."""
-    whole = path_set.chunk_blocks * LANES
-    done = {(index, whole) for k, n in tally.nodes for index in range(n << k, (n + 1) << k)}
-    alone = {(n, whole): sums for (k, n), sums in tally.nodes.items() if k == 0}
-    alone |= {(i, sums.paths): sums for i, sums in tally.short.items() if sums.paths == path_set.samples - i * whole}
-    if not done <= digests.keys() or any(digests.get(chunk) != digest(sums) for chunk, sums in alone.items()):
-        raise ValueError("digests that are not those of the chunks")
-
-
 def _plain(record: Any) -> dict[str, Any]:
     """The fields of a NamedTuple, and of those within it."""
     return {name: _plain(value) if hasattr(value, "_asdict") else value for name, value in record._asdict().items()}
 
 
 def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
-    """A NamedTuple like `like`, from the form of :func:`_plain`; ValueError if the fields differ."""
-    if set(plain) != set(like._fields):
-        raise ValueError(f"fields {sorted(plain)} in place of {sorted(like._fields)}")
-    values = like._asdict()
-    return type(like)(
-        **{
-            name: _rebuilt(values[name], value) if hasattr(values[name], "_asdict") else _fitting(values[name], value)
-            for name, value in plain.items()
-        }
-    )
-
-
-def _fitting(like: Any, value: Any) -> Any:
-    """The value, if it is of the type and shape of one like it, else ValueError; sides of arrays may grow from 0."""
-    if isinstance(like, np.ndarray):
-        fit = isinstance(value, np.ndarray | np.generic) and value.dtype == like.dtype and value.ndim == like.ndim
-        fit = fit and all(m == n or 0 in (m, n) for m, n in zip(like.shape, value.shape, strict=True))
-    else:
-        fit = fits(value, float if isinstance(like, float) else type(like))
-    if not fit:
-        raise ValueError(f"{type(value).__name__} {getattr(value, 'shape', '')} in place of {type(like).__name__}")
-    return value
+    """A NamedTuple like `like`, from the form of :func:`_plain`."""
+    inner = {name: _rebuilt(value, plain[name]) for name, value in like._asdict().items() if hasattr(value, "_asdict")}
+    return type(like)(**(plain | inner))
 
 
 class Cost(NamedTuple):
@@ -414,10 +348,6 @@ class Plan:
     def next_allocation(self, state: State) -> Any | None:
         """Once all chunks are in, the new `extra` if it requests further paths; None if nothing is left to compute."""
         return None
-
-    def so_far(self, state: State) -> State | None:
-        """The state of a plan of fewer paths, steps or values, all of which are computed; None if there are none."""
-        return None if state.missing() else state
 
     def finalise(self, state: State) -> Iterator[Any]:
         """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""

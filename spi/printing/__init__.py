@@ -1,14 +1,11 @@
-"""Numbers as JSON and CSV, what an experiment would cost, and lists of models, schemes and experiments."""
+"""Numbers as JSON and CSV, what an experiment would cost, and lists of results."""
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
-from .text import fraction, new_console, new_table, printable
-
-if TYPE_CHECKING:
-    from ..schemes import Scheme  # a compiler comes with it
+from .text import human_time, new_console, print_lines, printable, short
 
 
 def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
@@ -37,16 +34,14 @@ def _with_odd(records: Iterable[dict[str, Any]], word: Callable[[float], Any]) -
 
 def print_safely(lines: Iterable[str]) -> None:
     """Print lines as long as they are, without what a terminal would take for commands."""
-    console = new_console(None)
-    for line in lines:
-        console.print(printable(line), markup=False, soft_wrap=True)
+    print_lines(new_console(None), map(printable, lines))
 
 
 def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
     """That an experiment is valid and what it would cost: a ``spi.running.run.Cost``, and what is to be compiled."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
-    seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
-    takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
+    seconds = f"{'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
+    takes = f"{short(cost.path_steps)} steps of paths, {seconds}"
     return (
         f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
         f"{'time not known before' if math.isnan(cost.seconds) else takes}"
@@ -74,7 +69,7 @@ def verified(check: Any) -> Iterator[str]:
     if check.sums:
         yield f"all numbers were derived again from the sums over paths in {check.sums}"
     if check.sums and not check.whole:
-        yield f"of these sums those over {check.tied} of {check.chunks} chunks were computed again; --all computes all"
+        yield "--all computes these sums again as well"
     if not check.sums and not check.whole:
         yield "its numbers were not derived again: their sums over paths are not beside it, and --all was not given"
     yield from (f"different: {label}" for label in check.different)
@@ -85,33 +80,6 @@ def verified(check: Any) -> Iterator[str]:
     yield from check.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)
 
 
-_WIDTH = 80  # of what goes into a file or a pipe, and the least on a terminal
-
-
-def print_models(models: Mapping[str, Any]) -> None:
-    """Print what models there are (name -> class of its record) with their formulas and parameters."""
-    rows = []
-    for name, record in models.items():
-        formula = " ".join((record.__doc__ or "").split("\n\n")[0].split())
-        rows.append((name, f"{formula}\nparameters: {', '.join(record._fields)}"))
-    _print("models", ["name", "equations and parameters"], rows)
-
-
-def print_schemes(schemes: Mapping[str, "Scheme"]) -> None:
-    """Print what schemes there are (name -> row of the table of schemes), their orders and what they preserve."""
-    rows = []
-    for name, row in schemes.items():
-        orders = map(fraction, (row.strong_order, row.strong_order_commuting, row.weak_order))
-        rows.append((name, *orders, f"{row.label}; preserves {row.preserves}"))
-    _print("schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], rows)
-
-
-def print_experiments(title: str, experiments: Mapping[str, Any]) -> None:
-    """Print experiments: what to call them on the command line -> their ``spi.specs.Heading``."""
-    rows = [(name, str(one.figure or "-"), one.title) for name, one in experiments.items()]
-    _print(title, ["name", "figure", "title"], rows)
-
-
 def result_lines(results: Iterable[Any]) -> Iterator[str]:
     """A list of results (``spi.running.finding.Listed``): the name of each, and a description under it."""
     for one in results:
@@ -119,20 +87,3 @@ def result_lines(results: Iterable[Any]) -> Iterator[str]:
         samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
         facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created]
         yield from filter(None, (one.name, f"    {', '.join(facts)}: {one.title}", f"    {one.how}".rstrip()))
-
-
-def _print(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
-    """Print a table as wide as the terminal, whose last column wraps."""
-    from rich.measure import Measurement
-    from rich.text import Text
-
-    console = new_console(None)
-    table = new_table(title, headings, left=1)
-    last = table.columns[-1]
-    last.justify, last.no_wrap = "left", False
-    for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
-    needed = Measurement.get(console, console.options.update(max_width=10_000), table).minimum
-    console.width = max(console.width if console.is_terminal else _WIDTH, needed, _WIDTH)
-    console.print(table)
-    console.print()

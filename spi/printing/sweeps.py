@@ -47,7 +47,7 @@ def _table(title: str, curves: Sequence[Curve]) -> Grid:
             numbers = [cells.get((at, name), Cell("")) for name in names]
             rows.append([*(Cell(text * (not rows)) for text in texts), Cell(f"{at[1]:g}"), *numbers])
         sections.append(rows)
-    return Grid(title, [*labels, curves[0].word, *headings], sections, len(labels))
+    return Grid(title, [*labels, curves[0].word, *headings], sections, len(labels), 1 + len(labels))
 
 
 def _map(title: str, curve: Curve) -> Grid:

@@ -16,7 +16,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..storage.stored import Estimate, Stored, last
-from .text import LABEL, angle_note, interval_text, new_table, order_text, power_of_two, print_whole, short
+from .text import (
+    LABEL,
+    angle_note,
+    interval_text,
+    narrowed,
+    new_table,
+    order_text,
+    power_of_two,
+    print_lines,
+    print_whole,
+    room,
+    short,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,6 +52,7 @@ class Grid(NamedTuple):
     headings: Sequence[str]
     sections: Sequence[Sequence[Sequence[Cell]]]  #: the lines of each scheme
     left: int  #: so many columns are left-justified; the first of them, of labels, may wrap
+    keys: int = 1  #: so many columns tell what a line is of
 
     @property
     def rows(self) -> list[list[str]]:
@@ -64,6 +77,23 @@ class Grid(NamedTuple):
         if len(self.headings) > _MANY:
             table.padding = 0  # else it is too wide
         return table
+
+    def folded(self, console: "Console") -> Iterator["Grid"]:
+        """Tables of some columns each, as many as a terminal has room for, with those that tell what a line is of."""
+        shown = [*range(self.keys)]
+        whole, title = math.isinf(room(console)), self.title
+        for i in range(self.keys, len(self.headings)):
+            more = self._of([*shown, i])
+            if not whole and len(shown) > self.keys and narrowed(console, more.as_rich()) > room(console):
+                yield self._of(shown)._replace(title=title)
+                shown, title = [*range(self.keys)], ""
+            shown.append(i)
+        yield self._of(shown)._replace(title=title)
+
+    def _of(self, columns: Sequence[int]) -> "Grid":
+        """These columns of it."""
+        sections = [[[row[i] for i in columns] for row in section] for section in self.sections]
+        return self._replace(headings=[self.headings[i] for i in columns], sections=sections)
 
 
 def unbroken(heading: str) -> str:
@@ -168,7 +198,8 @@ class Table(NamedTuple):
             return None
         sections = [[[row[i] for i in shown] for row in section] for section in sections]
         left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
-        return Grid(self.title or title, [headings[i] for i in shown], sections, sum(i < left for i in shown))
+        counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
+        return Grid(self.title or title, [headings[i] for i in shown], sections, *counts)
 
     def _section(
         self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
@@ -235,10 +266,11 @@ def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
     for is_table, members in groupby(items, lambda item: isinstance(item, Grid)):
         for item in members:
             if isinstance(item, Grid):
-                print_whole(console, item.as_rich())
-                console.print()
+                for part in item.folded(console):
+                    print_whole(console, part.as_rich())
+                    console.print()
             else:
-                console.print(item.text, style=item.style or None, markup=False, soft_wrap=True)
+                print_lines(console, [item.text], item.style or None)
         if not is_table:
             console.print()
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from numbers import Integral, Real
@@ -56,6 +57,28 @@ def print_whole(console: "Console", table: "Table") -> None:
     console.size = ConsoleDimensions(max(size.width, needed), size.height)
     console.print(table)
     console.size = size
+
+
+def print_lines(console: "Console", lines: Iterable[str], style: str | None = None) -> None:
+    """Print lines: on a terminal broken between words, elsewhere as they are, however long."""
+    for line in lines:
+        text = wrapped(line, console.width) if console.is_terminal else line
+        console.print(text, style=style, markup=False, soft_wrap=True)
+
+
+def wrapped(text: str, width: int) -> str:
+    """The lines of a text, broken between words; a command in backticks stays whole where a line has room for it."""
+    whole = re.sub("`[^`]*`", lambda match: match[0].replace(" ", "\xa0"), text)
+    fitted = (_filled(line, width) for line in whole.split("\n"))
+    return "\n".join(fitted).replace("\xa0", " ")
+
+
+def _filled(line: str, width: int) -> str:
+    """A line in as many as it needs, the further ones indented."""
+    indent = " " * (len(line) - len(line.lstrip(" ")) + 2)
+    return textwrap.fill(
+        line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False, expand_tabs=False
+    )
 
 
 def room(console: "Console") -> float:

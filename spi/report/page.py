@@ -2,12 +2,10 @@
 
 import base64
 import re
-import signal
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +16,7 @@ from .. import __version__, storage
 from ..printing import as_csv
 from ..report import views
 from ..running.compiling import processors
-from ..running.orphans import end_all
+from ..running.workers import processes
 from ..statistics.claims import VERDICTS
 from ..storage.records import Results
 from .sections import Section, Titled, section
@@ -153,18 +151,8 @@ def drawn(results: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Marku
     if len(results) < _MANY or processors() == 1:
         yield from map(_tried, results, prefixes)
         return
-    size = min(processors(), len(results))
-    ignore = signal.SIGINT, signal.SIG_IGN  # which stops this process, and it the others
-    executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=signal.signal, initargs=ignore)
-    done = 0
-    try:
-        for one in executor.map(_tried, results, prefixes):
-            done += 1
-            yield one
-    except BrokenExecutor:  # one of them was killed; this process does what is left
-        yield from map(_tried, results[done:], prefixes[done:])
-    finally:
-        end_all(executor)
+    with processes(min(processors(), len(results))) as pool:
+        yield from pool.executor.map(partial(pool.answer, _tried), results, prefixes)
 
 
 def _tried(results: Results, prefix: str) -> Markup | Exception:

@@ -96,8 +96,6 @@ def rows(results: Results) -> list[dict[str, Any]]:
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
     own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
     records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
-    if unfinished := results.attributes.get("unfinished"):
-        records = [record | {"unfinished": unfinished} for record in records]
     return [record | printed_claims.columns(record, owners[record["case"]], judged) for record in records]
 
 
@@ -118,8 +116,6 @@ def show(results: Results, console: Any) -> None:
     cases = list(by_cases(results))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
-    if unfinished := results.attributes.get("unfinished"):
-        console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
     for items, judged in cases:
         show_items(console, items)
         printed_claims.show(console, judged)
@@ -157,11 +153,8 @@ def figure(
     read = readings(results)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    title, unfinished = results.attributes.get("title", ""), results.attributes.get("unfinished")
-    if unfinished and style == "paper":
-        raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
+    heading = results.attributes.get("title", "")
     with page.applied(page.named(style, width, font)):
-        heading = f"{title} ({unfinished})" if unfinished else title
         over = wholes(read)
         drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
         fitting.settle(drawn)

@@ -16,7 +16,7 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.plans import Plan, State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from ..storage.sums import FORMER_SUFFIX, SUFFIX, VERSION
+from ..storage.sums import SUFFIX, VERSION
 from .load import name_of, plans
 from .workers import WorkersLost
 
@@ -135,10 +135,7 @@ class Checkpoint:
 
     def tell_of_other_sources(self) -> None:
         """Say which sums over the same paths other sources of spi computed."""
-        spec_hash, name = self.experiment.hash, self.experiment.name
-        others = [(file, about) for file, about in self._of_spec(spec_hash) if not _same_sources(about)]
-        for file in self._files(spec_hash, FORMER_SUFFIX):  # which cannot be read, but their names have the digest
-            others.append((file, {"source_digest": file.stem.removeprefix(f"{name}-{spec_hash[:12]}-")}))
+        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not _same_sources(about)]
         for file, about in others[:1]:
             more = f" (and {len(others) - 1} more)" if others[1:] else ""
             self.tell(
@@ -150,11 +147,11 @@ class Checkpoint:
         """Remove the sums of a finished run of another spec, or by other sources, whose results are replaced."""
         for file, about in self._of_spec(spec_hash):
             if about.get("finished") and about.get("source_digest") == source_digest:
-                storage.remove_sums(file)
+                file.unlink(missing_ok=True)
 
-    def _files(self, spec_hash: str = "", suffix: str = SUFFIX) -> list[Path]:
+    def _files(self, spec_hash: str = "") -> list[Path]:
         """The files of sums of all specs of this name, or of one."""
-        return sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*{suffix}"))
+        return sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*{SUFFIX}"))
 
     def _of_spec(self, spec_hash: str) -> Iterator[tuple[Path, dict]]:
         """The files of sums of a spec of this name, by whichever sources, with their attributes."""
@@ -168,17 +165,14 @@ class Checkpoint:
         read = storage.read_sums(path)
         if read is None or not _same_sources(read[0]):
             if read is None and path.exists():
-                self.tell(f"warning: {path}: is damaged, or was edited; what it has is computed anew")
+                self.tell(f"warning: {path}: is damaged; what it has is computed anew")
             return set()
         merged = set()
         for name in self.by_name if only is None else only:
-            try:
-                if plain := stored_of(*read, self.keys[name]):
-                    self.by_name[name].merge(plain, with_extra)
-                    merged.add(name)
-                    self.machines.update(read[0].get("machines") or ())
-            except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
-                self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
+            if plain := stored_of(*read, self.keys[name]):
+                self.by_name[name].merge(plain, with_extra)
+                merged.add(name)
+                self.machines.update(read[0]["machines"])
         return merged
 
     def save(self, finished: bool = False) -> None:

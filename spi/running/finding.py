@@ -1,8 +1,6 @@
 """Results files by a name and the options of a run, by a spec file, or by their paths."""
 
-import contextlib
 import difflib
-import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,15 +10,13 @@ from .. import storage
 from ..specs.document import SpecError, text_of
 from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
-from ..specs.naming import results_name
+from ..specs.naming import results_in
 from ..storage import StorageError
 from ..storage.results import read_root
 from ..storage.sums import SUFFIX
 from . import shipped
-from .load import STORED, SUMS, load
+from .load import STORED, load
 
-#: The part of the name of a file of sums behind that of the experiment.
-_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]sums$")
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
 
@@ -39,30 +35,28 @@ class Wanted(NamedTuple):
             words += override.split("=", 1) if override.startswith("--") else ["--set", override]
         return words
 
-    def name(self, experiment: str) -> str:
-        """The name of the results of an experiment; SpecError if there is no such profile."""
+    def path(self, folder: str | Path, experiment: str) -> Path:
+        """The file of the results of an experiment in a folder; SpecError if there is no such profile."""
         if self.profile not in PROFILES:
             raise SpecError(f"--profile: '{self.profile}' is not a known profile; {suggestion(self.profile, PROFILES)}")
-        return results_name(experiment, self.profile, self.overrides)
+        return results_in(folder, experiment, self.profile, self.overrides)
 
 
 PLAIN = Wanted()
 
 
-def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished: bool = False) -> Path:
+def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
     """The results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
 
-    A file in the current folder that is called as the experiment goes first.  Where there are no results, `unfinished`
-    ones will do: then the path is that of the sums of a run, which ``spi.running.run.so_far`` reads.
-
+    A file in the current folder that is called as the experiment goes first.
     StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
     """
     if source.suffix in SPECS:
-        return results_of(source, folder, wanted, unfinished)
-    path = folder / f"{wanted.name(str(source))}.h5"
-    is_name = source.name == str(source) and source.suffix not in (*STORED, *SUMS) and not source.is_file()
+        return results_of(source, folder, wanted)
+    path = wanted.path(folder, str(source))
+    is_name = source.name == str(source) and source.suffix not in STORED and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
-        return _existing(path, source.name, str(source), wanted, unfinished)
+        return _existing(path, source.name, str(source), wanted)
     if wanted != PLAIN:
         options = shlex.join(wanted.options)
         raise SpecError(f"{source}: is a file; leave out {options}, which chooses among the results of a name")
@@ -73,7 +67,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
     paths = sorted(folder.glob("*.h5"))
     if wanted != PLAIN:
-        wanted.name("")  # so that a wrong profile is said before any file is read
+        wanted.path(folder, "")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
     if not paths:
         runs = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
@@ -84,7 +78,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
 
 def _is_of(path: Path, wanted: Wanted) -> bool:
     try:
-        return path.stem == wanted.name(str(read_root(path).get("experiment", "")))
+        return path == wanted.path(path.parent, str(read_root(path).get("experiment", "")))
     except StorageError:
         return False  # `spi show` lists it with what is wrong
 
@@ -119,26 +113,22 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
             problems.append(str(error))
         except Exception:  # of whatever kind, since the others can be listed
             problems.append(f"{path}: does not tell its spec; run the experiment again with --fresh")
-    for name, run in _unfinished(folder).items():
-        try:
-            lines.append(Listed.of(name, run.about["run"], (), f"unfinished: {run.about['progress']}"))
-        except Exception:
-            problems.append(f"{run.path}: does not tell its run; it is computed from nothing when it is run again")
+    for path in sorted((folder / "sums").glob(f"*{SUFFIX}")):
+        about = storage.about_sums(path) or {"finished": True}
+        if not about["finished"]:
+            run = about["run"]
+            name = results_in(folder, run["experiment"], run["profile"], run["overrides"]).stem
+            lines.append(Listed.of(name, run, (), f"unfinished: {about['progress']}"))
     return lines, problems
 
 
-def results_of(
-    spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN, unfinished: bool = False
-) -> Path:
+def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN) -> Path:
     """The results file of a spec file; StorageError if there is none or if it was made from another spec.
 
     Results with another number of samples, title or claims count as those of the spec file.
     """
     spec = Path(spec)
-    path = Path(folder) / f"{wanted.name(spec.stem)}.h5"
-    path = _existing(path, spec.stem, spec.as_posix(), wanted, unfinished)
-    if path.suffix in SUMS:
-        return path
+    path = _existing(wanted.path(folder, spec.stem), spec.stem, spec.as_posix(), wanted)
     stored = read_root(path)
     if "model_sources" in stored or stored["spec"] != text_of(spec):
         now = load(spec, stored["profile"], tuple(stored["overrides"]))
@@ -148,17 +138,13 @@ def results_of(
     return path
 
 
-def _existing(path: Path, name: str, called: str, wanted: Wanted, unfinished: bool) -> Path:
-    """The path, if there is such a file, or that of sums if they will do; StorageError with the remedy if not."""
+def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
+    """The path, if there is such a file; StorageError with the remedy if not."""
     if path.is_file():
         return path
-    folder = path.parent
-    sums = unfinished_run(folder, path.stem)
-    if unfinished and sums is not None:
-        return sums
-    names = sorted(file.stem for file in folder.glob("*.h5"))
+    names = sorted(file.stem for file in path.parent.glob("*.h5"))
     others = [other for other in names if other == name or other.startswith(f"{name}.")]
-    remedies = [] if sums is None else [f"its run is unfinished, {sums} has what is there so far"]
+    remedies = []
     if name in shipped.names() or Path(called).is_file():
         remedies.append(f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it")
     elif not others:
@@ -168,56 +154,5 @@ def _existing(path: Path, name: str, called: str, wanted: Wanted, unfinished: bo
         )
     if others:
         verb, more = "is" if len(others) == 1 else "are", ", ..." * (len(others) > 5)
-        remedies.append(f"there {verb} {', '.join(others[:5])}{more}")
+        remedies.append(f"there {verb} {', '.join(others[:5])}{more}, see `spi list results`")
     raise StorageError(f"{path}: no such file; {'; '.join(remedies)}")
-
-
-def unfinished_run(folder: Path, name: str) -> Path | None:
-    """The sums of the latest run that is not finished and whose results would have this name; None if there is none."""
-    run = _unfinished(folder, name).get(name)
-    return run and run.path
-
-
-def place_of_figures(path: Path) -> tuple[Path, str]:
-    """The folder of the figures of results, unless another is asked for, and their name without an ending."""
-    if path.suffix not in SUMS:
-        return path.parent, path.stem
-    run = _unfinished_in(path)
-    return path.parent.parent, f"{run.name if run else path.stem}_unfinished"
-
-
-class Unfinished(NamedTuple):
-    """A run that is not finished."""
-
-    name: str  #: of its results to be
-    path: Path  #: of its sums
-    about: dict[str, Any]  #: their attributes
-
-
-def _unfinished(folder: Path, name: str | None = None) -> dict[str, Unfinished]:
-    """The latest unfinished run of each name of results in a folder; at least that of a name which is given."""
-
-    def written(path: Path) -> tuple[float, Path]:
-        try:
-            return path.stat().st_mtime, path
-        except OSError:  # a run is just replacing it
-            return 0.0, path
-
-    runs = {}
-    for path in sorted((folder / "sums").glob(f"*{SUFFIX}"), key=written):
-        experiment = _OF_SUMS.sub("", path.name)
-        if name is not None and name != experiment and not name.startswith(f"{experiment}."):
-            continue  # sums can be large
-        if run := _unfinished_in(path):
-            runs[run.name] = run
-    return runs
-
-
-def _unfinished_in(path: Path) -> Unfinished | None:
-    """The run whose sums a file holds; None if it is finished, or cannot be read."""
-    about = storage.about_sums(path) or {}
-    with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
-        run = about["run"]
-        if not about["finished"]:
-            return Unfinished(results_name(run["experiment"], run["profile"], run["overrides"]), path, about)
-    return None

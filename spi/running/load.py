@@ -19,11 +19,10 @@ from ..specs.document import Document, override, text_of
 from ..specs.experiment import ANSWER, Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
-from ..storage.sums import FORMER_SUFFIX, SUFFIX
 from . import shipped
 
-#: The endings of files of results, and of sums over paths.
-STORED, SUMS = (".h5",), (SUFFIX, ".previous", FORMER_SUFFIX)
+#: The endings of files of results.
+STORED = (".h5",)
 
 
 @functools.cache
@@ -142,13 +141,8 @@ class StoredSpec(NamedTuple):
 
 
 def stored_spec(path: str | Path) -> StoredSpec:
-    """The spec in a file of results, or of sums, which is not read; StorageError if the file cannot be read."""
-    if Path(path).suffix in SUMS:
-        stored = (about_last(Path(path)) or {}).get("run")
-        if not isinstance(stored, dict):
-            raise storage.StorageError(f"{path}: holds no sums over paths of this version of spi; give results")
-    else:
-        stored = read_root(path)
+    """The spec in a file of results, which is not read; StorageError if the file cannot be read."""
+    stored = read_root(path)
     try:
         files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources") or "{}").items()]
         name = str(stored.get("experiment", ""))
@@ -175,11 +169,6 @@ def _python_files(data: Any) -> Iterator[str]:
         if key == "python" and isinstance(value, str):
             yield value
         yield from _python_files(value)
-
-
-def about_last(path: Path) -> dict[str, Any] | None:
-    """The attributes of a file of sums, or of the previous one while a run replaces it; None if both are unreadable."""
-    return storage.about_sums(path) or storage.about_sums(storage.previous(path))
 
 
 def means_another(path: str | Path, experiment: specs.Experiment) -> bool:

@@ -5,10 +5,8 @@ import os
 import signal
 import sys
 import threading
-from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
-from typing import Any
 
 try:
     import fcntl
@@ -40,26 +38,6 @@ def end_with(parent: int) -> None:
         with contextlib.suppress(OSError):  # not every kernel does so
             fcntl.fcntl(parent, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(parent, fcntl.F_SETFL, fcntl.fcntl(parent, fcntl.F_GETFL) | os.O_ASYNC)
-
-
-def end_all(executor: ProcessPoolExecutor) -> None:
-    """End the processes of an executor, whatever they do, and the thread that manages them.
-
-    A thread that still lives when Python ends is woken up without a lock while it closes the pipe by which that is
-    done, which ends in a traceback.  It may wait for the rest of an answer of a process that was killed: that nothing
-    comes any more it learns when the last end of the pipe for answers is closed, the one that this process has.
-    """
-    processes = list((executor._processes or {}).values())  # the method for it comes with Python 3.14
-    manager: Any = executor._executor_manager_thread
-    answers: Any = executor._result_queue
-    executor.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.kill()
-    for process in processes:
-        process.join()
-    if manager is not None:
-        answers._writer.close()
-        manager.join()
 
 
 def _wait_for(parent: int) -> None:

@@ -17,11 +17,13 @@ from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
+from ..printing.text import short
+from ..specs.naming import results_in
 from ..storage.records import Group, Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, progress_of, sums_path
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
 from .finding import results_of
-from .load import SUMS, Source, about_last, headings, layers, load, load_any, load_stored, plans, sources
+from .load import Source, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
 
 __all__ = [
@@ -89,7 +91,7 @@ class Progress(NamedTuple):
     @property
     def precision(self) -> str:
         """The standard error in words; empty before there is one."""
-        return "" if math.isnan(self.stderr) else f"standard error {self.stderr:.1e}"
+        return "" if math.isnan(self.stderr) else f"standard error {short(self.stderr)}"
 
 
 class Watch(NamedTuple):
@@ -128,7 +130,6 @@ def run(
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
         storage.remove_leftovers(target)  # of a run that was killed when its results were there
         storage.remove_leftovers(sums_path(experiment, out))
-        storage.remove_previous(sums_path(experiment, out))
         return target
     session = Session(experiment, out, fresh, watch, limits)
     if not fresh:
@@ -147,8 +148,8 @@ def run(
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """The results file of an experiment: ``<out>/<name>.h5``, with profile and overrides in the name."""
-    return Path(out) / f"{experiment.results_name}.h5"
+    """The results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`."""
+    return results_in(out, experiment.name, experiment.profile, experiment.overrides)
 
 
 class Session(Checkpoint):
@@ -211,9 +212,8 @@ class Session(Checkpoint):
             return self.target
         if replaced not in (None, (self.experiment.hash, NUMBERS_DIGEST)):
             self.remove_finished(*replaced)
-        storage.remove_previous(self.path)
         for file in self.shards().values():
-            storage.remove_sums(file)
+            file.unlink(missing_ok=True)
         return self.target
 
 
@@ -285,40 +285,6 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def so_far(path: Path, trust_code: bool = False, report: Callable[[Progress], None] = NOBODY.report) -> Results:
-    """The results in a file, or those of the unfinished run whose sums over paths it holds.
-
-    The latter have the attribute "unfinished" with the progress of each part; they are those of a run with as many
-    samples as are there, or with as many of the values and step sizes.  `report` is called for work without paths.
-
-    StorageError if the file cannot be read, or has nothing yet that could be shown.
-    """
-    if path.suffix not in SUMS:
-        return storage.read(path)
-    experiment = load_stored(path, trust_code)
-    about = about_last(path) or {}
-    if about.get("source_digest") != NUMBERS_DIGEST:
-        raise storage.StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
-    checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), USUAL, NOBODY.tell)
-    checkpoint.resume()
-    checkpoint.merge(path, with_extra=False)
-    states = [state.plan.so_far(state) for state in checkpoint.states]
-
-    def tick(number: int, state: State) -> None:
-        report(progress_of_part(state, number, len(states)))
-
-    groups: list[Group] = []
-    for number, state in enumerate(states):
-        if state is not None:
-            with state.working(partial(tick, number, state)):
-                groups += state.groups()
-    progress = progress_of(checkpoint.states)
-    if not groups:
-        raise storage.StorageError(f"{path}: nothing can be shown of this unfinished run yet: {progress}")
-    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {progress}"}
-    return Results(root_attributes(experiment) | more, tuple(groups), ())
 
 
 def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:

@@ -68,7 +68,7 @@ def merge(
         if left := session.missing():
             session.save()
             for file in session.shards().values():
-                storage.remove_sums(file)
+                file.unlink(missing_ok=True)
             raise Stopped(
                 f"all shards of this round are complete, and further chunks are needed ({len(left)}): run all shards "
                 f"of {experiment.called} again, then `spi merge`"

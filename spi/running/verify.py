@@ -45,7 +45,6 @@ class Verification(NamedTuple):
     different: tuple[str, ...]  #: those among them that came out different
     wrong: tuple[str, ...]  #: all else that is not as it should be, in one line each
     sums: Path | None  #: the file of sums over paths from which all numbers were derived again; None if there is none
-    tied: int  #: number of chunks that were computed again with all those that are in one sum with them in that file
     causes: tuple[str, ...]  #: all that is not as it was when the results were computed
 
     @property
@@ -101,7 +100,6 @@ def verify(
         different=tuple(_in_words(label) for label, text in computed.items() if listed.get(label, text) != text),
         wrong=tuple(wrong),
         sums=sums,
-        tied=sum(_tied(state, computed) for state in states),
         causes=causes,
     )
 
@@ -152,14 +150,12 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
         about = storage.about_sums(file)
         if about is None or {name: about.get(name) for name in of_results} != of_results:
             continue
-        read, states = storage.read_sums(file), [State(plan) for plan in ready]
-        try:
+        if (read := storage.read_sums(file)) is not None:
+            states = [State(plan) for plan in ready]
             for state in states:
-                state.merge((read or ({}, {}))[1][name_of(state.plan)])
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
-            continue
-        if not any(state.missing() for state in states):
-            return file, states
+                state.merge(read[1][name_of(state.plan)])
+            if not any(state.missing() for state in states):
+                return file, states
     return None, []
 
 
@@ -179,17 +175,6 @@ def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]
     advance_here(states, tick)
     finalise(states, tick)
     return states
-
-
-def _tied(state: State, computed: Collection[str]) -> int:
-    """The number of chunks of a state that are in sums over `computed` ones alone."""
-    tied = 0
-    for number, path_set in enumerate(state.path_sets):
-        again = {chunk.index for chunk in path_set.chunks(number) if label_of(state.plan, chunk) in computed}
-        nodes = [range(n << k, (n + 1) << k) for k, n in state.tally(number).nodes]
-        nodes += [range(index, index + 1) for index in state.tally(number).short if index >= path_set.whole]
-        tied += sum(len(node) for node in nodes if again.issuperset(node))
-    return tied
 
 
 def _in_words(label: str) -> str:

@@ -149,7 +149,6 @@ class BaseCase(Keys):
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
-    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: keys without which `accuracy` makes the kind an answer
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]

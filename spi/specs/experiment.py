@@ -22,14 +22,13 @@ from annotated_types import Ge, MinLen
 from pydantic import ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from ..models import MODELS
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, key_of, needed_keys, one_of, suggestion
-from .models import COMPLETE, ModelPart, check_overrides, is_another, overridden
+from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, suggestion
+from .models import ModelPart, check_overrides, is_another, overridden
 from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
@@ -64,11 +63,6 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     profile = create_model(f"{kind}_profile", __base__=part, cases=(dict[str, part], ABSENT))
     by_name: dict[str, Any] = dict.fromkeys(PROFILES[1:], (profile, ABSENT))
     profiles = create_model(f"{kind}_profiles", __base__=Keys, **by_name)
-    classes = zip(MODELS, COMPLETE, strict=True)
-    models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
-    models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
-    enough = [] if case_class.unless_asked is None else [{"required": ["accuracy"]}]
-    alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
@@ -77,8 +71,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),
     }
-    extra = {"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone, *enough]}}
-    file = create_model(kind, __base__=part, __doc__=case_class.__doc__, __cls_kwargs__=extra, **whole)
+    file = create_model(kind, __base__=part, __doc__=case_class.__doc__, **whole)
     return profile, file
 
 
@@ -96,33 +89,8 @@ class Layers(NamedTuple):
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
-    def asked(self, document: Document) -> Any:
-        """The data of a file, with kind answer where it names an accuracy and not how it is to be reached.
-
-        SpecError where it names half of that."""
-        data = document.data
-        of_file = data if isinstance(data, dict) else {}
-        case_class = self.cases.get(str(of_file.get("kind")))
-        if case_class is None or case_class.unless_asked is None:
-            return data
-        cases = of_file.get("cases")
-        within = [case for case in (cases if isinstance(cases, list) else ()) if isinstance(case, dict)]
-        named = {*of_file}.union(*within)
-        if "accuracy" not in named:
-            return data
-        if beside := ", ".join(named.intersection(case_class.unless_asked)):
-            if "steps" not in named:
-                right = f"leave out {beside}, and steps and samples are chosen, or add steps and reference_step"
-                document.fail(("accuracy",), f"is beside {beside}, but without steps; {right}")
-            return data
-        answer = self.cases[ANSWER].model_fields
-        if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
-            fault = "asks for an answer, whose scheme, steps and samples are chosen"
-            document.fail(("accuracy",), f"{fault}; leave out {lost}, or accuracy")
-        return {**data, "kind": ANSWER}
-
     def json_schema(self) -> dict[str, Any]:
-        """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
+        """The JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
         schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self.file.json_schema()}
         return {**schema, "title": "An experiment of spi"}
 
@@ -151,6 +119,7 @@ class Heading(NamedTuple):
     title: str
     figure: int | None  #: of the paper
     kind: str
+    model: Mapping[str, Any]  #: its keys, or those of the first case
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
@@ -159,10 +128,11 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Only its keys are looked at: models and initial states can take seconds.
     """
     try:
-        file = kinds.file.validate_python(kinds.asked(Document(text_of(path), str)))
+        file = kinds.file.validate_python(Document(text_of(path), str).data)
     except (SpecError, ValidationError):
         return None
-    return Heading(file.title or Path(path).stem, file.figure, file.kind)
+    model: Mapping[str, Any] = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
+    return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -296,7 +266,6 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    document.data = kinds.asked(document)
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document

@@ -1,17 +1,14 @@
 """The files that a spec names: the modules that become of them, and initial values that stand in them.
 
     initial: {file: field.npy}
-    initial: {results: results/vortex_merger.h5, case: calm, time: 4}
 
-With the spec is kept what is needed of a file of the latter, as text: the bytes of an array in base64, and of a results
-file the states that the spec names.  In its place on disk such a text is read as well.
+With the spec they are kept as texts, the bytes of an array in base64.
 """
 
 import base64
 import binascii
 import difflib
 import io
-import json
 import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -21,9 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import modules, own
-from ..storage import StorageError, contents
-from ..storage import read as read_results
-from ..storage.records import Group
+from ..storage import contents
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -202,70 +197,3 @@ def check_finite(values: np.ndarray, text: str, key: str) -> None:
     if not np.isfinite(values).all():
         place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise wrong(f"is {text}, which is not finite at [{place}]", "all numbers must be finite", key)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Results
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def state_in(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
-    """The state at a time of a path in a results file; of the only case and scheme where none is named.
-
-    With the spec it is stored under the name of the file and ``.states``, which stands in for one that is missing.
-    """
-    key, stored = f"{case or 'the case'}/{scheme or 'the scheme'} at {time!r}", f"{path}.states"
-    states = _stored_states(files, stored) if stored in files.texts else {}
-    if key not in states and not files.complete:
-        if (files.folder / path).exists() or not (files.folder / stored).exists():
-            states[key] = array_text(_state(files, path, case, scheme, time))
-            files.texts[stored] = json.dumps(states)
-        else:
-            states = _stored_states(files, stored)
-    if key not in states:
-        raise wrong(f"is {shown(path)}, of which {stored} lacks the state", "add the results file", "results")
-    values = array_of(content(states[key]))
-    check_finite(values, f"{shown(path)} at time {time:g}", "results")
-    return values
-
-
-def _stored_states(files: Files, stored: str) -> dict[str, str]:
-    """The texts of states that are stored in place of a results file."""
-    try:
-        states: dict[str, str] = json.loads(files.text(stored, "results", _MOST_OF_ARRAYS))
-        for text in states.values():
-            array_of(content(text))
-    except (ValueError, RecursionError, AttributeError, TypeError):
-        raise wrong(f"is kept in {stored}, which is damaged", "delete it and add the results file", "results") from None
-    return states
-
-
-def _state(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
-    """The state in a results file on disk."""
-    try:
-        groups = read_results(files.folder / path).groups
-    except StorageError as error:
-        fault, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
-        raise wrong(f"is {shown(path)} ({fault})", right or "give a results file", "results") from None
-    paths = [group for group in groups if "y" in group.variables and "t" in group.coordinates]
-    if not paths:
-        raise wrong(f"is {shown(path)}, which holds no paths", "give results of kind trajectory", "results")
-    paths = _chosen(paths, "case", case, path)
-    (group,) = _chosen(paths, "variant", scheme, path, "scheme")
-    t = np.asarray(group.coordinates["t"], float)
-    nearest = int(np.abs(t - time).argmin())
-    if abs(t[nearest] - time) > 1e-9 * max(1.0, abs(time)):
-        right = f"the nearest time of a stored state is {t[nearest]:.12g}"
-        raise wrong(f"is {time:.12g}, at which {shown(path)} has no state", right, "time")
-    return np.asarray(group.variables["y"][1][nearest], float)
-
-
-def _chosen(groups: list[Group], attribute: str, name: str | None, path: str, key: str = "") -> list[Group]:
-    """The groups of one case or variant: that of the name, or the only one."""
-    key = key or attribute
-    names = list(dict.fromkeys(getattr(group, attribute) for group in groups))
-    if name is None and len(names) > 1:
-        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(names)}, which {shown(path)} has", key)
-    if name is not None and name not in names:
-        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(names)}", key)
-    return [group for group in groups if getattr(group, attribute) == (name or names[0])]

@@ -2,7 +2,6 @@
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
-    initial: {results: results/vortex_merger.h5, case: calm, time: 4}
     initial: {modes: {"1,0": 0.1+0.3i, "2,-1": 0.2}}
     initial: {vorticity: "cos(x1) + cos(x2)"}
     initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
@@ -11,11 +10,8 @@ Whatever stands there becomes the numbers of the state at once, and these are wh
 path has a state of its own, ``initial: {law: gaussian, ...}``: see the laws below.
 """
 
-import csv
 import functools
 import hashlib
-import io
-import math
 import re
 from collections.abc import Callable
 from functools import lru_cache
@@ -34,7 +30,7 @@ from ..models.delegation import undamped
 from ..models.zeitlin import fields
 from ..models.zeitlin.tables import places
 from ..systems import expanded, has_range, variables
-from .files import Files, array_in, check_finite, content, state_in, unpacked
+from .files import Files, array_in, check_finite, content, unpacked
 from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -51,7 +47,6 @@ _TRIALS = 2**16  # states by which it is estimated
 #: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
 _MOST_NUMBERS = 2**20
 _POINTS = "give states of your own by law: points, from a CSV file or an .npz of numpy.savez"
-_MATRIX = tuple[tuple[float, ...], ...]
 
 _Through = key_of(State, "a state on the Casimir surface")
 
@@ -104,41 +99,22 @@ class OfGauss(Keys):
 
     law: Literal["gaussian"]
     mean: key_of(State, "the mean, a number per component")
-    sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each") = ABSENT
-    covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
+    sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each")
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
-
-    @condition
-    def _check_one(self) -> None:
-        given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
-        if len(given) != 1:
-            raise wrong(f"has {' and '.join(given) or 'no width'}", "must have one of sd, covariance")
 
     def state(self, model: Any, files: Files) -> RandomState:
         """The state that is a standard deviation from the mean in each component, and the law."""
         if populations(model):
             raise wrong("is 'gaussian', whose states may be negative", "use points, all of them positive", "law")
         _check_length(self.mean, model, "mean")
-        rows = self._factor()
-        surface = _surface(model, self.mean, "project") if self.project else None
-        factor = tuple((i, j, c) for i, row in enumerate(rows) for j, c in enumerate(row) if c)
-        law = Gaussian(self.mean, factor, surface)
-        away = np.array(self.mean) + np.sqrt((np.array(rows) ** 2).sum(axis=1))
-        return RandomState(surface.typical if surface else tuple(away.tolist()), law, self.model_dump())
-
-    def _factor(self) -> list[list[float]]:
-        """L of the covariance matrix L L^T."""
         d = len(self.mean)
-        if self.covariance is None:
-            each = self.sd if isinstance(self.sd, tuple) else (self.sd,) * d
-            if len(each) != d:
-                raise wrong(f"has {entries_in(len(each))}", f"must be one number or have {d}, as mean", "sd")
-            return np.diag(each).tolist()
-        matrix = self.covariance
-        if len(matrix) != d or any(len(row) != d for row in matrix):
-            right = f"must have {d} rows of {d} numbers, as mean has"
-            raise wrong(f"has {len(matrix)} rows, the first of {len(matrix[0]) if matrix else 0}", right, "covariance")
-        return _cholesky(matrix)
+        sd = self.sd if isinstance(self.sd, tuple) else (self.sd,) * d
+        if len(sd) != d:
+            raise wrong(f"has {entries_in(len(sd))}", f"must be one number or have {d}, as mean", "sd")
+        surface = _surface(model, self.mean, "project") if self.project else None
+        law = Gaussian(self.mean, tuple((i, i, c) for i, c in enumerate(sd) if c), surface)
+        away = np.array(self.mean) + np.array(sd)
+        return RandomState(surface.typical if surface else tuple(away.tolist()), law, self.model_dump())
 
 
 class OfPoints(Keys):
@@ -217,28 +193,6 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     return surface
 
 
-def _cholesky(matrix: _MATRIX) -> list[list[float]]:
-    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix.
-
-    numpy.linalg refuses singular matrices, and its last bits depend on the machine.
-    """
-    a = np.array(matrix)
-    size = np.abs(a).max()
-    if not np.allclose(a, a.T, rtol=1e-12, atol=0.0):
-        raise wrong("is not symmetric", "must be", "covariance")
-    factor = np.zeros_like(a)
-    for j in range(len(a)):
-        left = a[j:, j].copy()
-        for k in range(j):
-            left -= factor[j:, k] * factor[j, k]
-        if left[0] > 1e-14 * size:
-            factor[j, j] = math.sqrt(left[0])
-            factor[j + 1 :, j] = left[1:] / factor[j, j]
-        elif np.abs(left).max() > 1e-12 * size:
-            raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
-    return factor.tolist()
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # Files of states
 # ---------------------------------------------------------------------------------------------------------------------
@@ -253,25 +207,20 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
     names = _names(model)
     right = f"must have the columns {', '.join(names)}, and perhaps weight"
     try:
-        rows = [row for row in csv.reader(io.StringIO(data.decode("utf-8-sig"))) if any(map(str.strip, row))]
-    except (UnicodeDecodeError, csv.Error):
+        lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip()]
+        head = [name.strip() for name in lines[0].split(",")] if lines else []
+        head, rows = (names, lines) if any(map(_is_number, head)) else (head, lines[1:])
+        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2) if rows else np.empty(0)
+    except ValueError as error:  # which UnicodeDecodeError is as well
         right += f"; or be an .npz of numpy.savez with an array y of {len(names)} columns, and perhaps weight"
-        raise wrong(f"is {shown(path)}, which is neither CSV nor .npz", right, "file") from None
-    head = [name.strip() for name in rows[0]] if rows else []
-    if head and not any(map(_is_number, head)):
-        rows = rows[1:]
-    else:
-        head = names
-    if sorted(set(head) - {"weight"}) != sorted(names) or len(set(head)) != len(head):
-        raise wrong(f"is {shown(path)}, with the columns {', '.join(head)}", right, "file")
+        raise wrong(f"is {shown(path)}, which is no CSV of numbers ({error})", right, "file") from None
     if not rows:
         raise wrong(f"is {shown(path)}, which has no states", right, "file")
-    for number, row in enumerate(rows, 1):
-        if len(row) != len(head) or not all(map(_is_number, row)):
-            fault = f"is {shown(path)}, whose state {number} is {shown(','.join(row))}"
-            raise wrong(fault, f"must be {len(head)} numbers with commas between them", "file")
-    values = dict(zip(head, np.array(rows, float).T, strict=True))
-    return np.stack([values[name] for name in names], axis=1), values.get("weight", np.ones(len(rows)))
+    if sorted({*head} - {"weight"}) != sorted(names) or len({*head}) != len(head) or values.shape[1] != len(head):
+        fault = f"with {values.shape[1]} columns" if head == names else f"with the columns {', '.join(head)}"
+        raise wrong(f"is {shown(path)}, {fault}", right, "file")
+    columns = dict(zip(head, values.T, strict=True))
+    return np.stack([columns[name] for name in names], axis=1), columns.get("weight", np.ones(len(rows)))
 
 
 def _is_number(text: str) -> bool:
@@ -325,7 +274,7 @@ class Vorticity(Keys):
     def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
-            keys = _FIELDS if given else (*_FIELDS, "file", "results")
+            keys = _FIELDS if given else (*_FIELDS, "file")
             raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(keys)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
@@ -344,29 +293,11 @@ class Stored(Keys):
 
     file: key_of(
         str, "a file of numpy.save: a number per component, or a vorticity on a square grid of at least N points a side"
-    ) = ABSENT
+    )
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity on the grid") = False
-    results: key_of(str, "a results file of kind trajectory") = ABSENT
-    time: key_of(NonNegative, "time of a stored state in it", "time") = ABSENT
-    case: key_of(str, "name of the case in it; default: the only one") = ABSENT
-    scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
-
-    @condition
-    def _check_one(self) -> None:
-        given = self.model_fields_set
-        if {"file", "results"} <= given:
-            raise wrong("has file and results", "must have one of them")
-        if "results" in given and "time" not in given:
-            raise wrong("missing key 'time'", "add time: that of a stored state", "time")
-        of_other = {"time", "case", "scheme"} if "file" in given else {"subtract_mean"}
-        if beside := sorted(of_other & given):
-            which, other = ("file", "results") if "file" in given else ("results", "file")
-            raise wrong(f"stands beside {which}", f"leave it out, it is for {other}", beside[0])
 
     def state(self, files: Any, n: int | None) -> tuple[float, ...]:
         """The numbers of the state, on the lattice modulo `n` if there is one."""
-        if self.results is not None:
-            return tuple(state_in(files, self.results, self.case, self.scheme, self.time).tolist())
         values = array_in(files, self.file)
         if values.ndim == 1:
             return tuple(values.tolist())
@@ -478,15 +409,14 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
         return numbers(_with_ranges(value, info))
     if "law" in value:
         return random_state(value, info.data.get("model"), cast(Files, info.context))
-    stored = "file" in value or "results" in value
-    given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
+    given, model = (Stored if "file" in value else Vorticity).model_validate(value), info.data.get("model")
     if model is None:  # it is wrong, which is reported
         return ()
     n = fields.lattice_of(model)
     if isinstance(given, Stored):
         return given.state(info.context, n)
     if n is None:
-        right = "must be a list, a number per component, or have file or results"
+        right = "must be a list, a number per component, or have file"
         raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
     return given.state(n)
 

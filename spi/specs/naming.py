@@ -1,18 +1,20 @@
 """The names of results: one for each experiment, profile and set of overrides.
 
-    rigid_body_strong                            the spec as it stands
-    rigid_body_strong.quick                      --profile quick
-    rigid_body_strong.seed=2                     --seed 2, or --set seed=2
-    rigid_body_strong.quick.steps=2_-3-1f0c9a    --profile quick --set 'steps=[2^-3]'
-    rigid_body_strong.answer.seed=2              spi answer rigid_body_strong --seed 2
+    rigid_body_strong                 the spec as it stands
+    rigid_body_strong.quick           --profile quick
+    rigid_body_strong.e70e6b          --seed 2, or --set seed=2
+    rigid_body_strong.quick.3d2508    --profile quick --set 'steps=[2^-3]'
+    rigid_body_strong.answer.e70e6b   spi answer rigid_body_strong --seed 2
 
-What changes no path is no part of the name: with other `samples` a run goes on in the same file, and titles and claims
-are written anew.  A name follows from the options alone, so that results are found where their spec is not.
+The six characters are a digest of all overrides, which stand in the file; `spi list results` tells them.  What changes
+no path is no part of the name: with other `samples` a run goes on in the same file, and titles and claims are written
+anew.  A name follows from the options alone, so that results are found where their spec is not.
 """
 
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,22 +24,27 @@ from .files import array_text
 
 #: Keys that decide no path.
 _NEUTRAL = ("samples", "title", "asks", "figure", "expect")
-#: Letters that a value keeps; capital letters are told apart by a digest, since some disks take them for small ones.
-_PLAIN = re.compile(r"[a-z0-9_+,-]+(?:[.][a-z0-9_+,-]+)*")
-#: Letters of a value, and of all overrides, that can still be read at a glance.
-_VALUE, _ALL = 24, 64
 
 
 def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> str:
     """The name of the results of the experiment `name`; `overrides` are texts as ``spi.specs.load`` takes them."""
-    last = {}
-    for override in overrides:
-        key, _, value = override.partition("=")
-        last[key.strip().removeprefix("--")] = "".join(value.split())
-    tags = [_tag(key, last[key]) for key in sorted(last) if not _is_neutral(key)]
-    if len(".".join(tags)) > _ALL:
-        tags = [f"set-{_digest('.'.join(tags))}"]
-    return ".".join([name, *([] if profile == "laptop" else [profile]), *tags])
+    last = _last(overrides)
+    digest = [_digest("\n".join(f"{key}={last[key]}" for key in sorted(last)))] if last else []
+    return ".".join([name, *([] if profile == "laptop" else [profile]), *digest])
+
+
+def results_in(folder: str | Path, name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> Path:
+    """The file of results in a folder; one that an earlier version of spi wrote under its longer name goes first."""
+    overrides = tuple(overrides)
+    former = Path(folder) / f"{_former_name(name, profile, overrides)}.h5"
+    return former if former.is_file() else Path(folder) / f"{results_name(name, profile, overrides)}.h5"
+
+
+def _last(overrides: Iterable[str]) -> dict[str, str]:
+    """The last value of each key that decides paths, without spaces."""
+    pairs = (override.partition("=") for override in overrides)
+    last = {key.strip().removeprefix("--"): "".join(value.split()) for key, _, value in pairs}
+    return {key: value for key, value in last.items() if not _is_neutral(key)}
 
 
 def _is_neutral(key: str) -> bool:
@@ -45,17 +52,26 @@ def _is_neutral(key: str) -> bool:
     return words[2 if words[0] == "cases" and len(words) > 2 else 0] in _NEUTRAL
 
 
-def _tag(key: str, value: str) -> str:
-    """``key=value``; with a digest where letters that stand in no name of a file were left out."""
-    text = value.removeprefix("[").removesuffix("]")
-    if _PLAIN.fullmatch(text) and len(text) <= _VALUE and re.fullmatch("[a-z0-9_.]+", key):
-        return f"{key}={text}"
-    short = re.sub("[^A-Za-z0-9_+-]+", "_", text)[:_VALUE].strip("_")
-    return f"{re.sub('[^A-Za-z0-9_.]+', '_', key)}={short}-{_digest(f'{key}={value}')}"
-
-
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()[:6]
+
+
+def _former_name(name: str, profile: str, overrides: Iterable[str]) -> str:
+    """The name with all overrides, as in ``rigid_body_strong.quick.seed=2``, and digests where they are long."""
+    tags = []
+    for key, value in sorted(_last(overrides).items()):
+        text = value.removeprefix("[").removesuffix("]")
+        if not (_PLAIN.fullmatch(text) and len(text) <= 24 and re.fullmatch("[a-z0-9_.]+", key)):
+            short = re.sub("[^A-Za-z0-9_+-]+", "_", text)[:24].strip("_")
+            text, key = f"{short}-{_digest(f'{key}={value}')}", re.sub("[^A-Za-z0-9_.]+", "_", key)
+        tags.append(f"{key}={text}")
+    if len(".".join(tags)) > 64:
+        tags = [f"set-{_digest('.'.join(tags))}"]
+    return ".".join([name, *([] if profile == "laptop" else [profile]), *tags])
+
+
+#: Letters that a value kept in such a name.
+_PLAIN = re.compile(r"[a-z0-9_+,-]+(?:[.][a-z0-9_+,-]+)*")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -153,17 +153,6 @@ class Tally(NamedTuple):
             parts.append(self.short[path_set.whole])
         return _joined(parts)
 
-    def leading(self, path_set: PathSet) -> int:
-        """The number of paths of a path set, from the first on, that are computed without a gap."""
-        size, index, advanced = path_set.chunk_blocks * LANES, 0, True
-        while advanced:
-            advanced = False
-            for height, number in self.nodes:
-                if number << height <= index < (number + 1) << height:
-                    index, advanced = (number + 1) << height, True
-        short = self.short.get(index)
-        return min(path_set.samples, index * size + (short.paths if short is not None else 0))
-
     def so_far(self) -> Any | None:
         """The sums over all computed paths, or None if there are none."""
         nodes = sorted(self.nodes.items(), key=lambda item: item[0][1] << item[0][0])

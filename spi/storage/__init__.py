@@ -3,7 +3,7 @@
 from .files import StorageError, check_writable, contents, remove_leftovers, write_all
 from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
 from .results import read, write
-from .sums import about_sums, previous, read_sums, remove_previous, remove_sums, write_sums
+from .sums import about_sums, read_sums, write_sums
 
 __all__ = [
     "StorageError",
@@ -14,13 +14,10 @@ __all__ = [
     "contents",
     "finished",
     "machine",
-    "previous",
     "provenance",
     "read",
     "read_sums",
     "remove_leftovers",
-    "remove_previous",
-    "remove_sums",
     "spec_and_sources",
     "write",
     "write_all",

@@ -1,59 +1,9 @@
 """Records that a study hands to storage, tables and figures: plain arrays with names."""
 
-import sys
-from collections.abc import Mapping, Sequence
-from numbers import Integral, Real
-from types import MappingProxyType, NoneType, UnionType
-from typing import Any, NamedTuple, Union, get_args, get_origin
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Checks that the contents of a file have the types and shapes of a record; checksums only identify the last writer.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def fits(value: Any, hint: Any) -> bool:
-    """Whether a value is of an annotated type: a number, a text, None, a tuple or a union of these."""
-    if hint is Any:
-        return True
-    if get_origin(hint) in (Union, UnionType):
-        return any(fits(value, member) for member in get_args(hint))
-    if hint in (None, NoneType):
-        return value is None
-    if get_origin(hint) is tuple:
-        is_row = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
-        return is_row and all(fits(entry, get_args(hint)[0]) for entry in value)
-    if get_origin(hint) is dict:
-        return isinstance(value, Mapping)
-    if hint in (int, float):
-        number = isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool | np.bool_)
-        return number and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
-    return isinstance(value, bool | np.bool_ if hint is bool else hint)
-
-
-def check_fact(name: str, value: Any, hint: Any) -> None:
-    """Raise TypeError if a fact is not of its type."""
-    if not fits(value, hint):
-        expected = getattr(hint, "__name__", str(hint)) if get_origin(hint) is None else str(hint)
-        raise TypeError(f"{name!r} is {type(value).__name__}, not {expected}")
-
-
-def check_axis(name: str, values: np.ndarray, is_text: bool) -> None:
-    """Raise ValueError if the values along an axis are missing, of a wrong type, or not one-dimensional."""
-    if values.ndim != 1 or not values.size or (values.dtype.kind == "U") != is_text:
-        raise ValueError(f"{name!r} is an axis of {values.dtype} of shape {values.shape}")
-
-
-def check_array(name: str, variable: tuple[tuple[str, ...], np.ndarray], axes: tuple[str, ...], sizes: Any) -> None:
-    """Raise ValueError if an array does not hold numbers over its axes; `sizes` has the values along each axis."""
-    own, values = variable
-    if values.dtype.kind not in "iufb":
-        raise ValueError(f"{name!r} holds no numbers but {values.dtype}")
-    shape = tuple(len(sizes[axis]) for axis in axes if axis in sizes)
-    if tuple(own) != axes or len(shape) != len(axes) or values.shape != shape:
-        raise ValueError(f"{name!r} is over {own} and of shape {values.shape}, not over {axes}")
-
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
 HEAVY_TAILS = 100.0  #: a kurtosis that is worth a warning: few samples carry the variance, whose estimate is poor

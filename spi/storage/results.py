@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
-from .records import RENAMED_KINDS, Group, Results, check_fact
+from .records import RENAMED_KINDS, Group, Results
 
 #: The root attribute that marks a results file, and the version of its layout.
 MARK, VERSION = "spi_results", 3
@@ -26,14 +26,6 @@ _NOTES = ("long_name", "formula", "units")
 
 #: The dataset of ``Results.chunks``, beside the groups of the cases; a case has another name, for lack of a space.
 _CHUNKS = "digests of chunks"
-
-#: The types of the attributes of the whole file that programs use; some may be missing.
-_ROOT: dict[str, Any] = {
-    **dict.fromkeys(("kind", "title", "asks", "spec", "spec_hash", "paths_hash", "profile", "expect"), str),
-    **dict.fromkeys(("model_sources", "model_code", "model_modules", "source_digest"), str),
-    **dict.fromkeys(("overrides", "machines"), tuple[str, ...]),
-    **{"samples": tuple[int, ...], "figure": int, "seed": int, "complete": bool},
-}
 
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
@@ -63,9 +55,7 @@ def read(path: str | Path) -> Results:
                         groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
                     else:
                         groups.append(_read_group(case, variant, "", source))
-            chunks = tuple(read_array(file[_CHUNKS]).tolist())
-            check_fact(_CHUNKS, chunks, tuple[str, ...])
-            return Results(_read_root(file), tuple(groups), chunks)
+            return Results(_read_root(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
@@ -159,10 +149,8 @@ def _read_attributes(source: h5py.Group) -> dict[str, Any]:
 
 
 def _read_root(file: h5py.File) -> dict[str, Any]:
-    """The attributes of the whole file; TypeError if one is not of the type that all commands rely on."""
+    """The attributes of the whole file."""
     attributes = _read_attributes(file)
-    for name, hint in _ROOT.items():
-        check_fact(name, attributes.get(name), hint | None)
     if (kind := attributes.get("kind")) in RENAMED_KINDS:
         attributes["kind"] = RENAMED_KINDS[kind]
     return attributes

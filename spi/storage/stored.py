@@ -37,7 +37,6 @@ from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
 from typing import (
-    Annotated,
     Any,
     ClassVar,
     Generic,
@@ -54,7 +53,7 @@ from typing import (
 import numpy as np
 
 from ..ensemble.random_states import RandomState
-from .records import INTERVAL, Group, Order, Part, check_array, check_axis, check_fact
+from .records import INTERVAL, Group, Order, Part
 
 Array = np.ndarray
 
@@ -235,9 +234,7 @@ class Described:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True, eq=False)(cls)
-        hints = get_type_hints(cls, include_extras=True)
-        if wrong := [name for name, hint in hints.items() if get_origin(hint) is Annotated]:
-            raise TypeError(f"{cls.__name__}.{wrong[0]}: describe it by its default, as in `error: Array = array(...)`")
+        hints = get_type_hints(cls)
         own: Any = cls  # mypy does not see that it is a dataclass by now
         cls.described = tuple(
             _field(hints[field.name], field) for field in dataclass_fields(own) if field.name not in _OF_GROUP
@@ -582,31 +579,16 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
     if field.is_mapping:
         prefix = field.meaning.prefix
-        entries = {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
-        for name, entry in entries.items():
-            check_fact(prefix + name, entry, float | str | bool | tuple[Any, ...])
-        return entries
+        return {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
     names = stored_names(field, outer.prefix)
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):
         return None if field.default is MISSING else field.default
-    _check(field, group, names, (*outer.axes, *field.meaning.axes))
     if field.is_order:
         columns = [held[name].tolist() for name in names]
         return Order(*columns) if field.type is Order else tuple(Order(*each) for each in zip(*columns, strict=True))
     value = held[names[0]]
     return tuple(value.tolist()) if field.is_array and field.type is not Array else value
-
-
-def _check(field: Field, group: Group, names: tuple[str, ...], axes: tuple[str, ...]) -> None:
-    """Raise an error, with the name, if the value in a group has another type or shape than the field."""
-    for name in names:
-        if field.meaning.is_axis:
-            check_axis(name, group.coordinates[name], field.type is not Array)
-        elif field.is_array or field.is_order:
-            check_array(name, group.variables[name], axes, group.coordinates)
-        else:
-            check_fact(name, group.attributes[name], field.type)
 
 
 def _is_there(field: Field, group: Group) -> bool:

@@ -29,12 +29,9 @@ def test_it_says_what_is_kept_and_removes_only_kernels_of_other_sources(folder):
     code, out, _ = call("cache")
     assert code == 0 and sorted(folder.iterdir()) == before
     lines = out.splitlines()
-    assert lines[0].startswith(str(folder)) and [line.split()[0] for line in lines[1:-1]] == [
-        *(spi.KERNEL_DIGEST, "modules", "0123456789abcdef"),
-    ]
-    assert all("1 files      1.0 MB" in line for line in lines[1:-1])
-    assert lines[-1] == "1 old folders, 1.0 MB: `spi cache --clear-old` removes them"
-    assert call("cache", "--clear-old")[1].splitlines()[-1] == "1 old folders are removed, 1.0 MB"
+    assert lines[0].startswith(str(folder)) and len(lines) == 4
+    assert all(line.startswith("  1 files, 1.0 MB: ") for line in lines[1:])
+    assert call("cache", "--clear-old")[1].endswith("\n1 old folders are removed\n")
     assert sorted(folder.iterdir()) == [path for path in before if path.name != "0123456789abcdef"]
     assert (folder.parent / "elsewhere" / "file").exists()
     assert call("cache")[0] == 0
@@ -47,5 +44,5 @@ def test_an_empty_cache_and_one_that_cannot_be_cleared(folder, monkeypatch):
     monkeypatch.setattr(starting, "kernels_folder", lambda: folder / "nowhere" / "0")
     monkeypatch.setattr(starting, "modules_folder", lambda: folder / "nowhere" / "modules")
     code, out, _ = call("cache")
-    assert code == 0 and out.splitlines()[1:] == ["  nothing is kept yet"]
+    assert code == 0 and out.count("0 files, 0.0 MB") == 3
     assert not os.path.exists(folder / "nowhere")

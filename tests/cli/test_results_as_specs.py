@@ -11,6 +11,7 @@ from strong_results import strong, strong_group
 
 from spi import storage
 from spi.running import run as runner
+from spi.specs.naming import results_in, results_name
 
 BODY = """\
 title: a body
@@ -25,6 +26,7 @@ samples: 9
 profiles: {quick: {steps: [2^-4]}}
 """
 QUICK = ["--profile", "quick", "--set", "seed=2"]
+NAME = results_name("body", "quick", ["seed=2"])
 
 
 @pytest.fixture
@@ -33,9 +35,9 @@ def sent(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("body.yaml").write_text(BODY)
     path = runner.run(runner.load("body.yaml", "quick", ["seed=2"]), "there")
-    assert path == Path("there/body.quick.seed=2.h5")
+    assert path == Path("there") / f"{NAME}.h5"
     monkeypatch.chdir(tmp_path / "there")
-    Path("body.quick.seed=2.h5").rename("from_a_friend.h5")
+    Path(f"{NAME}.h5").rename("from_a_friend.h5")
     Path("../body.yaml").unlink()
     return Path("from_a_friend.h5")
 
@@ -47,7 +49,7 @@ def errors(path):
 def test_a_results_file_can_be_run(sent):
     code, _, err = call("run", sent)
     assert code == 0 and "means something else" not in err
-    again = Path("results/body.quick.seed=2.h5")  # called as the run, whatever the file is called
+    again = Path(f"results/{NAME}.h5")  # called as the run, whatever the file is called
     stored, repeated = storage.read(sent).attributes, storage.read(again).attributes
     assert errors(again) == errors(sent)
     for name in ("spec", "spec_hash", "title", "profile", "overrides", "experiment"):
@@ -56,9 +58,9 @@ def test_a_results_file_can_be_run(sent):
     assert call("run", again, "--samples", "12")[0] == 0  # goes on in the same file
     assert storage.read(again).attributes["samples"] == (12,)
     assert call("run", sent, "--set", "seed=3", "--profile", "laptop")[0] == 0
-    assert len(errors("results/body.seed=3.h5")) == 2
+    assert len(errors(results_in("results", "body", "laptop", ["seed=3"]))) == 2
     assert call("answer", sent)[0] == 0
-    assert Path("results/body.answer.quick.seed=2.h5").is_file()
+    assert results_in("results", "body.answer", "quick", ["seed=2"]).is_file()
 
 
 def test_a_results_file_can_be_checked_copied_and_have_its_model_printed(sent):

@@ -96,38 +96,32 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
     monkeypatch.setenv("COLUMNS", "80")
     code, out, err = call("--help")
     assert (code, err) == (0, "")
-    commands = re.findall(r"^  ([a-z]+) +\S.*\.$", out.partition("Commands:")[2], re.MULTILINE)
+    commands = re.findall(r"^  ([a-z]+) +[A-Z]\S* ", out, re.MULTILINE)
     assert {"run", "list", "new", "plot", "show", "verify", "check", "doctor"} <= set(commands)
-    assert len(commands) == len(out.partition("Commands:")[2].strip().splitlines()) and "....\n" not in out
+    assert re.findall(r"^(\S.*):$", out, re.MULTILINE) == ["Options", "Begin", "Compute", "Look at results", "More"]
+    assert "...\n" not in out.partition("Options:")[2] and max(map(len, out.splitlines())) <= 80
     for command in commands:
         code, page, err = call(command, "--help")
         assert (code, err) == (0, "") and page.startswith(f"Usage: spi {command}")
-        assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page
+        assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page and "...\n" not in page
+        examples = re.findall(rf"^    spi {command} .*", page.partition("Examples:")[2], re.MULTILINE)
+        assert len(examples) == 2 * (command in ("run", "answer", "plot"))
 
 
 # --- spi list -------------------------------------------------------------------------------------------------------
 
 
-def test_the_list_fits_80_columns_and_tells_all_experiments():
+def test_a_list_that_is_read_by_a_program_has_a_record_a_line_with_its_whole_title():
+    """What a terminal shows is tried in test_terminal.py."""
     code, out, err = call("list")
-    assert (code, err) == (0, "")
-    assert max(map(len, out.splitlines())) <= 80 and "\x1b" not in out
-    for name in (
-        *NAMES,
-        "lotka_volterra",
-        "splitting_order2",
-        "Positivity, stochastic Lotka-Volterra",
-        "casimirs_watched",
-    ):
-        assert name in out
+    assert (code, err) == (0, "") and "\x1b" not in out
+    for name in (*NAMES, "lotka_volterra", "splitting_order2", "lyapunov", "strong"):
+        assert re.search(rf"^\w+ +{name}( |$)", out, re.MULTILINE), name
+    assert re.search("^dynamics .* Positivity, stochastic Lotka-Volterra system$", out, re.MULTILINE)
     assert not list(Path().iterdir())
-
-
-def test_a_part_of_the_list():
-    parts = [call("list", part)[1] for part in ("models", "schemes", "experiments")]
-    assert "".join(parts) == call("list")[1]
-    assert ["rigid_body_weak2" in part for part in parts] == [False, False, True]
-    assert "'flows'" in refusal("list", "flows")
+    parts = [call("list", part)[1] for part in ("experiments", "models", "schemes", "kinds")]
+    assert "".join(parts) == out and call("list", "paper")[1].count("\n") == 17
+    assert "'flows'" in refusal("list", "flows") and "no results here" in refusal("list", "results")
 
 
 def test_experiments_of_ones_own_are_listed_beside_the_others():
@@ -142,7 +136,7 @@ def test_experiments_of_ones_own_are_listed_beside_the_others():
 def test_experiments_are_not_listed_twice_where_they_lie(monkeypatch):
     monkeypatch.chdir(shipped.folder().parent)
     out = call("list", "experiments", "--experiments", str(shipped.folder()))[1]
-    assert len(re.findall(r"^\S*rigid_body_weak2\S*  ", out, re.MULTILINE)) == 2  # with rigid_body_weak2_strong_noise
+    assert len(re.findall(r" rigid_body_weak2\w*  ", out)) == 2  # with rigid_body_weak2_strong_noise
 
 
 # --- spi new --------------------------------------------------------------------------------------------------------

@@ -2,11 +2,9 @@
 
 import os
 import signal
-import sys
 
 import pytest
 from damage import call
-from kills import stopped_at
 
 from spi import cli, storage
 from spi.cli.options import INVALID, end
@@ -77,11 +75,3 @@ def test_other_errors_stay_what_they_are(monkeypatch):
     monkeypatch.setattr(cli, "app", app)
     with pytest.raises(Panic):
         call("check", "x")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.55, 0.8])
-def test_a_signal_at_any_call_of_a_function(share):
-    code, err, _ = stopped_at(share, "check", "rigid_body_strong")
-    assert (code, err) == (3, "spi: stopped\n")

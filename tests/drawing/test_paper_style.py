@@ -130,10 +130,3 @@ def test_a_wrong_option_is_refused_in_one_line(options, message, tmp_path, monke
     code, out, err = call("plot", "r.h5", *options)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith(f"spi: {message}")
     assert [path.name for path in Path().iterdir()] == ["r.h5"]
-
-
-def test_a_figure_that_is_higher_than_a_page_is_told(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    storage.write("r.h5", errors(4))
-    code, _, err = call("plot", "r.h5", "--style", "paper")
-    assert code == 0 and "inches high, more than a page has; take --width two" in err

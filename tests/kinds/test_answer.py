@@ -32,7 +32,6 @@ from spi.numerics.rng import LANES
 from spi.printing.text import short
 from spi.report import views
 from spi.running.run import load, results_path, run
-from spi.specs import SpecError
 from spi.statistics.estimators import GROUPS, weights, with_powers
 from spi.storage.records import INTERVAL
 
@@ -281,28 +280,14 @@ def test_steps_and_samples_may_be_fixed():
     assert biased.bias[0] > biased.sampling[0]
 
 
-@pytest.mark.parametrize("kind", ["weak", "statistics"])
-def test_an_accuracy_stands_in_the_place_of_how_it_is_reached(tmp_path, kind):
-    """Such an experiment is the answer, in every digit; where all is given it is none."""
-    answer, other = tmp_path / "answer.yaml", tmp_path / "other.yaml"
-    answer.write_text(SPEC, encoding="utf-8")
-    other.write_text(SPEC.replace("kind: answer", f"kind: {kind}"), encoding="utf-8")
-    assert (load(other).kind, load(other).hash) == ("answer", load(answer).hash)
-    given = "step: 1/8\nsteps: [1/8]\nreference_step: 1/16\nschemes: [splitting]\nsamples: 100\nestimators: [plain]\n"
-    keys = {
-        "weak": given.replace("step: 1/8\n", "", 1),
-        "statistics": "step: 1/8\nschemes: [splitting]\nsamples: 100\n",
-    }
-    beside = other.read_text(encoding="utf-8") + {"weak": "prefixes: [10]\n", "statistics": "step: 1/8\n"}[kind]
-    (tmp_path / "beside.yaml").write_text(beside, encoding="utf-8")
-    with pytest.raises(SpecError, match=r"asks for an answer, .* chosen; leave out (prefixes|step), or accuracy"):
-        load(tmp_path / "beside.yaml")
-    full = other.read_text(encoding="utf-8").replace("accuracy: 2e-2\n", keys[kind])
-    other.write_text(full, encoding="utf-8")
-    assert load(other).kind == kind
-    if kind == "statistics":
-        with pytest.raises(SpecError, match="--set accuracy: cannot be asked for here, where step and samples are"):
-            load(other, overrides=["accuracy=1e-3"])
+@compiled_only
+def test_shards_and_interruptions_give_the_same_bits(tmp_path):
+    spec = tmp_path / "asked.yaml"
+    spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
+    experiment = load(spec)
+    ways = {"straight": run, "interrupted": interrupted, "in shards": in_shards}
+    first, *others = (numbers(way(experiment, tmp_path / name)) for name, way in ways.items())
+    assert first and all(one == first for one in others)
 
 
 @pytest.mark.slow

@@ -105,16 +105,14 @@ def test_the_order_of_a_bias(finest):
 
 
 @compiled_only
-def test_results_survive_a_file_and_step_sizes_that_are_done(load_text):
+def test_results_survive_a_file(load_text):
     plan = equilibrium.plan(load_text(LONG).cases[0], Part("splitting"))
-    state = finished(plan)
-    reading = plan.results(state)
+    reading = plan.results(finished(plan))
     again = Equilibrium.of(reading.group())
     assert again.averages.functions == ("height", "H") and again.averages.temperature == np.inf
     np.testing.assert_array_equal(again.averages.correlation, reading.averages.correlation)
     assert len(again.averages.order) == 2 and np.isnan(again.averages.order[0].order)
-    part = plan.so_far(state)
-    assert part is not None and reading.steps_each == 384
+    assert reading.steps_each == 384
 
 
 @compiled_only

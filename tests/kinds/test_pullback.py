@@ -83,7 +83,6 @@ def test_bits_and_the_file(plan_of):
         plain = study.plan(plan.case.model_copy(update={"pullback": None}), plan.part)
         assert plain.deciding(0) == plan.deciding(0) != plan.deciding(1)
         assert same_numbers(finished(plain).total(), whole.total())
-        assert same_numbers(plan.so_far(whole).total(1), whole.total(1))
     again = Exponents.of(found.group())
     pictures = again.pictures
     assert np.array_equal(pictures.count, found.pictures.count) and again.panels == ("lyapunov", "pullback")

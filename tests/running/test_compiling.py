@@ -139,34 +139,6 @@ except KeyboardInterrupt:
     assert program(text)[3:] == [1, [[-15]]]
 
 
-RUN = """
-from spi.running import run as runs
-from spi.ensemble.loop import integrate
-only_workers()
-experiment = runs.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
-runs.run(experiment)
-from spi.storage import read
-groups = read(runs.results_path(experiment, "results")).groups
-found = [group.variables["y"][1].view("int64").tolist() for group in groups]
-hits, misses = (sum(count.values()) for count in (integrate.stats.cache_hits, integrate.stats.cache_misses))
-json.dump([hits, misses, len(started), found], sys.stdout)
-"""
-
-
-@pytest.mark.slow
-def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program, tmp_path):
-    spec = EXPERIMENTS / "lotka_volterra_positivity.yaml"  # whose kernels take least to compile
-    hits, misses, started, found = program(RUN.replace("SPEC", str(spec)), "")
-    assert (hits, misses, started) == (2, 0, 1)
-
-    from spi import storage
-    from spi.running import run as runs
-
-    experiment = runs.load(spec, "quick", ["schemes=[euler_maruyama, splitting]"])
-    groups = storage.read(runs.run(experiment, tmp_path / "here")).groups
-    assert found == [group.variables["y"][1].view("int64").tolist() for group in groups]
-
-
 #: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
 CALLS_OF_PLANS = """
 import json, sys

@@ -25,54 +25,22 @@ SAVED = {
 }
 
 
-def check_strong(group, v):
-    assert np.all(v["error"] > 0.0)
-    assert np.all(np.isfinite(v["error"]) | (v["nonfinite"] > 0))
+#: Kind -> what must be finite in a quick form, with errors of diverged paths left out.
+FINITE = {
+    **{"strong": "error", "weak": "error", "work_precision": "seconds_per_path", "stability": "finite"},
+    **{"statistics": "mean", "lyapunov": "exponent", "answer": "value", "equilibrium": "nonfinite"},
+}
 
 
-def check_weak(group, v):
-    lost = v["nonfinite"] > 0 if "nonfinite" in v else False
-    assert (np.isfinite(v["error"]) | lost).all()
-    if group.estimator == "kolmogorov":
-        assert np.all(v["error_bound"] < 1.1e-4)  # the accuracy of the quick profiles
-
-
-def check_trajectory(group, v):
-    assert np.isfinite(v["y"][0]).all()
-    if "Poisson structure" in group.attributes["preserves"]:
-        assert np.all(np.array(group.attributes["casimir_drift"]) < 1e-12)
-
-
-def check_work_precision(group, v):
-    assert np.all(v["seconds_per_path"] > 0.0)
-    if group.attributes["measure"] == "strong":
-        check_strong(group, v)
-
-
-def check_stability(group, v):
-    assert np.all((v["finite"] >= 0.0) & (v["finite"] <= 1.0))
-    if "splitting" in group.variant and "casimir_worst" in v:
-        assert np.all(v["finite"] == 1.0) and np.all(v["casimir_worst"] < 1e-12)
-
-
-def check_equilibrium(group, v):
-    if group.variant == "splitting":
-        assert np.all(v["nonfinite"] == 0) and np.all(v["casimir_worst"] < 1e-12)
-
-
-def check_statistics(group, v):
-    assert np.isfinite(v["mean"]).all() and np.all(v["mean_stderr"] >= 0.0)
-
-
-def check_lyapunov(group, v):
-    assert np.isfinite(v["exponent"]).all() and np.all(v["exponent_stderr"] > 0.0)
-
-
-def check_answer(group, v):
-    assert np.isfinite(v["value"]).all()
-
-
-CHECKS = {name.removeprefix("check_"): check for name, check in list(globals().items()) if name.startswith("check_")}
+def check(kind, group, values):
+    """Numbers are there, and splittings keep what they should."""
+    if kind in FINITE:
+        lost = values["nonfinite"] > 0 if kind in ("strong", "weak") and "nonfinite" in values else False
+        assert (np.isfinite(values[FINITE[kind]]) | lost).all()
+    if "Poisson structure" in group.attributes.get("preserves", ""):
+        assert np.all(np.array(group.attributes.get("casimir_drift", 0.0)) < 1e-12)
+    if group.variant == "splitting" and "casimir_worst" in values:
+        assert np.all(values["casimir_worst"] < 1e-12)
 
 
 def test_figures_of_the_paper_have_one_experiment_each():
@@ -97,7 +65,7 @@ def test_experiment_runs(path, tmp_path, capsys):
     else:
         assert [(g.case, g.variant, g.estimator) for g in results.groups] == parts
     for group in results.groups:
-        CHECKS[experiment.kind](group, {name: values for name, (_, values) in group.variables.items()})
+        check(experiment.kind, group, group.arrays)
     figure = views.figure(results)
     if path == SAVED[experiment.kind]:
         for written in views.save(figure, tmp_path, experiment.name):

@@ -1,8 +1,6 @@
 """What a run leaves that ends in an unusual way: no processes, no folders, and nothing computed is lost."""
 
-import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -166,52 +164,6 @@ def test_a_chunk_that_ends_every_worker_of_dask_is_one_error():
     future.set_exception(scheduler.KilledWorker("a chunk", None, 3))
     with pytest.raises(workers.WorkersLost, match="4 workers were lost over the same paths"):
         clusters.Dask(Mock()).result(future)
-
-
-@pytest.fixture
-def beside(tmp_path):
-    """Start a Python program, with its messages in a file, that ends with the test at the latest."""
-    path = os.pathsep.join([str(Path(spi.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "3s"}
-    started = []
-
-    def start(*program):
-        with open(tmp_path / f"{len(started)}.err", "w") as err:
-            started.append(subprocess.Popen([sys.executable, *program], cwd=tmp_path, env=environment, stderr=err))
-        return started[-1]
-
-    yield start
-    for process in started:
-        process.kill()
-        process.wait()
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-def test_a_scheduler_of_dask_that_is_killed(tmp_path, beside):
-    def wait_for(pattern, ready):
-        for _ in range(1200):
-            if found := [path for path in tmp_path.glob(pattern) if path.stat().st_size and ready(path)]:
-                return found[0]
-            time.sleep(0.1)
-        return pytest.fail(f"there is no {pattern}")
-
-    def some_chunks(path):
-        _, parts = storage.read_sums(path)
-        return any(kept["digests"] for part in parts.values() for kept in part["path_sets"])
-
-    place = ["--no-dashboard", "--scheduler-file", "place.json"]
-    scheduler = beside("-m", "distributed.cli.dask_scheduler", "--port", "0", *place)
-    address = json.loads(wait_for("place.json", Path.exists).read_text())["address"]
-    beside("-m", "distributed.cli.dask_worker", "--nthreads", "1", *place)
-    options = ["--samples", "500000", "--checkpoint", "0.1s", "--dask", address]
-    run = beside("-c", "from spi.cli import main; main()", "run", str(EXPERIMENTS / "rigid_body_strong.yaml"), *options)
-    wait_for("results/sums/*.sums", some_chunks)
-    scheduler.kill()
-    assert run.wait(120) == 1
-    err = (tmp_path / "2.err").read_text()
-    assert "Traceback" not in err
-    assert re.search(r"\nspi: the scheduler of the Dask cluster .*; progress is saved in results/.*sums\n", err)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")

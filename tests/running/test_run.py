@@ -17,8 +17,7 @@ from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
-from spi.running.checkpoint import Checkpoint
-from spi.running.finding import Wanted
+from spi.running.finding import Wanted, listed
 from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
 
@@ -207,19 +206,6 @@ def other_sources(monkeypatch):
     return change
 
 
-def test_sums_of_a_former_layout_are_named_and_stay(tmp_path):
-    """They cannot be read any more; none is lost without a word."""
-    wanted, news = experiment("samples=2", schemes=SCHEMES[:1]), []
-    former = tmp_path / "sums" / f"{wanted.name}-{wanted.hash[:12]}-01234567-v4.npz"
-    former.parent.mkdir()
-    former.write_bytes(b"sums")
-    checkpoint = Checkpoint(wanted, runner.sums_path(wanted, tmp_path), Limits(), news.append)
-    checkpoint.resume()
-    (line,) = news
-    assert line.startswith(f"{former} has sums over these paths that other sources of spi computed (digest 01234567)")
-    assert line.endswith("with these the run begins anew") and former.read_bytes() == b"sums"
-
-
 def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sources):
     """Unfinished sums, with which the sources go on that began them, and results, which --fresh replaces."""
     wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
@@ -256,10 +242,7 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     before, there = path.read_bytes(), files(tmp_path)
     half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
-    sums = runner.sums_path(wanted, tmp_path)
-    storage.previous(sums).write_bytes(sums.read_bytes())  # killed before the sums of before were removed
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
-    assert not storage.previous(sums).exists()
     assert path.read_bytes() == before
     assert files(tmp_path) == there or os.name != "posix"
     assert not reports and len(news) == 1 and "use --fresh to recompute" in news[0]
@@ -329,6 +312,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
         runner.run(wanted, tmp_path, watch=Watch(report=first))
     checkpoint = runner.sums_path(wanted, tmp_path)
     assert files(tmp_path) == {checkpoint}
+    (line,), problems = listed(tmp_path)
+    assert (line.name, problems) == (wanted.results_name, []) and line.created.startswith("unfinished: euler_maruyama ")
     stopped_at = first.done(scheme)[-1]
     assert 0 < stopped_at < MANY
 
@@ -375,12 +360,6 @@ def cut_short(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def with_one_bit_flipped(path):
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 4
-    path.write_bytes(data)
-
-
 def of_another_version(path):
     about, parts = storage.read_sums(path)
     del about["version"]
@@ -398,21 +377,6 @@ def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted
     path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
     assert numbers(path) == uninterrupted
-
-
-def test_the_checkpoint_before_a_damaged_one_is_used(tmp_path, small_batches, uninterrupted):
-    wanted, stopped = experiment(f"samples={MANY}"), []
-    for _ in range(2):
-        reports = Reports(SCHEMES[0], 2)
-        with pytest.raises(runner.Stopped):
-            runner.run(wanted, tmp_path, watch=Watch(report=reports))
-        stopped.append(reports.done(SCHEMES[0])[-1])
-    with_one_bit_flipped(runner.sums_path(wanted, tmp_path))
-    reports = Reports()
-    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
-    assert reports.done(SCHEMES[0])[0] == stopped[0]
-    assert numbers(path) == uninterrupted
-    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
 
 
 def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):

@@ -4,7 +4,6 @@ import fluids
 import numpy as np
 import pytest
 from helpers import COMPILED, loop_in_python
-from kills import Interruptions, numbers
 from paths_by_hand import draw
 from zeitlin_cases import take
 
@@ -15,9 +14,7 @@ from spi.kinds.functions import path_function
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import run as runner
-from spi.running import workers
 from spi.running.remarks import reports
-from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
@@ -102,22 +99,3 @@ def test_the_energy_is_a_function_of_states(spec):
     with uncompiled():
         expected = [2 * hamiltonian(in_kernels(case.model), state) for state in np.ascontiguousarray(y.T)]
     np.testing.assert_allclose(found, expected, rtol=1e-13)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="thousands of steps")
-def test_interruptions_and_processes_change_nothing(spec, tmp_path):
-    experiment = spec(TEXT)
-    straight = numbers(runner.run(experiment, tmp_path / "straight"))
-    stops, out, times = Interruptions(1), tmp_path / "interrupted", 0
-    while True:
-        try:
-            path = runner.run(experiment, out, watch=Watch(report=stops))
-            break
-        except Stopped:
-            times += 1
-    assert times > 0 and numbers(path) == straight
-    with workers.processes(2) as pool:
-        assert numbers(runner.run(experiment, tmp_path / "workers", workers=pool)) == straight
-    other = runner.run(spec(TEXT, "sigma: 0.5", "sigma: 0.6"), tmp_path / "other")
-    assert numbers(other) != straight  # negative control

@@ -1,19 +1,15 @@
-"""Initial values that stand in files: arrays of NumPy, states of results, and long arrays from Python."""
+"""Initial values that stand in files: arrays of NumPy, and long arrays from Python."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from trajectory_results import trajectories, trajectory_group
 
-from spi import storage
 from spi.api.specs import experiment_of
 from spi.cli import starting
 from spi.models.zeitlin import fields
-from spi.running.load import Source, load, plans_of
+from spi.running.load import Source, plans_of
 from spi.running.run import identity
-from spi.specs import SpecError
 
 N = 101
 SPEC = f"""\
@@ -54,26 +50,6 @@ def test_a_mean_is_subtracted_on_demand(spec, error, tmp_path):
     assert "initial.file: has the mean 1" in error(SPEC, *five)
     (case,) = spec(SPEC, "y.npy", "y.npy, subtract_mean: true", *five).cases
     np.testing.assert_allclose(case.initial, state(5), atol=1e-14)
-
-
-def test_states_of_results(spec, tmp_path):
-    """Of one path that is there, or of the one that is named; kept with the spec, without the results file."""
-    t, y = np.arange(3.0), np.stack([state(3), 2 * state(3), 3 * state(3)])
-    groups = [
-        trajectory_group(name, t, k * y, np.ones((3, 1)), case="a")
-        for k, name in enumerate(["splitting", "midpoint"], 1)
-    ]
-    storage.write(tmp_path / "one.h5", trajectories(groups[0]))
-    storage.write(tmp_path / "two.h5", trajectories(*groups))
-    small = SPEC.replace(f"n: {N}", "n: 3")
-    assert spec(small, "file: y.npy", "results: one.h5, time: 2").cases[0].initial == tuple(y[2])
-    experiment = spec(small, "file: y.npy", "results: two.h5, time: 1, case: a, scheme: midpoint")
-    assert experiment.cases[0].initial == tuple(2 * y[1])
-    os.remove("two.h5")
-    assert plans_of(Source.of(experiment))[0].initial.tolist() == (2 * y[1]).tolist()
-    for name, text in experiment.files:  # what a copy of the spec has in place of the results
-        (tmp_path / name).write_text(text)
-    assert load("s.yaml").hash == experiment.hash
 
 
 def test_copies_hold_the_arrays(spec, tmp_path):
@@ -145,32 +121,6 @@ def test_bad_arrays(error, tmp_path, make, message):
     assert found.startswith("3: initial") and message in found
 
 
-@pytest.mark.parametrize(
-    ("initial", "message"),
-    [
-        ("file: y.npy, results: a.h5", "initial: has file and results; must have one of them"),
-        ("results: a.h5", "initial.time: missing key 'time'; add time: that of a stored state"),
-        ("file: y.npy, time: 1", "initial.time: stands beside file; leave it out, it is for results"),
-        ("results: b.h5, time: 1", "initial.results: is 'b.h5' (no such file); `spi run` writes one"),
-        (
-            "results: a.h5, time: 0.3, scheme: midpoint",
-            "time: is 0.3, at which 'a.h5' has no state; the nearest time of a stored state is 0",
-        ),
-        ("results: a.h5, time: 1, case: b", "initial.case: is 'b', which is not in 'a.h5'; known: a"),
-        (
-            "results: a.h5, time: 1",
-            "initial.scheme: missing key 'scheme'; add scheme: one of splitting, midpoint, which 'a.h5' has",
-        ),
-        ("results: a.h5, time: 1, scheme: midpoint", "is 'a.h5' at time 1, which is not finite at [0]"),
-    ],
-)
-def test_bad_results(error, tmp_path, initial, message):
-    t, y = np.arange(2.0), np.stack([state(3), np.full(8, np.inf)])
-    groups = [trajectory_group(name, t, y, np.ones((2, 1)), case="a") for name in ("splitting", "midpoint")]
-    storage.write(tmp_path / "a.h5", trajectories(*groups))
-    assert message in error(SPEC, "file: y.npy", initial)
-
-
 def test_other_models_take_a_number_per_component(spec, error, tmp_path):
     body = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
     replaced = (f"{{name: zeitlin, n: {N}}}", body, "[vorticity]", "[components]")
@@ -184,9 +134,3 @@ def test_a_long_list_is_told_where_it_may_stand(error):
     numbers = ", ".join(["0.5"] * 10200)
     found = error(SPEC, "{file: y.npy}", f"[{numbers}]")
     assert found.endswith("longer values stand in files, as in initial: {file: y0.npy}")
-
-
-def test_a_damaged_text_of_states_is_told(spec, tmp_path):
-    (tmp_path / "a.h5.states").write_text('{"the case/the scheme at 1.0": "x"}')
-    with pytest.raises(SpecError, match=r"is kept in a\.h5\.states, which is damaged"):
-        spec(SPEC, "file: y.npy", "results: a.h5, time: 1")

@@ -1,11 +1,8 @@
 """The keys eps and reference_scheme and the panel eps of spec files: what they mean, and the line each mistake gets."""
 
-import json
-
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.run import layers
 from spi.schemes import SCHEMES, scheme_entry
 
 WEAK = """\
@@ -105,28 +102,6 @@ def test_a_reference_scheme_has_the_eps_of_the_scheme_and_0_beside_one_without(s
         assert [type(r.rule).__name__ for r in references] == ["ImplicitMidpoint"] * 3
         assert [r.eps for r in references] == [1e-2, 1e-5, 0.0]
     assert study.plan(spec(STRONG).cases[0], study.parts(case)[0]).grid.reference_scheme is None
-
-
-def test_json_schema():
-    """For all kinds eps is a number, a text or a list; what other keys ask of it no schema can say."""
-    schema = layers().json_schema()
-    assert json.loads(json.dumps(schema)) == schema
-    number, text = {"type": "number"}, {"type": "string"}
-    for kind in ("weak", "strong", "trajectory"):
-        properties = schema["$defs"][kind]["properties"]
-        a_list, *others = properties["eps"]["anyOf"]
-        assert a_list == {
-            "type": "array",
-            "items": {"anyOf": [{**number, "minimum": 0, "maximum": 1e100}, text]},
-            "minItems": 1,
-        }
-        assert others == [number, text, {"type": "null"}]
-        assert properties["eps"]["description"].startswith("scale of the fast processes")
-        assert ("reference_scheme" in properties) == (kind != "trajectory")
-    (names, null) = schema["$defs"]["weak"]["properties"]["reference_scheme"]["anyOf"]
-    assert (names["anyOf"][0]["enum"], null) == (list(SCHEMES), {"type": "null"})
-    assert "eps" in schema["$defs"]["weak"]["properties"]["panels"]["items"]["enum"]
-    assert "eps" not in schema["$defs"]["trajectory"]["properties"]["panels"]["items"]["enum"]
 
 
 # --- what is wrong ---------------------------------------------------------------------------------------------------

@@ -381,22 +381,6 @@ def test_any_damaged_byte_of_the_sums_is_noticed(tmp_path):
         assert storage.read_sums(path) is None
 
 
-def test_the_previous_sums_are_kept_until_they_are_removed(tmp_path):
-    path = tmp_path / "s.sums"
-    for n in range(3):
-        storage.write_sums(path, {"n": n}, {"p": {"n": np.arange(n + 1000)}})
-    assert {p.name for p in tmp_path.iterdir()} == {"s.sums", storage.previous(path).name}
-    assert storage.read_sums(path)[0]["n"] == 2
-    path.write_bytes(path.read_bytes()[:3000])
-    about, parts = storage.read_sums(path)
-    assert about["n"] == 1 and len(parts["p"]["n"]) == 1001
-    path.unlink()
-    assert storage.read_sums(path)[0]["n"] == 1
-    storage.remove_sums(path)
-    assert storage.read_sums(path) is None and not list(tmp_path.iterdir())
-    storage.remove_sums(path)  # which does not mind that nothing is there
-
-
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError(28, "No space left on device")])
 def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
     path = tmp_path / "s.sums"

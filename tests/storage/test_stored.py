@@ -1,7 +1,5 @@
 """Records of results: what of their fields a file keeps, and that it gives them back."""
 
-from typing import Annotated
-
 import numpy as np
 import pytest
 from made_up import group_of
@@ -73,10 +71,3 @@ def test_every_field_says_what_it_is(kind):
     described = {entry.name for entry in entries if not entry.is_fact}
     assert all(entry.meaning.text for entry in entries)
     assert all(set(entry.axes) <= described | set(NUMBERED) for entry in entries)
-
-
-def test_a_description_that_would_not_be_read_is_refused():
-    with pytest.raises(TypeError, match=r"Wrong.h: describe it by its default, as in `error: Array = array"):
-
-        class Wrong(Described):
-            h: Annotated[Array, axis("step size")]

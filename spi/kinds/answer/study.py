@@ -948,9 +948,5 @@ class AnswerPlan(SamplesPlan):
                 total += min(ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds, 1e300)
         return Done(done, total, math.nan)
 
-    def so_far(self, state: State) -> State | None:
-        """None: before the end there is no bound of the bias."""
-        return None if state.missing() or state.extra.stage < DONE else state
-
 
 plan = AnswerPlan.of

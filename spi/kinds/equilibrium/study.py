@@ -240,11 +240,6 @@ class EquilibriumPlan(Plan):
             done += sum(chunks[index].paths * sums.n / self.case.counts[i] for index, sums in tally.short.items())
         return Done(done / levels, self.case.samples, float("nan"))
 
-    def so_far(self, state: State) -> State | None:
-        """The state of the first step sizes, as many as are complete."""
-        steps = self.case.steps[: state.complete()]
-        return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
-
     def results(self, state: State) -> Equilibrium:
         """The results of one scheme of a case, from its final state."""
         case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]

@@ -13,7 +13,7 @@ Damping leaves the surface, and that measure shrinks; lengths are Euclidean ther
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
@@ -327,16 +327,6 @@ class LyapunovPlan(BlocksPlan):
         if self.pulled and isinstance(sums, Counts):
             return self.pulled.added(sums, contributions, at, first, end)
         return super().added(sums, contributions, at, first, end)
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the first paths, with those states of the pictures that are computed without a gap."""
-        shorter = super().so_far(state)
-        if shorter is None or self.pulled is None:
-            return shorter
-        points = state.tally(1).leading(state.path_sets[1])
-        own: Any = shorter.plan
-        pullback = self.case.pullback.model_copy(update={"points": points}) if points else None
-        return state.of(replace(own, case=own.case.model_copy(update={"pullback": pullback})))
 
     def _known_sum(self) -> float | None:
         """The sum of the exponents of the equation; None where it is not known."""

@@ -264,17 +264,6 @@ class StabilityPlan(Plan):
             first, **differing | own | {"truncate_noise": first.truncate_noise and "truncate_noise" not in differing}
         )
 
-    def so_far(self, state: State) -> State | None:
-        """The state of the first values, as many as are complete."""
-        if not (count := state.complete()):
-            return None
-        sweep, extra = self.case.sweep, state.extra
-        fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])
-        case = self.case.model_copy(update={"sweep": fewer})
-        shorter = state.of(replace(self, points=self.points[:count], case=case))
-        shorter.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
-        return shorter
-
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
         case, each = self.case, [point.summary(state.total(i)) for i, point in enumerate(self.points)]

@@ -10,7 +10,7 @@ import pydantic
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
-from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.ensemble.protocol import NonNegative, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import StepCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
@@ -113,13 +113,9 @@ class Case(StepCase):
         f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
-    accuracy: key_of(
-        Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
-    ) = pydantic.Field(default=None, exclude=True)
 
     quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
-    unless_asked: ClassVar = ()
     distinct: ClassVar = ("panels", "statistics", "quantiles")
     unsaid: ClassVar[dict[str, Any]] = {
         **StepCase.unsaid,
@@ -194,13 +190,6 @@ class Case(StepCase):
         for name, since in self.autocorrelation.items():
             self._check_name(name, "autocorrelation", name)
             self.place(since, "autocorrelation", name)
-        return self
-
-    @condition
-    def _check_accuracy(self) -> Self:
-        if self.accuracy is not None:
-            right = "name it in the file, without step and samples, or use `spi answer`"
-            raise wrong("cannot be asked for here, where step and samples are given", right, "accuracy")
         return self
 
     @condition

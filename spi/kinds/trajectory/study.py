@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from spi.kinds.plans import Cost, Done, PathsPlan, State, each_scheme
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
-from spi.statistics.tallies import Chunk, PathSet, Tally
+from spi.statistics.tallies import Chunk, PathSet
 
 from .results import SolverMeans, Trajectory
 
@@ -137,17 +137,6 @@ class TrajectoryPlan(PathsPlan):
     def progress(self, state: State) -> Done:
         """The part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the steps that were made: of a large model, which makes them in batches, before all are."""
-        path = state.so_far()
-        if path.steps < self.case.every:
-            return None
-        times = tuple(t for t in self.case.times or () if t <= path.steps * self.case.step) or None
-        case = self.case.model_copy(update={"final_time": path.steps * self.case.step, "times": times})
-        shorter = state.of(replace(self, case=case))
-        shorter.tallies[0] = Tally({}, {0: path._replace(paths=1)})
-        return shorter
 
     def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""

@@ -66,7 +66,6 @@ class Case(SampledCase):
 
     quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
     scoping: ClassVar = ("estimators", "functions")
-    unless_asked: ClassVar = ("estimators",)
 
     @condition
     def _check_prefixes(self) -> Self:

@@ -269,16 +269,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         error, without, unseen = (np.concatenate([getattr(e, name) for e in each], -1) for name in _OF_STEPS)
         return Errors(error, without, EQUAL, unseen)
 
-    def so_far(self, state: State) -> State | None:
-        """The state of whole rounds of groups, once each level has one and the control is solved."""
-        if self.control and np.isnan(state.extra.known).any():
-            return None
-        rounds = state.of(self)
-        for number, tally in state.tallies.items():
-            short = {i: sums for i, sums in tally.short.items() if sums.paths % (ROUND * LANES) == 0}
-            rounds.tallies[number] = tally._replace(short=short)
-        return rounds if self.level_sums(rounds).blocks.min() >= ROUND else None
-
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         return self.results_of(self.level_sums(state), state)

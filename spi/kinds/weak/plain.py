@@ -5,7 +5,7 @@ run.  With extrapolation the values of phi at h, 2h, ... are combined path by pa
 likewise, before anything is summed up.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from spi.ensemble.loop import Grid
 from spi.kinds.blocks import BlocksPlan, values_of_blocks
-from spi.kinds.plans import State, reference_grid
+from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES
 from spi.specs.checks import need
 from spi.statistics.accumulators import Array, Sums, added, counted, moments, reports
@@ -115,16 +115,6 @@ class PlainPlan(WeakPlan, BlocksPlan):
         """The standard error of the error at the largest step (of the first function)."""
         errors = self.errors(sums.differences[:, self.own], group_counts(sums.paths))
         return float(stderr_of(*errors)[0, 0])
-
-    def so_far(self, state: State) -> State | None:
-        """The state of the first paths, without those prefixes that have more."""
-        shorter = super().so_far(state)
-        if shorter is None:
-            return None
-        plan: Any = shorter.plan
-        if all(samples <= plan.samples for samples in self.prefixes):
-            return shorter
-        return shorter.of(replace(plan, case=plan.case.model_copy(update={"prefixes": None})))
 
     def estimates(self, sums: PlainSums) -> dict[str, Any]:
         """The weak errors and expectations."""

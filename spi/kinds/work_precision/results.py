@@ -166,9 +166,9 @@ def _factor(factor: Factor) -> str:
 
 
 def _plainly(x: float) -> str:
-    """``1e-3`` for 0.001, ``2.5e-2`` for 0.025."""
+    """``0.025``, with a power of ten where others have one as well, ``2.5e-4``."""
     digits, _, exponent = f"{x:.2e}".partition("e")
-    return f"{float(digits):g}e{int(exponent)}" if int(exponent) else f"{float(digits):g}"
+    return f"{float(f'{x:.2e}'):g}" if 1e-3 <= x < 1e5 else f"{float(digits):g}e{int(exponent)}"
 
 
 def _heading(label: str) -> str:

@@ -188,10 +188,6 @@ class WorkPlan(Plan):
         seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * state.extra.times.shape[1]
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
-    def so_far(self, state: State) -> State | None:
-        """The state itself once it is complete: there are no results of errors without times."""
-        return None if state.missing() or np.isnan(state.extra.times).any() else state
-
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, errors = self.case, self.errors.results(self._of_errors(state))
