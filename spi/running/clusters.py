@@ -8,6 +8,7 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from .. import storage
+from ..exact.work import Work, reporting_to
 from ..statistics.tallies import Chunk
 from .load import Source
 from .orphans import end_with_parent
@@ -20,8 +21,11 @@ class Dask(Workers):
     """The workers of a Dask cluster, one thread each."""
 
     def __init__(self, client: Any) -> None:
+        super().__init__()
         self.client = client
         self.executor: Executor = client.get_executor(pure=False)
+        self.topic = f"spi {client.id}"
+        client.subscribe_topic(self.topic, self._heard)
 
     @property
     def size(self) -> int:
@@ -32,7 +36,7 @@ class Dask(Workers):
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         with self._reached():
-            return self.executor.submit(compute, source, number, chunk, 1)
+            return self.executor.submit(_compute, self.topic, source, number, chunk)
 
     def result(self, future: Future) -> Any:
         """The result of a future that is done; Dask cancels those of a scheduler that is gone."""
@@ -55,6 +59,10 @@ class Dask(Workers):
         if self.client.status in ("closing", "closed"):
             raise WorkersLost(_GONE)
 
+    def _heard(self, event: tuple[float, Any]) -> None:
+        _, (number, *work) = event
+        self.reports.append((number, Work(*work)))
+
     @contextlib.contextmanager
     def _reached(self) -> Iterator[None]:
         """Within it all that is raised because the scheduler is gone becomes one error with a line."""
@@ -65,6 +73,19 @@ class Dask(Workers):
                 raise WorkersLost(_GONE) from None
             self.check()
             raise
+
+
+def _compute(topic: str, source: Source, number: int, chunk: Chunk) -> Any:
+    """The sums over a chunk, in a worker, which logs its work without paths for the client."""
+    from distributed import get_worker
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            title, *seconds = work
+            get_worker().log_event(topic, (number, title, *map(float, seconds)))
+
+    with reporting_to(report):
+        return compute(source, number, chunk, 1)
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from ..ensemble.loop import limited_threads
+from ..exact.work import Work, reporting_to
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
@@ -41,8 +42,15 @@ class WorkersLost(RuntimeError):
         return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
+#: The number of a plan, and work without paths in progress in it.
+News = tuple[int, Work]
+
+
 class Workers:
     """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
+
+    def __init__(self) -> None:
+        self.reports: list[News] = []  #: of work without paths
 
     @property
     def size(self) -> int:
@@ -56,6 +64,11 @@ class Workers:
     def result(self, future: Future) -> Any:
         """The result of a future that is done."""
         return future.result()
+
+    def news(self) -> list[News]:
+        """The reports of work without paths since the last call."""
+        reports, self.reports = self.reports, []
+        return reports
 
     def check(self) -> None:
         """Called when nothing was done for a while."""
@@ -74,6 +87,7 @@ class Processes(Workers):
     size: int = 0
 
     def __init__(self, size: int) -> None:
+        super().__init__()
         self.size = size
         self.threads = max(1, processors() // size)
         self.executor = ThreadPoolExecutor(size)
@@ -84,20 +98,22 @@ class Processes(Workers):
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
+        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads, plan=number)
 
-    def answer(self, *call: Any) -> Any:
+    def answer(self, *call: Any, plan: int = 0) -> Any:
         """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
                 connection = self._taken()
                 connection.send(call)
-                result, error = connection.recv()
+                while isinstance(answer := connection.recv(), Work):
+                    self.reports.append((plan, answer))
             except (EOFError, OSError):
                 if self.closed:
                     break
                 continue
             self.idle.append(connection)
+            result, error = answer
             if error is not None:
                 raise error
             return result
@@ -129,14 +145,20 @@ class Processes(Workers):
 
 
 def _serve(connection: Connection) -> None:
-    """Make all calls that come, and send (result, None) or (None, error)."""
+    """Make all calls that come, send reports of work without paths, and (result, None) or (None, error)."""
     follow_the_parent()
+
+    def report(work: Work | None) -> None:
+        if work is not None:
+            connection.send(work)
+
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
         while True:
             function, *arguments = connection.recv()
             answer: tuple[Any, Exception | None]
             try:
-                answer = function(*arguments), None
+                with reporting_to(report):
+                    answer = function(*arguments), None
             except Exception as error:
                 answer = None, error
             connection.send(answer)
@@ -159,7 +181,7 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without a result after which the workers are checked.
+#: Seconds without a result after which reports are shown, and the workers checked.
 _PATIENCE = 0.5
 
 
@@ -192,12 +214,25 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
         if not waiting:
             return
         done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+        _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
         for future in done:
             number, chunk = waiting.pop(future)
             states[number].put(chunk, workers.result(future))
             tick(number)
         if not done:
             workers.check()
+
+
+def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
+    """Report the last news of the first of the parts `at_work` that have any."""
+    last = {number: work for number, work in news if number in at_work}
+    if last:
+        state = states[min(last)]
+        state.work = last[min(last)]
+        try:
+            tick(min(last))
+        finally:
+            state.work = None
 
 
 def _next(

@@ -15,6 +15,7 @@ from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak import kolmogorov as study
+from spi.running import clusters, workers
 from spi.running import run as runner
 from spi.running.run import Limits, Stopped, Watch, predictions
 
@@ -68,6 +69,33 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
     if kind in ("answer", "stability"):  # several pieces of one whole
         falls = np.diff([one.done for one in told]) < 0  # once, where a refinement told what the others take
         assert falls.sum() <= (kind == "answer")
+
+
+@pytest.mark.parametrize(
+    "pool",
+    [
+        pytest.param(lambda: workers.processes(1), id="process"),
+        pytest.param(lambda: clusters.connected("local:1"), id="dask", marks=pytest.mark.slow),
+    ],
+)
+def test_workers_tell_how_far_they_solve(spec, tmp_path, pool):
+    experiment, reports = spec("weak"), []
+    with pool() as some:
+        path = runner.run(experiment, tmp_path / "workers", watch=Watch(report=reports.append), workers=some)
+    told = [one.work for one in reports if one.work]
+    assert told and {one.title for one in told} == {"solving"} and all(0 <= one.share < 1 for one in told)
+    assert reports[-1].work is None and reports[-1].done == reports[-1].total
+    assert numbers(path) == numbers(runner.run(experiment, tmp_path / "here"))
+
+
+def test_of_several_workers_the_first_part_is_shown():
+    half, most = (work.Work("solving", done, 1.0, 1.0) for done in (0.5, 0.9))
+    states, shown = [type("State", (), {"work": None})() for _ in range(3)], []
+    news = [(0, half), (2, half), (1, half), (1, most)]  # the first part is over
+    workers._show(news, {1, 2}, states, lambda number: shown.append((number, states[number].work)))
+    assert shown == [(1, most)] and [state.work for state in states] == [None] * 3
+    workers._show([], {1, 2}, states, shown.append)
+    assert len(shown) == 1
 
 
 @pytest.mark.parametrize("kind", SPECS)
