@@ -307,8 +307,10 @@ class Equilibrium(Stored):
     @classmethod
     def answers(cls, readings: Sequence["Equilibrium"]) -> Iterator[str]:
         """For each scheme the largest step size with which all means have the accuracy that is wanted."""
-        wanted, each = readings[0].accuracy, []
-        for one, averages in with_averages(readings) if wanted is not None else ():
+        if (wanted := readings[0].accuracy) is None:
+            return
+        each = []
+        for one, averages in with_averages(readings):
             steps = [(step_for(one, averages, f, wanted), name) for f, name in enumerate(averages.functions)]
             (step, why), name = min(steps)
             each.append(f"{short(step)} with {one.about.label} ({name}: {why})")
