@@ -164,6 +164,7 @@ def report(
     out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
     latex: Annotated[Path | None, typer.Option(help=_OF_LATEX)] = None,
     data: Annotated[Path | None, typer.Option(help=_OF_DATA)] = None,
+    short: Annotated[bool, typer.Option("--short", help="One printed page for each experiment.")] = False,
     *,
     options: RunOptions,
 ) -> None:
@@ -182,7 +183,7 @@ def report(
         def drawing(number: int, total: int, name: str) -> None:
             line.report_work(number, total, f"drawing {name}")
 
-        written = files(paths, out, latex, data, drawing, problems.append)
+        written = files(paths, out, latex, data, drawing, problems.append, short)
     STOP.check()  # what is drawn by others may turn a stop into any other error
     write_all(written)
     tell(f"wrote {out}")

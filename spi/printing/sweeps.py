@@ -9,7 +9,7 @@ import numpy as np
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
 from .tables import Cell, Grid
-from .text import interval_text, power_of_two, short, with_interval
+from .text import fraction, interval_text, power_of_two, short, with_interval
 
 
 def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
@@ -94,8 +94,9 @@ def _text(point: Quantity) -> str:
 def headline(curves: Sequence[Curve]) -> str:
     """``Order: 0.504 [0.489, 0.520] with splitting; ... Error at h = 2^-9: ...``, of the first test function."""
     parts = []
-    for name in dict.fromkeys(curve.name for curve in curves):
-        first, *_ = of_name = [curve for curve in curves if curve.name == name]
+    resolved = [curve for curve in curves if curve.is_known or curve.name != "growth"]
+    for name in dict.fromkeys(curve.name for curve in resolved):
+        first, *_ = of_name = [curve for curve in resolved if curve.name == name]
         of = f" of {first.function}" * bool(first.function)
         members = "; ".join(_ends(curve) for curve in of_name if curve.function == first.function)
         parts.append(f"{first.label[0].upper()}{first.label[1:]}{of}{_at(curves, name)}: {members}.".replace("\n", " "))
@@ -107,4 +108,9 @@ def _ends(curve: Curve) -> str:
     ends = [curve.points[0], *curve.points[1:][-1:]]
     places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in ends]
     values = [f"{_text(one)} at {place}" if place else _text(one) for one, place in zip(ends, places, strict=True)]
-    return f"{' to '.join(values)} with {', '.join(filter(None, (curve.about.label, curve.about.estimator)))}"
+    zeros = "".join(
+        f", zero at {curve.word} = {with_interval(*zero)} on a line between values" for zero in curve.zeros()
+    )
+    theory = f" (theory {fraction(ends[0].expected)})" * (curve.name == "order" and math.isfinite(ends[0].expected))
+    whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
+    return f"{' to '.join(values)}{theory}{zeros} with {whose}"

@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -146,38 +147,38 @@ _REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
 _MANY = 4
 
 
-def drawn(results: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup | Exception]:
+def drawn(results: Sequence[Results], prefixes: Sequence[str], alts: Sequence[str]) -> Iterator[Markup | Exception]:
     """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
     if len(results) < _MANY or processors() == 1:
-        yield from map(_tried, results, prefixes)
+        yield from map(_tried, results, prefixes, alts)
         return
     with processes(min(processors(), len(results))) as pool:
-        yield from pool.executor.map(partial(pool.answer, _tried), results, prefixes)
+        yield from pool.executor.map(partial(pool.answer, _tried), results, prefixes, alts)
 
 
-def _tried(results: Results, prefix: str) -> Markup | Exception:
+def _tried(results: Results, prefix: str, alt: str) -> Markup | Exception:
     """The picture, or the error of one that cannot be drawn, so that the others are."""
     try:
-        return picture(results, prefix)
+        return picture(results, prefix, alt)
     except Exception as error:
         return error
 
 
-def picture(results: Results, prefix: str) -> Markup:
-    """The figure of results as HTML, the ids in it beginning with `prefix`.
+def picture(results: Results, prefix: str, alt: str) -> Markup:
+    """The figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
 
     ValueError if there is none for their kind or nothing to draw.
     """
     from ..drawing import as_bytes, as_svg
 
-    figure, title = views.figure(results), escape(results.attributes.get("title", ""))
+    figure, text = views.figure(results), escape(alt)
     holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
     svg = "" if holds_images else _inline(as_svg(figure), prefix)
     if 0 < len(svg) <= LARGEST_SVG:
-        return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1))
+        return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{text}" ', 1))
     png = base64.b64encode(as_bytes(figure, "png", dpi=_DPI)).decode()
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return Markup(f'<img src="data:image/png;base64,{png}" width="{width}" height="{height}" alt="Figure: {title}">')
+    return Markup(f'<img src="data:image/png;base64,{png}" width="{width}" height="{height}" alt="{text}">')
 
 
 def _inline(svg: str, prefix: str) -> str:
@@ -200,11 +201,13 @@ def files(
     data_folder: Path | None = None,
     report: Report = lambda number, total, name: None,
     tell: Tell = lambda problem: None,
+    short: bool = False,
 ) -> dict[Path, bytes]:
     """The files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
-    These are the page `out` and, for each experiment, ``<latex_folder>/<name>.tex`` with its tables and
-    ``<data_folder>/<name>.csv`` with one record per point of its curves, if the folders are given.
+    These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
+    ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with one record per point of its
+    curves, if the folders are given.
 
     A file that cannot be read or is of an unknown kind has a line on the page in place of its results.  StorageError,
     before anything is drawn, if there is no other, or if two have one name.
@@ -224,7 +227,7 @@ def files(
         raise storage.StorageError("\n".join(problems))
     for line in problems:
         tell(line)
-    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems)
+    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems, short)
     return {out: whole.encode()} | {file: content for one in parts for file, content in one.files.items()}
 
 
@@ -255,7 +258,9 @@ def problem(path: Path, error: Exception) -> str:
 
 
 def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Markup]:
-    drawing = drawn([one.results for one in parts], [one.section.anchor for one in parts])
+    sections = [one.section for one in parts]
+    alts = [": ".join(filter(None, (one.title, one.result))) for one in sections]
+    drawing = drawn([one.results for one in parts], [one.anchor for one in sections], alts)
     for number, one in enumerate(parts):
         report(number + 1, len(parts), one.path.stem)
         picture = next(drawing)
@@ -270,7 +275,9 @@ def anchor(number: int) -> str:
     return f"e{number + 1}"
 
 
-def page(sections: Sequence[Section], pictures: Sequence[Markup], problems: Sequence[str] = ()) -> str:
+def page(
+    sections: Sequence[Section], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
+) -> str:
     """The page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
@@ -282,5 +289,13 @@ def page(sections: Sequence[Section], pictures: Sequence[Markup], problems: Sequ
     totals = {verdict: sum(one.verdicts.get(verdict, 0) for one in sections) for verdict in VERDICTS}
     both = list(zip(sections, pictures, strict=True))
     return environment.get_template("page.html").render(
-        sections=both, totals=totals, version=__version__, most_rows=_MOST_ROWS, problems=problems
+        sections=both,
+        totals=totals,
+        version=__version__,
+        today=date.today(),
+        drafts=sum(bool(one.draft) for one in sections),
+        machines=dict.fromkeys(one.machine for one in sections),
+        most_rows=_MOST_ROWS,
+        problems=problems,
+        short=short,
     )

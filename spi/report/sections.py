@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,7 @@ from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing import sweeps
 from ..printing.tables import Cell, Grid, unbroken
-from ..printing.text import duration, fraction, short
+from ..printing.text import fraction, human_time, short
 from ..report import views
 from ..running import shipped
 from ..specs import text_of
@@ -23,6 +24,7 @@ from ..statistics.claims import VERDICTS, quantities
 from ..statistics.curves import curves
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
+from .equation import equation, typeset
 
 if TYPE_CHECKING:  # pandas takes a while
     from pandas import DataFrame
@@ -61,6 +63,7 @@ class Titled(NamedTuple):
 
 Facts = list[tuple[str, str]]  #: name and value
 
+_LINE = 80  # characters of a command in one line
 _LONGEST = 2000  # characters of a line that is shown: longer ones stand for arrays
 
 #: The names of attributes of a results file, and what they are called in a report.
@@ -92,8 +95,13 @@ class Section(NamedTuple):
     title: str
     kind: str
     paper_figure: int | None
+    draft: str  #: the profile, if its results are no more than a trial
+    machine: str
+    equation: list[Markup]
+    parameters: Markup
+    measures: Markup  #: the definition of what is measured
     asks: str  #: what the experiment asks; empty if its spec does not say
-    headlines: Facts  #: the title of a case and what came out of it; one without a title if there is one case
+    answers: Facts  #: the title of a case and what came out of it; one without a title if there is one case
     verdicts: dict[str, int]  #: the number of claims with each verdict; empty if there are none
     complaints: list[tuple[str, str]]  #: of claims neither confirmed nor consistent: verdict and details
     orders: Titled | None
@@ -103,6 +111,16 @@ class Section(NamedTuple):
     command: str  #: that repeats it from the results file
     from_spec: str  #: that repeats it from the spec
     files: Facts  #: the spec and the files that belong to it: name and text
+
+    @property
+    def result(self) -> str:
+        """The first sentence of the answer, with the title of the case if there are several."""
+        if not self.answers:
+            return ""
+        case, text = self.answers[0]
+        first = re.split(r"(?<=\.) (?=[A-Z])", text)[0]
+        more = f" ({len(self.answers) - 1} more below)" * (len(self.answers) > 1)
+        return f"{case}: {first}{more}" if case else first
 
     @property
     def tables(self) -> list[Titled]:
@@ -127,18 +145,23 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     return Section(
         name=path.stem,
         anchor=anchor,
-        title=attributes.get("title") or path.stem,
+        title=views.title(results, read) or path.stem,
         kind=kind.replace("_", " "),
         paper_figure=attributes.get("figure"),
+        draft="quick" if attributes.get("profile") == "quick" else "",
+        machine=str(attributes.get("machine_processor", "unknown machine")),
+        equation=list(equation(read, attributes)),
+        parameters=Markup(", &ensp;").join(map(typeset, views.facts(read))),
+        measures=typeset(read[0].measures),
         asks=attributes.get("asks", ""),
-        headlines=_headlines(read),
+        answers=_answers(read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=printed_claims.complaints(judged),
         orders=_orders(by_case(read)),
         items=list(_items(results)),
         cost=list(_cost(read)),
         provenance=list(_provenance(attributes)),
-        command=shlex.join(["spi", "run", path.name]),
+        command=command(["spi", "run", path.name]),
         from_spec=_from_spec(attributes.get("experiment", path.stem), attributes),
         files=list(_files(attributes.get("experiment", path.stem), attributes)),
     )
@@ -151,14 +174,18 @@ def _items(results: Results) -> Iterator[Titled | str]:
             yield Titled.of(item) if isinstance(item, Grid) else item.text
 
 
-def _headlines(read: Sequence[Stored]) -> Facts:
-    """The quantities of each case that the record names as its headline, or of a sweep those that it shows."""
-    of_cases = [(whole.title, whole.curves) for whole in views.wholes(read)]
-    if not of_cases:
+def _answers(read: Sequence[Stored]) -> Facts:
+    """The sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
+    texts = [(whole.title, sweeps.headline(whole.curves)) for whole in views.wholes(read)]
+    if not texts:
         cases = by_case(read)
-        each = [curves(quantities(case), read[0].headline) for case in cases]
-        of_cases = list(zip(views.titles(cases), each, strict=True))
-    return [(title if len(of_cases) > 1 else "", sweeps.headline(shown)) for title, shown in of_cases if shown]
+        each = [" ".join(case[0].answers(case)) or _headline(case) for case in cases]
+        texts = list(zip(views.titles(cases), each, strict=True))
+    return [(title if len(texts) > 1 else "", text) for title, text in texts if text]
+
+
+def _headline(case: Sequence[Stored]) -> str:
+    return sweeps.headline(curves(quantities(case), case[0].headline))
 
 
 def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
@@ -179,7 +206,7 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
 def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
     """Time and paths of results."""
     seconds = math.fsum(one.wall_seconds for one in read)
-    yield "time", f"{duration(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
+    yield "time", f"{human_time(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
     for label, name, form in (("paths", "samples", ",.0f"), ("time per step and path", "ns_per_step", ".3g")):
         numbers = np.concatenate([np.ravel(one.get(name)).astype(float) for one in read])
         if (numbers := numbers[np.isfinite(numbers)]).size:
@@ -205,7 +232,14 @@ def _from_spec(name: str, attributes: dict[str, Any]) -> str:
         words += ["--profile", profile]
     for override in attributes.get("overrides", ()):
         words += [override] if override.startswith("--") else ["--set", override]
-    return shlex.join(words)
+    return command(words)
+
+
+def command(words: Sequence[str]) -> str:
+    """Words as a person would type them: in quotes where needed, an option a line where they are long."""
+    quoted = [f'"{word}"' if "'" in word and not re.search(r'["$`\\!]', word) else shlex.quote(word) for word in words]
+    line = " ".join(quoted)
+    return line if len(line) <= _LINE else line.replace(" --", " \\\n    --")
 
 
 def _files(name: str, attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -71,6 +71,21 @@ def _reading(kind: str, group: Group) -> Stored:
         raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
+def title(results: Results, read: Sequence[Stored]) -> str:
+    """The title of results in tables, figures and reports."""
+    stated = results.attributes.get("title", "")
+    return read[0].titled(stated, read) if read else stated
+
+
+def facts(read: Sequence[Stored]) -> list[str]:
+    """The parameters that readings have in common, in mathtext."""
+    from ..drawing import style
+
+    own = [{name: getattr(one, name, None) for name in _FACTS} for one in read]
+    shared, _ = style.split_facts([style.facts(one, **of) for one, of in zip(read, own, strict=True)])
+    return shared
+
+
 def verdicts(results: Results) -> list[claims.Verdict]:
     """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
@@ -153,8 +168,8 @@ def figure(
     read = readings(results)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    heading = results.attributes.get("title", "")
     with page.applied(page.named(style, width, font)):
+        heading = title(results, read)
         over = wholes(read)
         drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
         fitting.settle(drawn)
@@ -163,15 +178,9 @@ def figure(
 
 def _swept_figure(kind: str, title: str, cases: Sequence[Whole]) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
-    from ..drawing import style
     from ..drawing.sweeps import draw, draw_maps
 
-    drawn = []
-    for whole in cases:
-        own = [{name: getattr(one, name, None) for name in _FACTS} for one in whole.readings]
-        facts, _ = style.split_facts([style.facts(one, **of) for one, of in zip(whole.readings, own, strict=True)])
-        if whole.curves:
-            drawn.append((whole.title, whole.curves, facts))
+    drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
     of = draw_maps if any(curve.second_word for _, curves, _ in drawn for curve in curves) else draw

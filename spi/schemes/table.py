@@ -218,7 +218,7 @@ register_scheme(
     formula="z = D N y, each flow of N = exp(s_m Y_{Ĥ_m})...exp(s_1 Y_{Ĥ_1}), s_k = friction + sigma_k dW_k, and the "
     "palindrome D of the drift flows accepted or not, D turned over where it is not",
     reference="docs/temperature.md",
-    look=("3", "#CC79A7"),
+    look=("X", "#882255"),
     strong_order=0.5,
     strong_order_commuting=0.75,
     weak_order=1.0,

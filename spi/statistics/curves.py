@@ -1,6 +1,6 @@
 """Curves of quantities, perhaps over a swept parameter: one for each quantity, scheme, estimator and function."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -34,15 +34,21 @@ class Grid(NamedTuple):
         A zero lies between two points whose signs differ and are certain to 95 %, with none such between them; it is
         that of the line of least squares through these and all points between them.
         """
-        middle, low, high = (self.of(field) for field in ("value", "low", "high"))
-        crossings = []
-        for i, value in enumerate(self.axes[0].tolist()):
-            sure = np.flatnonzero((low[i] > 0) | (high[i] < 0))
-            for a, b in pairwise(sure.tolist()):
-                if middle[i, a] * middle[i, b] < 0:
-                    at = slice(a, b + 1)
-                    crossings.append((value, *_zero(self.axes[1][at], middle[i, at], (high[i, at] - low[i, at]) / 2)))
-        return crossings
+        fields = [self.of(field) for field in ("value", "low", "high")]
+        return [
+            (value, *zero)
+            for i, value in enumerate(self.axes[0].tolist())
+            for zero in _zeros(self.axes[1], *(field[i] for field in fields))
+        ]
+
+
+def _zeros(x: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float]]:
+    """The zeros of numbers with intervals along ascending x, see :meth:`Grid.zeros`."""
+    sure = np.flatnonzero((low > 0) | (high < 0))
+    for a, b in pairwise(sure.tolist()):
+        if middle[a] * middle[b] < 0:
+            at = slice(a, b + 1)
+            yield _zero(x[at], middle[at], (high[at] - low[at]) / 2)
 
 
 def _zero(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[float, float]:
@@ -94,6 +100,13 @@ class Curve(NamedTuple):
         }
         first, second = (np.unique(each) for each in zip(*points, strict=True))
         return Grid((self.word, self.second_word), (first, second), points)
+
+    def zeros(self) -> list[tuple[float, float]]:
+        """The zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Grid.zeros`."""
+        if self.second_word or len(self.values) < 2:
+            return []
+        order = np.argsort(self.values)
+        return list(_zeros(self.values[order], *(self.of(field)[order] for field in ("value", "low", "high"))))
 
     @property
     def chi_squared(self) -> tuple[float, int] | None:

@@ -435,6 +435,7 @@ class Stored(Described):
     """The results of one part of an experiment, stored as a group of a results file."""
 
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
+    measures: ClassVar[str] = ""  #: a sentence that defines them, with LaTeX between dollars
     row_axes: ClassVar[tuple[str, ...]] = ()  #: the axes whose points are the rows of CSV and JSON
     row_columns: ClassVar[tuple[str, ...]] = ()  #: those that are spread over columns
     row_largest: ClassVar[tuple[str, ...]] = ()  #: those along which the largest value counts
@@ -525,6 +526,15 @@ class Stored(Described):
     def quantities_of_case(cls, readings: Any) -> Iterator[Any]:
         """The quantities (``spi.statistics.claims.Quantity``) that follow from several records of a case."""
         yield from ()
+
+    @classmethod
+    def answers(cls, readings: Any) -> Iterator[str]:
+        """Sentences that answer the question of a case; without any those on the headline do."""
+        yield from ()
+
+    def titled(self, title: str, readings: Any) -> str:
+        """The title of all records, of which the experiment states `title`."""
+        return title
 
     def remarks(self) -> Iterator[str]:
         """Lines under the tables, behind those on what records have in common."""

@@ -72,7 +72,7 @@ def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
     assert "splitting" in text.getvalue() and "±" in text.getvalue()
     for picture in views.save(views.figure(results), tmp_path, "spread"):
         assert picture.stat().st_size > 1000
-    text = page.page([sections.section(file, results, "a")], [page.picture(results, "a")])
+    text = page.page([sections.section(file, results, "a")], [page.picture(results, "a", "A figure")])
     assert "Spread" in text and "svg" in text
 
 

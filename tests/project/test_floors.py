@@ -42,6 +42,7 @@ THIRD_PARTY = {
     "matplotlib": ["drawing.*", "kinds.*.figure*"],
     "rich": ["printing.*", "api.*", "cli.*"],
     "jinja2": ["report.*"],
+    "latex2mathml": ["report.*"],
     "xarray": ["api.*"],
     "pandas": ["api.*", "printing.*", "report.*"],
     "dask": ["running.clusters"],

@@ -1,9 +1,11 @@
 """The page that `spi report` writes: what stands in it, and that it needs no other file."""
 
 import csv
+import html
 import io
 import pathlib
 import re
+import shlex
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from html.parser import HTMLParser
@@ -17,7 +19,9 @@ from trajectory_results import trajectories, trajectory_group
 
 from spi import storage
 from spi.cli import app
+from spi.kinds.strong.results import StrongErrors
 from spi.report import page, sections
+from spi.report.equation import equation
 from spi.report.page import files, views
 from spi.running.load import load_answer
 from spi.statistics import claims
@@ -94,7 +98,9 @@ def stored(tmp_path):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures take most of the time of a report."""
-    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes: iter([Markup("<b>figure</b>")] * len(found)))
+    monkeypatch.setattr(
+        "spi.report.page.drawn", lambda found, prefixes, alts: iter([Markup("<b>figure</b>")] * len(found))
+    )
 
 
 def page_of(paths, out, **folders):
@@ -119,11 +125,17 @@ def test_a_page_with_its_figures_is_whole_and_needs_nothing_else(stored, tmp_pat
 
 def test_the_same_results_give_the_same_picture_and_large_ones_are_png(monkeypatch):
     results = path_results("A <path>")
-    first = page.picture(results, "e1")
-    assert first == page.picture(results, "e1") and first.startswith("<svg") and "A &lt;path&gt;" in first
+    first = page.picture(results, "e1", "A <path>: 1 ± 2")
+    assert (
+        first == page.picture(results, "e1", "A <path>: 1 ± 2")
+        and first.startswith("<svg")
+        and "A &lt;path&gt;: 1 ± 2" in first
+    )
     monkeypatch.setattr(page, "LARGEST_SVG", 1000)
-    png = page.picture(results, "e1")
-    assert png.startswith('<img src="data:image/png;base64,iVBOR') and "A &lt;path&gt;" in png and "<svg" not in png
+    png = page.picture(results, "e1", "A <path>: 1 ± 2")
+    assert (
+        png.startswith('<img src="data:image/png;base64,iVBOR') and "A &lt;path&gt;: 1 ± 2" in png and "<svg" not in png
+    )
 
 
 def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
@@ -133,11 +145,11 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
     for needed in (
         "Errors <script>alert(1)</script> & more",  # as text
         "Which order has <i>splitting</i>?",
-        "Order: 0.500 [0.480, 0.520] with Euler-Maruyama; 0.500 [0.480, 0.520] with ",
+        "Order: 0.500 [0.480, 0.520] (theory 1/2) with Euler-Maruyama; 0.500 [0.480, 0.520] (theory 1/2) with ",
         "Error at h = 2^",
         "figure 10 of the paper",
         "2^-13",
-        "2.50 s of wall-clock time on 2 threads",
+        "2.5 s of wall-clock time on 2 threads",
         "500",
         "6.25 ns",
         "spi run first.yaml --profile quick --samples=64 --set 'model.sigma=[1, 0, 0]'",
@@ -147,12 +159,59 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
     ):
         assert needed in seen, needed
     assert "<script" not in text and "<i>splitting" not in text and "<b>no bold" not in text
+    assert text.count("draft: profile quick</p>") == 1 and "draft: profile quick (1 of 2 experiments)" in text
+    rows = re.findall(r"<tr><td><a href=.*?</tr>", text[: text.index("<main>")], re.DOTALL)
+    assert [("2.5 s" in row, "Order: " in row, "Which order" in row) for row in rows] == [(True,) * 3, (False,) * 3]
+    assert text.count('<div class="formula"><math') >= 2
     assert text.count("<h3>Orders</h3>") == 1  # a trajectory has none
     assert text.count("<h3>Tables</h3>") == text.count("<h3>To repeat it</h3>") == 2
     assert text.count("<summary>three noises (18 rows)</summary>") == 1 and text.count("<details>") == 3
     # what is folded on a screen is printed, see docs/report.md; print to PDF with a browser after a change there
     assert "details::details-content { content-visibility: visible; }" in text[text.index("@media print") :]
     assert not re.search(r"details[^{}]*{[^}]*display: *none", text)
+
+
+def test_a_short_page_has_the_answers_and_figures_alone(stored, tmp_path, undrawn):
+    out = tmp_path / "report.html"
+    long, short = (files(stored, out, short=short)[out].decode() for short in (False, True))
+    for needed in ("<b>figure</b>", "Order: 0.500", '<div class="formula">', "spi run first.yaml"):
+        assert long.count(needed) == short.count(needed), needed
+    for left_out in ("<h3>Tables</h3>", "<details>", "<h3>Cost</h3>"):
+        assert left_out in long and left_out not in short, left_out
+    assert '<body class="short">' in short and "section { break-before: page" in short
+    assert len(Checked(short).attributes) < len(Checked(long).attributes)
+
+
+def test_commands_are_quoted_as_a_person_would():
+    for words, expected in (
+        (["spi", "run", "a.h5"], "spi run a.h5"),
+        (["spi", "run", "a b.h5"], "spi run 'a b.h5'"),
+        (["spi", "--set", "functions='y1^2'"], "spi --set \"functions='y1^2'\""),
+        (["spi", "it's $HOME"], """spi 'it'"'"'s $HOME'"""),
+    ):
+        assert sections.command(words) == expected and shlex.split(expected) == words
+    long = ["spi", "run", "x.yaml", *["--set", "model.sigma=[1, 0, 0]"] * 3]
+    assert sections.command(long).count(" \\\n    --set ") == 3
+    assert shlex.split(sections.command(long).replace("\\\n", "")) == long
+
+
+def test_the_equation_is_that_of_the_model():
+    """Of a model of the program, of one in the spec and in a file; with friction, damping and fast processes."""
+
+    def shown(spec="", sources="", **about):
+        record = StrongErrors.of(strong_group("splitting", **about))
+        found = " ".join(equation([record], {"spec": spec, "model_sources": sources}))
+        return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", found)).split())
+
+    plain = shown()
+    assert "y × v" in plain and "∇ H" in plain and "γ" not in plain
+    assert "γ y" in shown(model_damping=0.5)
+    assert "X k" in shown(model_temperature=0.5) and "ξ k" in shown(eps=0.1)
+    own = "model: {hamiltonian: P1^2/2 + P2, noises: [P1, sum(P(i) for i = 1..2)]}"
+    text = shown(own, model="custom")
+    assert "P 1 2 / 2 + P 2" in text and text.endswith("sum(P(i) for i = 1..2)")
+    assert shown("model: {system: s.yaml}", '{"s.yaml": "hamiltonian: P1^2/2 + P2"}', model="s").endswith("P 2")
+    assert shown("model: {python: m.py}", model="m") == shown("kind: strong", model="m")
 
 
 def test_failed_claims_are_shown(stored, tmp_path, undrawn):
@@ -233,7 +292,7 @@ def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_pa
 
 
 def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatch):
-    def picture(results, prefix):
+    def picture(results, prefix, alt):
         if prefix == "e2":
             raise KeyError("x")
         return Markup("a figure")
@@ -247,7 +306,7 @@ def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatc
 def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypatch, capfd):
     """Whatever is wrong with it, even what nobody foresaw: it has a line, and the others are shown."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes: iter([Markup("figure")] * len(found)))
+    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes, alts: iter([Markup("figure")] * len(found)))
     storage.write(Path("third.h5"), strong_results(samples=(5,), profile="quick", overrides=()))
     real = views.readings
 
@@ -305,8 +364,14 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
     monkeypatch.setattr(page, "processors", lambda: 2)
     monkeypatch.setattr(page, "processes", lambda size: nullcontext(Pool))
-    monkeypatch.setattr(page, "picture", lambda results, prefix: f"{results} {prefix}")
-    assert list(page.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
+    monkeypatch.setattr(page, "picture", lambda results, prefix, alt: f"{results} {prefix}")
+    assert list(page.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"], "abcde")) == [
+        "a e1",
+        "b e2",
+        "c e3",
+        "d e4",
+        "e e5",
+    ]
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():

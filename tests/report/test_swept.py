@@ -61,7 +61,7 @@ def test_tables_rows_and_claims(path):
     rows = views.rows(stored)
     assert len(rows) == 3 * 2 * 4 and {row["sigma"] for row in rows} == {2**-6, 2**-5, 2**-4}
     assert all(row["claim[order]"] == "confirmed" for row in rows if row["scheme"] == "splitting")
-    ((_, text),) = section(path, stored, "a").headlines
+    ((_, text),) = section(path, stored, "a").answers
     assert text.startswith("Order: 1.0") and ". Error at h = 2^-6: " in text
 
 
@@ -124,7 +124,7 @@ def test_a_map_over_two_parameters(tmp_path):
     assert Results(stored)["T=4_s=1"]["splitting"].dataset.T == 4
     ax, bar = views.figure(stored).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$T$", "$s$") and np.isfinite(bar.get_ylim()).all()
-    assert section(path, stored, "a").headlines[0][1].endswith("at T = 4, s = 2 with splitting, kolmogorov.")
+    assert section(path, stored, "a").answers[0][1].endswith("at T = 4, s = 2 with splitting, kolmogorov.")
 
 
 def test_where_a_quantity_is_zero():

@@ -1,4 +1,4 @@
-"""The figure of answers: means and standard deviations of the differences of levels, beside the accuracy."""
+"""The figure of answers: estimates at the steps of the levels beside the answer, and the differences of levels."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots, style
+from spi.printing.text import readable
 from spi.storage.records import INTERVAL
 
 from .results import Answer, Chosen
@@ -14,8 +15,10 @@ _LOOKS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "D"), ("#CC79A7", "^")
 
 
 def _answers(readings: Sequence[Answer], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The differences of levels, or the values where nothing was sampled."""
+    """Estimates and differences of levels, or the values where nothing was sampled."""
     for one in readings:
+        if one.chosen:
+            yield from (_estimates(one, one.chosen, f, name) for f, name in enumerate(_names(one)))
         yield _levels(one, one.chosen) if one.chosen else _values(one)
 
 
@@ -25,7 +28,30 @@ def _look(f: int) -> dict[str, Any]:
 
 
 def _names(one: Answer) -> list[str]:
-    return [style.maths(name, one.about.variables) for name in one.functions]
+    """The functions as they are called, or as formulas where they have no name of their own."""
+    texts = (formula if name == "phi" else name for name, formula in zip(one.functions, one.formulas, strict=True))
+    return [style.maths(readable(text), one.about.variables) for text in texts]
+
+
+def _estimates(one: Answer, chosen: Chosen, f: int, name: str) -> plots.Plot:
+    """The expectation at each step without extrapolation, with its sampling error, and the answer as a band.
+
+    The largest step is sampled alone; its mean is what the answer has besides the differences of levels.
+    """
+    levels, value = chosen.levels, float(one.value[f])
+    first = value - levels.share @ levels.mean[f]
+    rest = max(float(one.stderr[f]) ** 2 - levels.share**2 @ levels.stderr[f] ** 2, 0.0)
+    h = np.array([chosen.largest_step, *levels.h])
+    estimates = np.cumsum([first, *levels.mean[f]])
+    half = INTERVAL * np.sqrt(np.cumsum([rest, *levels.stderr[f] ** 2]))
+    ends, answer = h[[0, -1]], np.full(2, value)
+    band = {"color": plots.GREY, "marker": ""}
+    lines = [
+        plots.series(ends, answer, band, "answer (95 %)", np.full(2, one.half[f]), band=True),
+        plots.series(h, estimates, _look(f) | {"linestyle": "none"}, "estimate at $h$", half),
+    ]
+    label = rf"$\mathrm{{E}}\,${name} at $t={style.number(one.about.final_time)}$"
+    return plots.Plot(lines, x="step size $h$", y=label, xscale="steps")
 
 
 def _levels(one: Answer, chosen: Chosen) -> plots.Plot:

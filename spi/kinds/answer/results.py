@@ -1,7 +1,7 @@
 """The record of an answer."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -52,6 +52,10 @@ class Answer(Stored):
     """Expectations E phi(y(T)) with what is left of errors, and how they were found."""
 
     headline = ("value",)
+    measures = (
+        r"The answer is $\mathbb{E}\, \varphi(y(T))$ of the equation itself: its 95 % interval holds the error of "
+        "sampling and the bias of the step size."
+    )
     row_axes = ("function",)
 
     functions: tuple[str, ...] = axis("test function", name="function")
@@ -82,21 +86,41 @@ class Answer(Stored):
 
     def remarks(self) -> Iterator[str]:
         """Values with intervals, how they were found, what that took, and what a person should know."""
-        for f, name in enumerate(self.functions):
-            formula = readable(self.formulas[f], self.about.variables)
+        for f in range(len(self.functions)):
             parts = f"of it bias at most {short(self.bias[f])}, sampling {short(self.sampling[f])}"
             trust = parts if self.chosen else "numerical error, nothing is sampled"
-            expectation = f"E {name} = E {formula}" if formula != name else f"E {name}"
             answer = f"{with_interval(self.value[f], self.half[f])} (95 %; {trust})"
-            if not np.isfinite(self.half[f]):
-                answer = f"{short(self.value[f])}, not resolved" if np.isfinite(self.value[f]) else "not finite"
-            yield f"{expectation} at t = {self.about.final_time:g}: {answer}"
+            time = f"at t = {self.about.final_time:g}"
+            yield f"{self._expectation(f)} {time}: {answer if np.isfinite(self.half[f]) else self._unresolved(f)}"
         yield f"  {self._method()}"
         yield f"  {self._cost()}"
         if self.why:
             yield f"  {self.why}"
         for warning in self.warnings:
             yield f"  warning: {warning}"
+
+    @classmethod
+    def answers(cls, readings: Sequence["Answer"]) -> Iterator[str]:
+        """Each expectation with its interval."""
+        for one in readings:
+            for f, half in enumerate(one.half):
+                number = f"{with_interval(one.value[f], half)} (95 %)" if np.isfinite(half) else one._unresolved(f)
+                yield f"{one._asked(f)} is {number}."
+
+    def titled(self, title: str, readings: Sequence["Answer"]) -> str:
+        """Of a question about an experiment of another kind the expectation itself."""
+        asked = title.endswith("(answer)") and len(readings) == len(self.functions) == 1
+        return self._asked(0) if asked else title
+
+    def _asked(self, f: int) -> str:
+        return f"{self._expectation(f).removeprefix('E phi = ')} at t = {self.about.final_time:g}"
+
+    def _expectation(self, f: int) -> str:
+        name, formula = self.functions[f], readable(self.formulas[f], self.about.variables)
+        return f"E {name} = E {formula}" if formula != name else f"E {name}"
+
+    def _unresolved(self, f: int) -> str:
+        return f"{short(self.value[f])}, not resolved" if np.isfinite(self.value[f]) else "not finite"
 
     def _method(self) -> str:
         """The scheme, steps and paths, and the check."""

@@ -210,6 +210,10 @@ class Equilibrium(Stored):
     """
 
     headline = ("casimir_worst", "growth", "law_distance", "average")
+    measures = (
+        r"The bias of a mean is the mean of $f(y_n)$ over long paths less that under the stationary law; the growth of "
+        r"a Casimir error is $p$ in $\mathrm{rms} = C n^p$ after $n$ steps."
+    )
     tables = (
         Table(
             "h casimir",
@@ -294,6 +298,19 @@ class Equilibrium(Stored):
                 law = f"{averages.constant[f]:.2g} h^{order.order:.2f}"
                 yield f"{self.about.label}: bias of {name} {law}, order in [{order.low:.2f}, {order.high:.2f}]"
         yield from planned(self, averages)
+
+    @classmethod
+    def answers(cls, readings: Sequence["Equilibrium"]) -> Iterator[str]:
+        """For each scheme the largest step size with which all means have the accuracy that is wanted."""
+        if (wanted := readings[0].accuracy) is None:
+            return
+        each = []
+        for one, averages in ((one, one.averages) for one in readings if one.averages):
+            steps = [(step_for(one, averages, f, wanted), name) for f, name in enumerate(averages.functions)]
+            (step, why), name = min(steps)
+            each.append(f"{short(step)} with {one.about.label} ({name}: {why})")
+        if each:
+            yield f"Largest h for means to {short(wanted, '.3g')}: {'; '.join(each)}."
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Equilibrium"]) -> Iterator[str]:

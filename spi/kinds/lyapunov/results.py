@@ -74,6 +74,10 @@ class Exponents(Stored):
     """Lyapunov exponents on the Casimir surface, averaged from the warm-up to several times and over the paths."""
 
     headline = ("largest_exponent", "exponent_sum")
+    measures = (
+        r"The largest Lyapunov exponent is the mean rate $\lim_{t \to \infty} \frac{1}{t} \log |\delta y(t)|$ at which "
+        r"near paths on the same noise part; where it is negative they meet."
+    )
     row_axes = ("number", "t")
     tables = (
         Table(

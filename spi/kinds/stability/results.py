@@ -93,6 +93,10 @@ class Stability(Stored):
     """Properties that one scheme keeps at each value of the swept parameter and step size, from large to small."""
 
     headline = ("error",)
+    measures = (
+        r"A scheme counts as accurate at a step size where its root mean square error at $T$, relative to $|y_0|$, is "
+        "below a bound, there and at all smaller steps of the run."
+    )
     row_axes, row_largest = ("value", "h"), ("casimir",)
     tables = (
         Table(
@@ -134,6 +138,15 @@ class Stability(Stored):
     reference_step: float = fact("step size of the reference", "time", column=True)
     reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
     panels: tuple[str, ...] = fact("what the figure shows")
+
+    @classmethod
+    def answers(cls, readings: Sequence["Stability"]) -> Iterator[str]:
+        """The largest accurate step size of each scheme, at the first and the last value of the parameter."""
+        first = readings[0]
+        ends = (f"{first.word} = {short(float(value), '.3g')}" for value in first.values[[0, -1]])
+        steps = ((one.about.label, _steps(one, one.is_accurate)) for one in readings)
+        each = "; ".join(f"{at[0]} to {at[-1]} with {label}" for label, at in steps)
+        yield f"Largest accurate h (error <= {first.accurate:g} |y_0|) from {' to '.join(ends)}: {each}."
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Stability"]) -> Iterator[str]:

@@ -82,6 +82,10 @@ class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
 
     headline = ("mean", "variance", "quantile")
+    measures = (
+        r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; of a first time, "
+        "the share is that of the paths on which it has come."
+    )
     row_axes, row_columns = ("function", "t"), ("level", "other")
     tables = (
         Table(
@@ -235,6 +239,15 @@ class Statistics(Stored):
                 half = self.interval * passages.time_stderr[f]
                 mean = interval_text(passages.time[f], (passages.time[f] - half, passages.time[f] + half))
                 yield f"    {self.functions[f]}: mean time, {self.t[-1]:.5g} where it has not come: {mean}"
+
+    @classmethod
+    def answers(cls, readings: Sequence["Statistics"]) -> Iterator[str]:
+        """The means at the last time, of the first scheme."""
+        one, means = readings[0], readings[0].estimate("mean")
+        if means is not None and means.value.shape[1]:
+            numbers = zip(one.functions, *(array[:, -1] for array in means[1:]), strict=True)
+            texts = [f"{name} {interval_text(value, (low, high), '.4g')}" for name, value, low, high in numbers]
+            yield f"Means at t = {one.t[-1]:g} with {one.about.label}: {'; '.join(texts)}."
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Statistics"]) -> Iterator[str]:

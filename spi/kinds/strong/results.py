@@ -10,6 +10,11 @@ class StrongErrors(Stored):
     """Strong errors of one scheme at several step sizes, from large to small."""
 
     headline = ("order", "error")
+    measures = (
+        r"The strong error at the step size $h$ is $\sup_n \left( \mathbb{E}\, |y_h(t_n) - y(t_n)|^2 \right)^{1/2}$, "
+        r"where a reference at a much smaller step on the same noise stands for $y$; the order is the power of $h$ "
+        "with which it falls."
+    )
     row_axes, row_largest = ("h",), ("casimir",)
     tables = (
         Table(

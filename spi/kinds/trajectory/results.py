@@ -24,6 +24,10 @@ class Trajectory(Stored):
     """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
 
     headline = ("casimir_drift", "hamiltonian_drift")
+    measures = (
+        r"Along one path the drift of a Casimir function $C$ is the largest $|C(y_n) - C(y_0)|$, "
+        r"and that of the Hamiltonian the largest $|H(y_n) - H(y_0)|$."
+    )
     row_axes, row_columns = ("t",), ("component", "casimir")
     tables = (
         Table(

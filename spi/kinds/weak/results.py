@@ -201,6 +201,11 @@ class WeakErrors(Stored):
     """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
 
     headline = ("order", "error", "expectation")
+    measures = (
+        r"The weak error of a test function $\varphi$ at the step size $h$ is "
+        r"$\mathbb{E}\, \varphi(y_h(T)) - \mathbb{E}\, \varphi(y(T))$; "
+        "the order is the power of $h$ with which it falls."
+    )
     row_axes = ("function", "h")
     tables = (
         Table(

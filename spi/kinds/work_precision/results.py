@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from spi.printing.tables import Cell, Column, Grid, Own, Table
-from spi.printing.text import duration, readable
+from spi.printing.text import duration, readable, short
 from spi.storage.records import INTERVAL, Order
 from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
 
@@ -23,6 +23,10 @@ class WorkPrecision(Stored):
     """
 
     headline = ("order", "error")
+    measures = (
+        "The work of a scheme at a requested error is the processor time of one path with the step size at which "
+        "the scheme has that error."
+    )
     row_axes, row_largest = ("h",), ("casimir",)
     tables = (
         Table(
@@ -84,6 +88,19 @@ class WorkPrecision(Stored):
         times = self.seconds_per_path, self.seconds_per_path_low, self.seconds_per_path_high
         low, high = interval_of_median(*times, self.repeats)
         return WorkCurve(self.h, self.error, self.half, self.resolved, self.seconds_per_path, low, high)
+
+    @classmethod
+    def answers(cls, readings: Sequence["WorkPrecision"]) -> Iterator[str]:
+        """The cheapest scheme for the largest and for the smallest requested error that any scheme reaches."""
+        labels, reached = {one.about.variant: one.about.label for one in readings}, []
+        for target in requested(readings):
+            best, point, _ = _fastest(target, readings)
+            h, time = _needs(point)
+            if best:
+                reached.append(
+                    f"An error of {short(target, '.3g')} costs least with {labels[best]}: {time} a path, h = {h}."
+                )
+        yield from dict.fromkeys(reached[-1:] + reached[:1])
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["WorkPrecision"]) -> Iterator[str]:
