@@ -4,9 +4,9 @@ Experiments that have no results in the folder RESULTS are run first, as they st
 it will take.  Stopped and started again it goes on where it stopped.
 
     --longest SECONDS   take experiments that would run longer in their profile quick
-    --only NAME...      these experiments, and no page
+    --only NAME...      these experiments
     --draw              run nothing: draw what results there are
-    --docs FOLDER       in place of docs/, with a page also of --only
+    --docs FOLDER       in place of docs/
 
 Short form, after `spi run --profile quick rigid_body_strong`: results --longest 1 --docs pages --only rigid_body_strong
 """
@@ -21,12 +21,14 @@ from typing import Any, NamedTuple
 
 import yaml
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from spi import storage
 from spi.drawing import as_bytes
 from spi.report import views
 from spi.running import run as running
 from spi.running import shipped
+from spi.specs.naming import results_name
 from spi.storage.records import Results
 
 DOCS = Path(__file__).parents[1]
@@ -38,33 +40,28 @@ LEAST, WIDEST, HIGHEST = 900, 1320, 2000
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Wanted(NamedTuple):
-    """An experiment of the gallery, in the profile in which it is shown."""
-
-    name: str
-    experiment: Any
-    path: Path  #: of its results
-    seconds: float  #: that a run will take once compiled; 0 where the results are there
-
-    @classmethod
-    def of(cls, name: str, folder: Path, longest: float) -> "Wanted":
-        """The experiment as it stands, or in its profile quick where that would take too long."""
-        whole, quick = (running.load(name, profile) for profile in ("laptop", "quick"))
-        seconds = 0.0 if running.results_path(whole, folder).is_file() else running.cost(whole).seconds
-        experiment = quick if seconds > longest else whole
-        path = running.results_path(experiment, folder)
-        return cls(name, experiment, path, 0.0 if path.is_file() else running.cost(experiment).seconds)
+def stored(name: str, folder: Path) -> Path | None:
+    """The results of an experiment, as it stands or in its profile quick; None if there are none."""
+    paths = (folder / f"{results_name(name, profile)}.h5" for profile in ("laptop", "quick"))
+    return next((path for path in paths if path.is_file()), None)
 
 
-def compute(wanted: Iterable[Wanted], folder: Path) -> None:
-    """Run what has no results yet, short ones first."""
-    todo = sorted((one for one in wanted if one.seconds), key=lambda one: one.seconds)
-    seconds = math.fsum(one.seconds for one in todo if math.isfinite(one.seconds))
-    print(f"{len(todo)} experiments to run: about {math.ceil(seconds / 60)} min once compiled", flush=True)
-    for number, one in enumerate(todo, 1):
+def compute(names: Iterable[str], folder: Path, longest: float) -> None:
+    """Run the experiments that have no results, short ones first, those that take too long in their profile quick."""
+    jobs = []
+    for name in names:
+        whole = running.load(name)
+        if running.results_path(whole, folder).is_file():
+            continue
+        seconds = running.cost(whole).seconds
+        quick = running.load(name, "quick")
+        jobs.append((running.cost(quick).seconds, quick) if seconds > longest else (seconds, whole))
+    minutes = math.fsum(seconds for seconds, _ in jobs if math.isfinite(seconds)) / 60
+    print(f"{len(jobs)} experiments to run: about {math.ceil(minutes)} min once compiled", flush=True)
+    for number, (_, experiment) in enumerate(sorted(jobs, key=lambda job: job[0]), 1):
         start = time.monotonic()
-        running.run(one.experiment, folder)
-        print(f"{number}/{len(todo)} {one.path.stem}: {time.monotonic() - start:.0f} s", flush=True)
+        running.run(experiment, folder)
+        print(f"{number}/{len(jobs)} {experiment.results_name}: {time.monotonic() - start:.0f} s", flush=True)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -90,28 +87,39 @@ class Part(NamedTuple):
 PARTS: dict[str, Part] = {}
 
 
+#: The entry of a PNG with the profile of its results.
+PROFILE = "Profile"
+
+
 def picture(results: Results) -> bytes:
-    """The figure as a PNG of at most 256 colours, which takes a third of the bytes."""
+    """The figure as a PNG of at most 256 colours, which takes a third of the bytes, with the profile of the results."""
     figure = views.figure(results)
     width, height = figure.get_size_inches()
     dpi = max(LEAST / width, min(200, WIDEST / width, HIGHEST / height))
-    content = io.BytesIO()
+    content, facts = io.BytesIO(), PngInfo()
+    facts.add_text(PROFILE, results.attributes["profile"])
     with Image.open(io.BytesIO(as_bytes(figure, "png", dpi=dpi))) as drawn:
         few = drawn.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        few.save(content, "png", optimize=True)
+        few.save(content, "png", optimize=True, pnginfo=facts)
     return content.getvalue()
 
 
-def draw(wanted: Iterable[Wanted], docs: Path) -> None:
-    """The pictures that are older than their results, or not there."""
-    for one in (one for one in wanted if one.path.is_file()):
-        files = {docs / "gallery" / f"{one.name}.png": Part(one.name)}
-        files |= {docs / f"{name}.png": part for name, part in PARTS.items() if part.experiment == one.name}
-        old = {file for file in files if not file.is_file() or file.stat().st_mtime < one.path.stat().st_mtime}
+def profile_of(file: Path) -> str:
+    """The profile of the results that a picture shows."""
+    with Image.open(file) as image:
+        return str(image.info.get(PROFILE, "quick"))
+
+
+def draw(results: Mapping[str, Path], docs: Path) -> None:
+    """The pictures that are older than the results of their experiments, or not there."""
+    for name, path in results.items():
+        files = {docs / "gallery" / f"{name}.png": Part(name)}
+        files |= {docs / f"{file}.png": part for file, part in PARTS.items() if part.experiment == name}
+        old = [file for file in files if not file.is_file() or file.stat().st_mtime < path.stat().st_mtime]
         if old:
-            results = storage.read(one.path)
-            storage.write_all({file: picture(files[file].of(results)) for file in old})
-            print(f"drew {', '.join(sorted(file.name for file in old))}", flush=True)
+            whole = storage.read(path)
+            storage.write_all({file: picture(files[file].of(whole)) for file in old})
+            print(f"drew {', '.join(file.name for file in old)}", flush=True)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -179,20 +187,20 @@ def topic(name: str, keys: Mapping[str, Any]) -> str:
     return kind
 
 
-def entries(wanted: Iterable[Wanted]) -> Iterator[tuple[str, int, str]]:
+def entries(profiles: Mapping[str, str]) -> Iterator[tuple[str, int, str]]:
     """The topic of each experiment, its figure in the paper, and its entry."""
-    for one in wanted:
-        keys = yaml.safe_load(shipped.path_of(one.name).read_text(encoding="utf-8"))
-        mark = f" ({one.experiment.profile})" if one.experiment.profile != "laptop" else ""
-        named = {"name": one.name, "title": keys["title"], "asks": keys["asks"], "mark": mark}
-        yield topic(one.name, keys), keys.get("figure", 0), ENTRY.format(**named)
+    for name, profile in profiles.items():
+        keys = yaml.safe_load(shipped.path_of(name).read_text(encoding="utf-8"))
+        mark = f" ({profile})" if profile != "laptop" else ""
+        named = {"name": name, "title": keys["title"], "asks": keys["asks"], "mark": mark}
+        yield topic(name, keys), keys.get("figure", 0), ENTRY.format(**named)
 
 
-def page(wanted: list[Wanted]) -> str:
-    """The text of gallery.md: a grid of pictures for each topic."""
-    whole = all(one.experiment.profile == "laptop" for one in wanted)
-    parts = [HEAD.format(first="rigid_body_pullback", profiles=WHOLE if whole else MIXED)]
-    made = sorted(entries(wanted), key=lambda one: one[1])
+def page(profiles: Mapping[str, str]) -> str:
+    """The text of gallery.md, a grid of pictures for each topic; `profiles` are those that the pictures show."""
+    text = WHOLE if set(profiles.values()) == {"laptop"} else MIXED
+    parts = [HEAD.format(first="rigid_body_pullback", profiles=text)]
+    made = sorted(entries(profiles), key=lambda entry: entry[1])
     for name, pages in TOPICS.items():
         own = [text for of, _, text in made if of == name]
         if own:
@@ -209,16 +217,15 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--draw", action="store_true")
     given = parser.parse_args()
-    longest = 0.0 if given.draw else given.longest
-    wanted = [Wanted.of(name, given.results, longest) for name in given.only or shipped.names()]
-    if given.draw:
-        missing = [one.name for one in wanted if one.experiment.profile == "quick"]
-        print(f"without results as they stand: {', '.join(missing) or 'none'}")
-    else:
-        compute(wanted, given.results)
-    draw(wanted, given.docs)
-    if not given.only or given.docs != DOCS:  # the page of the documentation shows all
-        storage.write_all({given.docs / "gallery.md": page(wanted).encode()})
+    names = given.only or shipped.names()
+    if not given.draw:
+        compute(names, given.results, given.longest)
+    results = {name: path for name in names if (path := stored(name, given.results))}
+    draw(results, given.docs)
+    quick = [name for name in names if name not in results or results[name].stem != results_name(name)]
+    print(f"not drawn as they stand: {', '.join(quick) or 'none'}")
+    files = sorted((given.docs / "gallery").glob("*.png"))
+    storage.write_all({given.docs / "gallery.md": page({file.stem: profile_of(file) for file in files}).encode()})
 
 
 if __name__ == "__main__":
