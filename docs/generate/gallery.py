@@ -14,6 +14,8 @@ Short form, after `spi run --profile quick rigid_body_strong`: results --longest
 import argparse
 import io
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -32,8 +34,8 @@ from spi.specs.naming import results_name
 from spi.storage.records import Results
 
 DOCS = Path(__file__).parents[1]
-#: Pixels of a picture: the least width, the largest, and the largest height.
-LEAST, WIDEST, HIGHEST = 900, 1320, 2000
+#: Pixels of a picture: the least width and the width that is wanted, and pixels per inch at which letters can be read.
+LEAST, WIDTH, DPI = 900, 1320, (100, 200)
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Runs
@@ -75,6 +77,7 @@ class Part(NamedTuple):
     experiment: str
     panels: tuple[str, ...] = ()  #: all of the experiment if empty
     cases: tuple[str, ...] = ()  #: all if empty
+    style: str = "screen"
 
     def of(self, results: Results) -> Results:
         """The results with these cases and panels alone."""
@@ -84,21 +87,31 @@ class Part(NamedTuple):
 
 
 #: Pictures in docs/ that show a part of an experiment; all other pages show the whole figure, from docs/gallery/.
-PARTS: dict[str, Part] = {}
+PARTS = {
+    "figure_paper": Part("rigid_body_strong", style="paper"),
+    "energy_decay": Part("energy_decay", panels=("hamiltonian", "spectrum")),
+}
+#: Pictures that `python benchmarks/euler.py` draws from the results of an experiment.
+EULER = {"vortex_merger_euler": "vortex_merger", "zeitlin_limit": "zeitlin_limit"}
 
 
 #: The entry of a PNG with the profile of its results.
 PROFILE = "Profile"
 
 
-def picture(results: Results) -> bytes:
-    """The figure as a PNG of at most 256 colours, which takes a third of the bytes, with the profile of the results."""
-    figure = views.figure(results)
-    width, height = figure.get_size_inches()
-    dpi = max(LEAST / width, min(200, WIDEST / width, HIGHEST / height))
+def picture(results: Results, style: str = "screen") -> bytes:
+    """The figure as a PNG, with the profile of the results."""
+    figure = views.figure(results, style)
+    width = figure.get_figwidth()
+    dpi = max(LEAST / width, min(DPI[1], max(DPI[0], WIDTH / width)))
+    return small(as_bytes(figure, "png", dpi=dpi), results.attributes["profile"])
+
+
+def small(png: bytes, profile: str) -> bytes:
+    """A PNG of at most 256 colours, which takes a third of the bytes."""
     content, facts = io.BytesIO(), PngInfo()
-    facts.add_text(PROFILE, results.attributes["profile"])
-    with Image.open(io.BytesIO(as_bytes(figure, "png", dpi=dpi))) as drawn:
+    facts.add_text(PROFILE, profile)
+    with Image.open(io.BytesIO(png)) as drawn:
         few = drawn.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
         few.save(content, "png", optimize=True, pnginfo=facts)
     return content.getvalue()
@@ -115,11 +128,20 @@ def draw(results: Mapping[str, Path], docs: Path) -> None:
     for name, path in results.items():
         files = {docs / "gallery" / f"{name}.png": Part(name)}
         files |= {docs / f"{file}.png": part for file, part in PARTS.items() if part.experiment == name}
-        old = [file for file in files if not file.is_file() or file.stat().st_mtime < path.stat().st_mtime]
-        if old:
+        if old := [file for file in files if is_older(file, path)]:
             whole = storage.read(path)
-            storage.write_all({file: picture(files[file].of(whole)) for file in old})
+            storage.write_all({file: picture(files[file].of(whole), files[file].style) for file in old})
             print(f"drew {', '.join(file.name for file in old)}", flush=True)
+    for name, experiment in EULER.items():
+        path, file = results.get(experiment), docs / f"{name}.png"
+        if path is not None and is_older(file, path):
+            subprocess.run([sys.executable, DOCS.parent / "benchmarks" / "euler.py", path], check=True)
+            drawn = path.with_name(f"{path.stem}_euler.png").read_bytes()
+            storage.write_all({file: small(drawn, str(storage.read(path).attributes["profile"]))})
+
+
+def is_older(file: Path, results: Path) -> bool:
+    return not file.is_file() or file.stat().st_mtime < results.stat().st_mtime
 
 
 # ---------------------------------------------------------------------------------------------------------------------
