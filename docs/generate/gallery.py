@@ -90,6 +90,11 @@ class Part(NamedTuple):
 PARTS = {
     "figure_paper": Part("rigid_body_strong", style="paper"),
     "energy_decay": Part("energy_decay", panels=("hamiltonian", "spectrum")),
+    "equilibrium_means": Part("rigid_body_equilibrium", panels=("means",)),
+    "equilibrium_laws": Part("rigid_body_equilibrium", panels=("histogram", "heat", "acceptance")),
+    "statistics_mean": Part("rigid_body_statistics", panels=("mean",)),
+    "statistics_histogram": Part("rigid_body_statistics", panels=("histogram",)),
+    "statistics_maps": Part("rigid_body_statistics", panels=("maps",)),
 }
 #: Pictures that `python benchmarks/euler.py` draws from the results of an experiment.
 EULER = {"vortex_merger_euler": "vortex_merger", "zeitlin_limit": "zeitlin_limit"}

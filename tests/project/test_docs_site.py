@@ -139,7 +139,7 @@ def test_a_picture_without_a_link_and_a_dead_link_are_noticed(tmp_path):
     html += '<a href="#x"> <a href="#y"> <a href="c.html">'
     assert unlinked(html) == ["a.png"]
     assert dead_links(page, html, {page: html}) == ["a.png", "b.png", "b.png", "#y", "c.html"]
-    assert with_links('<img src="a.png">') == '<a href="a.png"><img src="a.png"></a>'
+    assert with_links('<img src="a.png">') == '<a href="a.png"><img loading="lazy" src="a.png"></a>'
     assert unlinked(with_links(html)) == [] and with_links(with_links(html)) == with_links(html)
 
 
