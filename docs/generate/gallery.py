@@ -123,30 +123,37 @@ def small(png: bytes, profile: str) -> bytes:
 
 
 def profile_of(file: Path) -> str:
-    """The profile of the results that a picture shows."""
+    """The profile of the results that a picture shows; of some it is not known."""
     with Image.open(file) as image:
-        return str(image.info.get(PROFILE, "quick"))
+        return str(image.info.get(PROFILE, "earlier version"))
 
 
 def draw(results: Mapping[str, Path], docs: Path) -> None:
-    """The pictures that are older than the results of their experiments, or not there."""
+    """The pictures that are older than the results of their experiments, show another profile, or are not there."""
     for name, path in results.items():
         files = {docs / "gallery" / f"{name}.png": Part(name)}
         files |= {docs / f"{file}.png": part for file, part in PARTS.items() if part.experiment == name}
-        if old := [file for file in files if is_older(file, path)]:
+        if old := [file for file in files if is_old(file, path)]:
             whole = storage.read(path)
             storage.write_all({file: picture(files[file].of(whole), files[file].style) for file in old})
             print(f"drew {', '.join(file.name for file in old)}", flush=True)
     for name, experiment in EULER.items():
-        path, file = results.get(experiment), docs / f"{name}.png"
-        if path is not None and is_older(file, path):
-            subprocess.run([sys.executable, DOCS.parent / "benchmarks" / "euler.py", path], check=True)
-            drawn = path.with_name(f"{path.stem}_euler.png").read_bytes()
-            storage.write_all({file: small(drawn, str(storage.read(path).attributes["profile"]))})
+        file, solved = docs / f"{name}.png", results.get(experiment)
+        if solved is not None and is_old(file, solved):
+            subprocess.run([sys.executable, DOCS.parent / "benchmarks" / "euler.py", solved], check=True)
+            drawn = solved.with_name(f"{solved.stem}_euler.png").read_bytes()
+            storage.write_all({file: small(drawn, profile_of_results(solved))})
 
 
-def is_older(file: Path, results: Path) -> bool:
-    return not file.is_file() or file.stat().st_mtime < results.stat().st_mtime
+def is_old(file: Path, results: Path) -> bool:
+    """Whether a picture is not that of the results."""
+    if not file.is_file() or file.stat().st_mtime < results.stat().st_mtime:
+        return True
+    return profile_of(file) != profile_of_results(results)
+
+
+def profile_of_results(path: Path) -> str:
+    return "quick" if path.stem.endswith(".quick") else "laptop"
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -166,8 +173,8 @@ spi plot {first}
 {profiles}
 """
 WHOLE = "All pictures show the experiments as they stand (profile `laptop`)."
-MIXED = """Pictures show the experiments as they stand (profile `laptop`), except for those marked *quick*. These have
-fewer paths or step sizes and larger error bars; no conclusions follow from them."""
+MIXED = """Pictures show the experiments as they stand (profile `laptop`), except for those marked *quick* or *earlier
+version*. These may have fewer paths or step sizes; no conclusions follow from them."""
 
 ENTRY = """* [![{asks}](gallery/{name}.png)](gallery/{name}.png)
 
