@@ -23,11 +23,10 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
 from spi import storage
+from spi.drawing import Figure, as_bytes, page
 from spi.models.zeitlin.fields import cell, ratios, vorticity
 from spi.report import views
 
@@ -185,19 +184,20 @@ def drawn(groups):
     """The figure of all comparisons."""
     if len(groups[0].times) > 2:
         return _fields(groups[0])
-    fig = Figure(figsize=(9, 3.4), layout="constrained")
+    fig = Figure(figsize=(8.2, 3.6), layout="constrained")
     left, right = fig.subplots(1, 2)
     for one in groups:
         n = np.array(one.sizes, float)
         if one.growths:
-            right.plot(n, one.growths[:-1], "o-", label="Zeitlin's truncation")
-            right.axhline(one.growths[-1], color="black", dashes=(4, 2), label="Euler")
+            right.plot(n, one.growths[:-1], "D", mfc="none", color="#009E73", label="truncation")
+            right.axhline(one.growths[-1], color="black", label="Euler")
         else:
-            left.loglog(n, one.errors[:, -1], "o-", label=f"t = {one.times[-1]:g}")
-            left.loglog(n, one.errors[-1, -1] * (n / n[-1]) ** -2, color="#777777", dashes=(4, 2), label="$N^{-2}$")
-    left.set(xlabel="$N$", ylabel="relative difference to Euler", title="smooth vorticity")
-    right.set(xlabel="$N$", ylabel="growth rate of the mode (1, 0)", title="Kolmogorov flow")
-    for ax in (left, right):
+            left.loglog(n, one.errors[:, -1], "D", mfc="none", color="#009E73", label=f"$t = {one.times[-1]:g}$")
+            left.loglog(n, one.errors[-1, -1] * (n / n[-1]) ** -2, color="#777777", dashes=(4, 2), label="slope $-2$")
+    left.set(xlabel="$N$", ylabel=r"$\|\omega_N - \omega\| / \|\omega\|$")
+    right.set(xlabel="$N$", ylabel="growth rate of the mode (1, 0)")
+    for ax, title in ((left, "(a) smooth vorticity, difference to Euler"), (right, "(b) wave on a Kolmogorov flow")):
+        ax.set_title(title, loc="left")
         ax.grid(True, color="#e6e6e6", linewidth=0.6)
         if ax.lines:
             ax.legend(frameon=False)
@@ -206,7 +206,7 @@ def drawn(groups):
 
 def _fields(one):
     """The fields of each N and of Euler at all times."""
-    rows = [*zip([f"N = {n}" for n in one.sizes], one.fields, strict=True), ("Euler", one.euler)]
+    rows = [*zip([f"$N = {n}$" for n in one.sizes], one.fields, strict=True), ("Euler", one.euler)]
     fig = Figure(figsize=(1.0 + 2.0 * len(one.times), 0.6 + 2.0 * len(rows)), layout="constrained")
     axes = fig.subplots(len(rows), len(one.times), squeeze=False)
     largest = np.abs(one.euler).max()
@@ -214,7 +214,7 @@ def _fields(one):
     for row, (line, (name, fields)) in enumerate(zip(axes, rows, strict=True)):
         for ax, field, t in zip(line, fields, one.times.tolist(), strict=True):
             image = ax.imshow(field.T, **look)
-            ax.set(xticks=[], yticks=[], title="" if row else f"t = {t:g}")
+            ax.set(xticks=[], yticks=[], title="" if row else f"$t = {t:g}$")
         line[0].set_ylabel(name)
     fig.colorbar(image, ax=axes, label=r"vorticity $\omega$", shrink=0.6)
     return fig
@@ -228,8 +228,8 @@ def main(path, points=POINTS):
     for found in groups:
         print("\n".join(told(found)), end="\n\n")
     target = Path(path).with_name(f"{Path(path).stem}_euler.png")
-    mpl.use("agg")
-    drawn(groups).savefig(target, dpi=110)
+    with page.applied():
+        target.write_bytes(as_bytes(drawn(groups), "png", dpi=150))
     print(f"wrote {target}")
 
 

@@ -192,20 +192,25 @@ def show(found: list[dict[str, Any]]) -> None:
 
 def plot(found: list[dict[str, Any]], file: str) -> None:
     """Achieved against predicted accuracy."""
-    from matplotlib.figure import Figure
+    from spi.drawing import Figure, as_bytes, page
 
-    fig = Figure((4.5, 4.0))
-    ax = fig.subplots()
+    with page.applied():
+        fig = Figure((6.4, 4.2), layout="constrained")
+        _plot(fig.subplots(), found)
+        Path(file).write_bytes(as_bytes(fig, "png", dpi=150))
+
+
+def _plot(ax: Any, found: list[dict[str, Any]]) -> None:
     for name in QUESTIONS:
         own = [one for one in found if one["system"] == name]
-        ax.plot([one["half"] for one in own], [max(one["error"], 1e-9) for one in own], "o", label=name, alpha=0.7)
+        half, error = [one["half"] for one in own], [max(one["error"], 1e-9) for one in own]
+        ax.plot(half, error, "o", label=name.replace("_", " "), alpha=0.7)
     ends = np.array(ax.get_xlim())
-    ax.plot(ends, ends, "k--", linewidth=1, label="half the width of the interval")
-    ax.set(
-        xscale="log", yscale="log", xlabel="predicted: half width of the interval", ylabel="achieved: |value - truth|"
-    )
-    ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    fig.savefig(file, bbox_inches="tight")
+    ax.plot(ends, ends, color="black", label="half the width")
+    ax.set(xscale="log", xlabel="predicted: half width of the interval")
+    ax.set(yscale="log", ylabel="achieved: distance from the truth")
+    ax.grid(True, color="#e6e6e6", linewidth=0.6)
+    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def main() -> None:

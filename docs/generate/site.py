@@ -38,8 +38,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def with_links(html: str) -> str:
-    """A page in HTML where each picture that is no link is a link to its file."""
-    return _PICTURE.sub(lambda found: found[1] or f'<a href="{found[3]}">{found[2]}</a>', html)
+    """A page in HTML whose pictures link to their files, unless they are links, and are loaded when in sight."""
+    linked = _PICTURE.sub(lambda found: found[1] or f'<a href="{found[3]}">{found[2]}</a>', html)
+    return re.sub("<img (?!loading)", '<img loading="lazy" ', linked)
 
 
 #: A picture within a link, or a picture and its file.

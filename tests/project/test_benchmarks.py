@@ -99,27 +99,6 @@ def test_operations_counted_by_hand():
     assert sum(counted["rigid_body splitting_order2"].values()) == pytest.approx(10 * 26 + 5 * 29, abs=5)
 
 
-def test_width_of_vectors_in_assembly():
-    lines = ["vfmadd213pd\t%zmm0, %zmm1, %zmm2", "vmulpd\t(%rax), %zmm1, %zmm2", "vaddpd\t%ymm0, %ymm1, %ymm2"]
-    lines += ["vmulsd\t%xmm0, %xmm1, %xmm2", "vmovupd\t%xmm0, (%rax)", "vpmuludq\t%ymm0, %ymm1, %ymm1"]
-    assert machine.vector_width("\n".join(f"\t{line}" for line in lines)) == (512, 2 / 3)
-    assert machine.vector_width("\tmulpd\t%xmm0, %xmm1\n") == (128, 1.0)
-    assert machine.vector_width("\tfmla\tv0.2d, v1.2d, v2.2d\n") is None
-
-
-@pytest.mark.parametrize("n", [7, 31, zeitlin.FOURIER_FROM])
-def test_matrices_of_the_midpoint_rule_for_fluids(n):
-    omega, model = zeitlin.typical(n), Zeitlin(n, normalisation="zeitlin")
-    y, rival = fluids.state(n, omega), zeitlin.Midpoint(n, 0.1)
-    assert np.allclose(omega, fluids.table(n, y), atol=1e-15) and np.linalg.norm(omega) == pytest.approx(1)
-    rival.X[:] = zeitlin.matrix(omega)
-    assert np.allclose(rival.X, fluids.matrix(n, omega), atol=1e-13)
-    assert np.allclose(zeitlin.casimirs(rival.X), fluids.casimirs(model, y, zeitlin.DEGREES), rtol=1e-12, atol=1e-12)
-    rival.find_stream()
-    assert np.allclose(rival.Q, 0.05 * fluids.generator(model, fluids.drift_gradient(model, y)), atol=1e-13)
-    assert zeitlin.casimir_errors([rival.X, 1.01 * rival.X])[0] == pytest.approx(0.0201)
-
-
 def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
     n, model = 7, Zeitlin(7, normalisation="zeitlin")
     y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))

@@ -12,7 +12,6 @@ import pytest
 from documents import PAGES, ROOT, page_name
 
 sys.path.append(str(ROOT / "docs" / "generate"))
-import gallery
 import reference
 import search
 from formulas import FORMULAS
@@ -140,7 +139,7 @@ def test_a_picture_without_a_link_and_a_dead_link_are_noticed(tmp_path):
     html += '<a href="#x"> <a href="#y"> <a href="c.html">'
     assert unlinked(html) == ["a.png"]
     assert dead_links(page, html, {page: html}) == ["a.png", "b.png", "b.png", "#y", "c.html"]
-    assert with_links('<img src="a.png">') == '<a href="a.png"><img src="a.png"></a>'
+    assert with_links('<img src="a.png">') == '<a href="a.png"><img loading="lazy" src="a.png"></a>'
     assert unlinked(with_links(html)) == [] and with_links(with_links(html)) == with_links(html)
 
 
@@ -224,13 +223,3 @@ def test_a_broken_link_is_noticed(tmp_path):
     done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode != 0
     assert "no_such_page.md" in done.stderr
-
-
-def test_the_gallery_takes_what_results_there_are(tmp_path):
-    (tmp_path / "toda_weak.h5").write_bytes(b"")
-    assert gallery.found(tmp_path, "toda_weak", "laptop") == ("laptop", tmp_path / "toda_weak.h5")
-    assert gallery.found(tmp_path, "toda_strong", "laptop") == ("quick", tmp_path / "toda_strong.quick.h5")
-    text = ROOT.joinpath("docs", "gallery.md").read_text(encoding="utf-8")
-    shown = re.findall(r"^`(\w+)` \(\w+\): ", text, re.MULTILINE)
-    assert shown == re.findall(r"^\[!\[.*\]\(gallery/(\w+)\.png\)\]\(gallery/\1\.png\)$", text, re.MULTILINE)
-    assert set(shown) <= set(reference.experiments_known()) and len(shown) > 50

@@ -1,4 +1,4 @@
-"""What the reference makes of texts and of the JSON Schema."""
+"""The words, the sentences and the examples of the pages; formulas of the reference in signs."""
 
 import sys
 import unicodedata
@@ -9,49 +9,12 @@ from documents import PAGES, ROOT, avoided, first_example, page_name, sentences
 sys.path.append(str(ROOT / "docs" / "generate"))
 import words
 
-SPACE = "\N{NO-BREAK SPACE}"
-POSITIVE = {"type": "number", "exclusiveMinimum": 0}
-ARITHMETIC = {"anyOf": [POSITIVE, {"type": "string"}]}
-
-
-@pytest.mark.parametrize(
-    ("schema", "said"),
-    [
-        (ARITHMETIC, f"number >{SPACE}0"),
-        (
-            {"anyOf": [{"type": "integer", "minimum": 1, "maximum": 10**15}, {"type": "null"}]},
-            f"whole number ≥{SPACE}1",
-        ),
-        ({"type": "integer", "minimum": 0, "maximum": 3}, "whole number from 0 to 3"),
-        ({"type": "array", "items": ARITHMETIC}, f"list of numbers >{SPACE}0"),
-        ({"type": "array", "prefixItems": [ARITHMETIC] * 3}, f"list of 3 numbers >{SPACE}0"),
-        ({"anyOf": [{"type": "array", "items": {"type": "number"}}, {"type": "number"}]}, "number or list of numbers"),
-        ({"enum": ["paper", "zeitlin"]}, "`paper` or `zeitlin`"),
-        ({"$ref": "#/$defs/Part"}, "mapping"),
-        ({"type": "boolean"}, "`true` or `false`"),
-    ],
-)
-def test_what_may_stand_under_a_key(schema, said):
-    assert words.value_of(schema, {"Part": {"type": "object"}}) == said
-
-
-def test_defaults_are_written_as_in_a_spec():
-    assert [words.default_of(value) for value in (None, (), False, 0.5, 1, "paper", (1.0, 2.0))] == [
-        *("", "", "`false`", "`0.5`", "`1`", "`paper`", "`[1, 2]`"),
-    ]
-
 
 def test_formulas_in_signs():
     assert words.in_symbols("H = sum_k y_k^2 / (2 I_k), Ĥ_1") == "H = Σₖ yₖ² / (2 Iₖ), Ĥ₁"
     assert words.in_symbols("sigma_k dW_k grad Ĥ_k, |omega_m|^2") == "σₖ dWₖ ∇Ĥₖ, |ωₘ|²"
     kept = "omega_{m+n}, noise_flow, xi^(n-1), h^0.5, summary, epsilon"
     assert words.in_symbols(kept) == kept.replace("omega", "ω").replace("xi", "ξ")
-
-
-def test_texts_are_what_they_were_in_markdown():
-    assert words.plain("write <out>, ``a <b>`` and 2*pi*y1; *not*") == "write &lt;out>, `a <b>` and 2\\*pi\\*y1; *not*"
-    assert words.table(("a", "b"), [("x|y", "two\n  lines")]) == "| a | b |\n| --- | --- |\n| x\\|y | two lines |\n"
-    assert words.table(("a",), []) == ""
 
 
 def test_the_glossary_is_in_alphabetical_order():

@@ -19,11 +19,6 @@ X = 2 * np.pi * np.arange(64) / 64
 X1, X2 = np.meshgrid(X, X, indexing="ij")
 
 
-def test_a_single_shell_is_steady():
-    field = np.cos(X1) + 0.5 * np.sin(X2)
-    np.testing.assert_allclose(euler.solution(field, [0, 1])[1], field, atol=1e-12)
-
-
 def test_what_a_fluid_keeps_and_the_sense_of_rotation():
     field = np.cos(X1) + 0.8 * np.sin(X1 + X2) + 0.5 * np.cos(2 * X2 + 1)
     first, last = euler.solution(field, [0, 1])

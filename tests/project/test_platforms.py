@@ -12,9 +12,7 @@ from documents import ROOT
 from helpers import compiled_only
 
 import spi
-from spi.compiler import caching, modules
 from spi.running import orphans
-from spi.storage import check_writable
 from spi.storage.provenance import provenance
 
 #: What a person does with the program, one command after the other.
@@ -104,32 +102,6 @@ def test_the_threads_of_macos_and_windows():
 
     (theirs, layer), (ours, _) = mean("workqueue"), mean("default")
     assert layer == "workqueue" and theirs == ours
-
-
-def test_kernels_are_kept_where_there_are_no_locks(tmp_path, monkeypatch):
-    monkeypatch.setattr(caching, "fcntl", None)
-    with caching._alone_in(tmp_path / "cache"):
-        pass
-    monkeypatch.setattr(spi, "fcntl", None)
-    with spi.scratch_folder() as folder:
-        assert Path(folder).is_dir()
-    assert not Path(folder).exists()
-
-
-def test_nothing_is_removed_while_it_is_open(tmp_path, monkeypatch):
-    """As Windows has it; the names of files that are open are those of their descriptors."""
-
-    def unlink(path, *arguments, **named):
-        assert str(path) not in {os.path.realpath(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd")}
-        return remove(path, *arguments, **named)
-
-    remove = os.unlink
-    monkeypatch.setattr(os, "unlink", unlink)
-    check_writable(tmp_path / "results" / "a.h5")
-    monkeypatch.setattr(os, "replace", lambda *paths: (_ for _ in ()).throw(KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        modules.write(tmp_path / "m.py", b"")
-    assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
 
 def test_a_pipe_for_which_one_cannot_wait_is_read(monkeypatch):

@@ -76,7 +76,8 @@ def test_the_readme_shows_pictures_and_links_elsewhere():
     assert installed == bare if "urls" not in PROJECT["project"] else installed != bare
     links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", whole)
     assert len(links) > 20 and all(target.startswith(("https://", "#")) for _, target in links)
-    assert f"{source}/raw/v{spi.__version__}/docs/rigid_body_strong.png" in [target for mark, target in links if mark]
+    pictures = [target for mark, target in links if mark]
+    assert f"{source}/raw/v{spi.__version__}/docs/gallery/rigid_body_strong.png" in pictures
     here = {target.partition(f"/v{spi.__version__}/")[2] for _, target in links if target.startswith(source)}
     assert all(ROOT.joinpath(path).is_file() for path in here)
     kept = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", bare)

@@ -30,13 +30,6 @@ def test_moments_of_the_scheme_are_those_over_all_increments():
         assert np.allclose(exact, np.mean(found, axis=0), rtol=1e-12)
 
 
-def test_small_steps_tend_to_the_moments_of_the_equation():
-    for exact, near, half in zip(
-        intervals.limit(1.0), *map(intervals.euler_maruyama, (1e-3, 5e-4), (1, 1)), strict=True
-    ):
-        assert np.allclose(exact, 2 * half - near, atol=1e-6) and not np.allclose(exact, near, atol=1e-6)
-
-
 def test_paths_that_stay_at_two_looks_are_those_of_the_normal_law_of_both():
     edge, mean = np.full(2, np.pi / 2), 0.5 * np.array([1, 2])
     both = multivariate_normal.cdf(edge, mean, [[1, 1], [1, 2]], lower_limit=-edge)
@@ -44,17 +37,6 @@ def test_paths_that_stay_at_two_looks_are_those_of_the_normal_law_of_both():
     assert np.isclose(
         intervals.staying(1, 1.0, 0.5)[1], norm.cdf(np.pi / 2 - 0.5) - norm.cdf(-np.pi / 2 - 0.5), atol=1e-12
     )
-
-
-def test_what_is_held_is_counted():
-    def source(seed):
-        yield intervals.around("narrow", seed, 0.5, 0.0)
-        yield intervals.around("absent", seed, np.nan, 0.0)
-
-    counts = intervals.tally(source, range(4))
-    assert counts["narrow"] == (1, 4, 0) and counts["absent"] == (0, 0, 4)
-    low, high = counts["narrow"].interval(4)
-    assert np.isclose(binom.sf(0, 4, low), 0.025) and np.isclose(binom.cdf(1, 4, high), 0.025)
 
 
 @pytest.mark.slow
