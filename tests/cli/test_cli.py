@@ -185,7 +185,7 @@ def test_list_check_and_schema(spi):
     assert (code, err) == (0, "")
     assert out.count("\n") == 1
     assert out.startswith(f"{SPEC}: valid")
-    assert re.search(r"about \S+ s .* MB$", out)
+    assert re.search(r"about \S+ (s|min|h) once compiled.* MB$", out)
     code, out, err = spi("schema")
     assert (code, err) == (0, "")
     schema = json.loads(out)
