@@ -24,12 +24,13 @@ from .casimirs import LARGEST_DENOMINATOR, counted, search
 from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
-from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, by_affine_field, merged, single, split, without_flow
+from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, by_quadratics, merged, single, split, without_flow
 from .symbolics import (
     Function,
     Symbolics,
     degree_of,
     merged_powers,
+    monomials,
     shortened,
 )
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
@@ -83,6 +84,8 @@ class _Reader:
         bracket = self.bracket(variables, given, formulas, values)
         driven, numbers = formulas.in_time(TIME), Symbols(parameters=self.parameters, indices=self.sizes)
         world = Symbolics(bracket, symbols, values, driven.time)
+        functions, searched = self.casimirs(world, formulas)
+        world = world._replace(casimirs=tuple(function.expression for function in functions))
         constants = Constants()
         flows = self.flows(world, driven, constants)
         noises = [self.flow(noise, world, driven, keys) for keys, _, noise in self.expressions("noises", driven)]
@@ -90,7 +93,6 @@ class _Reader:
             raise DefinitionError(f"has {len(noises)} noises; there may be {MOST}", "noises")
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
-        functions, searched = self.casimirs(world, formulas)
         squares = sympy.Add(*(y**2 for y in symbols))  # first, as schemes that renormalise take the first
         casimirs = tuple(sorted(functions, key=lambda c: c.expression != squares))
         inner = self.data.get("inner", "")
@@ -287,7 +289,7 @@ class _Reader:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = by_affine_field(function, world)
+        term = by_quadratics(function, world)
         return Flow((term,)) if term else without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
@@ -346,11 +348,7 @@ def polynomial(value: Any, formulas: Symbols) -> Polynomial:
     expanded = sympy.expand(value)
     if not expanded.is_polynomial(*symbols):
         raise NumberError("a bracket must be a polynomial in the variables")
-    factors: Polynomial = {}
-    for powers, c in sympy.Poly(expanded, *symbols).terms():
-        if c != 0:
-            factors[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
-    return factors
+    return monomials(expanded, symbols)
 
 
 def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[Any, Any]) -> None:

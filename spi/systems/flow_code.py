@@ -15,7 +15,6 @@ import sympy
 
 from .brackets import NOTHING, Bracket, Field, is_curved, summed
 from .code import Formula, Numbers, as_tuple, case, forms, words_in, written_sum
-from .driving import split_in_time
 from .spectrum import Block, Space, blocks
 from .splitting import Flow, Series, constant_rates, form_text, reduced, series
 from .symbolics import Symbolics
@@ -382,7 +381,7 @@ class Generator(NamedTuple):
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
-    """The generators of the linear functions that a flow depends on, by their pivots, or of its own affine field."""
+    """The generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
     bracket = world.bracket
     generators = []
     key: tuple[Any, ...]
@@ -390,15 +389,13 @@ def generators(flow: Flow, world: Symbolics) -> list[Generator]:
         if field := bracket.field(f):
             key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
             text = form_text(f, bracket.coordinates)
-            slope = world.derivative(flow.expression, pivot)
+            slope = world.by_coordinate(flow.slope(world.variables[pivot]), pivot)
             generators.append(Generator(field, slope, key, tuple(f), text))
-    for term in flow.terms:
-        if term.field:
-            key = ("field", *((place, mpmath.nstr(c, 40)) for place, c in term.field.items()))
-            rate, _ = split_in_time(term.expression, world.time)
-            generators.append(
-                Generator(term.field, rate, key, world.used(term.expression), world.name(term.expression))
-            )
+    quadratic = [(term, symbol, u) for term in flow.terms for symbol, u in term.inner.items() if u.field]
+    for term, symbol, u in quadratic:
+        key = ("field", u.factor, *((place, mpmath.nstr(c, 40)) for place, c in u.field.items()))
+        rate = u.factor * term.slope(symbol)
+        generators.append(Generator(u.field, rate, key, world.used(u.function), world.name(u.function)))
     return generators
 
 
@@ -660,7 +657,7 @@ def families(flows: Sequence[tuple[Flow, bool]], noises: Sequence[tuple[Flow, bo
 
 def _leader(first: Flow, second: Flow) -> Flow | None:
     """That of two flows on whose linear functions the other one depends as well; None if there is none."""
-    if any(term.field for flow in (first, second) for term in flow.terms):
+    if any(term.inner for flow in (first, second) for term in flow.terms):
         return None
     a, b = (flow.reduced()[0] for flow in (first, second))
     leader = first if len(a) >= len(b) else second

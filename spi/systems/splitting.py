@@ -1,16 +1,20 @@
 """The splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
 
 If {l_a, l_b} = 0 for all a, b, the flow of f(l_1, ..., l_r) keeps each l_a, so that its field is linear along the flow:
-y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.
+y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.  So it is with quadratic functions
+beside them whose fields are linear along the flow as well.
 """
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
+from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, Field, Monomial, is_curved, precise, summed
 from .driving import split_in_time
@@ -18,6 +22,7 @@ from .symbolics import (
     Symbolics,
     degree_of,
     merged_powers,
+    monomials,
     numeric,
     shortened,
 )
@@ -176,16 +181,36 @@ def _along(function: Series, rows: Mapping[int, Series]) -> Series:
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
 
 
+class Quadratic(NamedTuple):
+    """A quadratic function u that the flows of functions of it keep, in one of two ways.
+
+    Its field is a component that commutes with everything, or 1, times an affine field.  Or it is Q(s) + C with linear
+    functions s that it keeps, which commute, and a Casimir function C, so that its field is that of Q(s).
+    """
+
+    function: Any  #: u in the variables
+    terms: Series  #: the same as a polynomial
+    form: Any = sympy.S.Zero  #: Q(s) in the variables
+    factor: Any = sympy.S.One  #: the component
+    field: Field = MappingProxyType({})  #: the affine field; none that does not vanish where there is a form
+
+
 class Term(NamedTuple):
-    """A function of commuting linear functions, or one whose own field is affine."""
+    """A function of linear functions, and of quadratic ones, all of which commute."""
 
     expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    field: Mapping[
-        tuple[int, Monomial], mpmath.mpf
-    ] = {}  #: where that is affine, without a factor that depends on time alone
+    inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: the quadratic functions by their symbols
+    outer: Any = None  #: where there are some, the expression with these symbols
+
+    def slope(self, symbol: Any) -> Any:
+        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
+        outer = self.outer if self.inner else self.expression
+        inner = [sympy.diff(outer, s) * sympy.diff(u.form, symbol) for s, u in self.inner.items()]
+        total = sympy.Add(sympy.diff(outer, symbol), *inner)
+        return total.xreplace({s: u.function for s, u in self.inner.items()})
 
 
 class Constants:
@@ -216,6 +241,10 @@ class Flow(NamedTuple):
     @property
     def varying(self) -> bool:
         return any(term.varying for term in self.terms)
+
+    def slope(self, symbol: Any) -> Any:
+        """The derivative by a variable, Casimir functions being kept."""
+        return sympy.Add(*(term.slope(symbol) for term in self.terms))
 
     def reduced(self) -> Span:
         """All linear functions that the terms depend on, in reduced form, and their pivots."""
@@ -265,7 +294,7 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
         by_factor.setdefault(factor, []).append(rest)
     for factor, products in by_factor.items():
         for component in connected(map(world.used, products)):
-            inside = [t for t in terms if _is_square_within(t.expression, component, factor, world)]
+            inside = [t for t in terms if not t.inner and _is_square_within(t.expression, component, factor, world)]
             terms = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
             terms += _diagonalised(form, component, factor, world, constants)
@@ -276,20 +305,6 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
     return flows
 
 
-def by_affine_field(function: Any, world: Symbolics) -> Term | None:
-    """The term of a function whose field is affine, as that of q*p is where {q, p} is a number."""
-    field: dict[tuple[int, Monomial], mpmath.mpf] = {}
-    for row, change in world.field(split_in_time(function, world.time)[1]).items():
-        change = sympy.expand(change.xreplace(dict(world.parameters)))
-        if world.bracket.logarithmic or not change.is_polynomial(*world.variables):
-            return None
-        for powers, c in sympy.Poly(change, *world.variables).terms():
-            if sum(powers) > 1 or c.free_symbols:
-                return None
-            field[row, tuple(n for n, power in enumerate(powers) if power)] = precise(c)
-    return Term(function, (), (), bool(world.bracket.formulas) or world.varies(function), field)
-
-
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
     """The stand-in for the flow of a function that has none in closed form."""
     expression = merged_powers(expression)
@@ -297,11 +312,16 @@ def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
 
 
 def commute(terms: Sequence[Term], others: Sequence[Term], bracket: Bracket) -> bool:
-    """Whether all linear functions that some terms depend on commute with those of others."""
-    if any(term.field for term in (*terms, *others)):
-        return False
+    """Whether all linear and quadratic functions that some terms depend on commute with those of others."""
     first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
-    return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
+    if not all(bracket.commuting(f, g) for f, g in itertools.product(first, second)):
+        return False
+    mine, theirs = ([u for term in side for u in term.inner.values()] for side in (terms, others))
+    functions = [(u.terms, v) for u, v in itertools.product(mine, theirs)]
+    functions += [({((), (i,)): c for i, c in f.items()}, u) for f, u in itertools.product(first, theirs)]
+    functions += [({((), (i,)): c for i, c in f.items()}, u) for f, u in itertools.product(second, mine)]
+    with mpmath.workdps(DIGITS):
+        return not any(_along(function, _first([u.field])) for function, u in functions)
 
 
 def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
@@ -318,8 +338,11 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for _, flow in flows]
 
 
-def _terms(addends: Sequence[Any], world: Symbolics) -> Parts:
-    """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
+def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> Parts:
+    """The terms and products that a sum consists of; NoExactFlow if an addend is neither.
+
+    Addends of an expanded sum are no functions of quadratic functions: (q^2 + p^2)^2 as a whole is better.
+    """
     terms: list[Term] = []
     crossing: list[Any] = []
     for addend in addends:
@@ -338,16 +361,20 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> Parts:
             terms, crossing = terms + more, crossing + cross
         elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
+        elif not are_expanded and (term := by_quadratics(addend, world)):
+            terms.append(term)
         else:
             raise reason
     return terms, crossing
 
 
 def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics) -> Parts:
-    """The terms of a sum that is written as a product: expanded, or else its parts as they are written."""
+    """The terms of a sum that is written as a product: expanded, or itself, or its parts as they are written."""
     try:
-        return _terms(expanded, world)
+        return _terms(expanded, world, are_expanded=True)
     except NoExactFlow:
+        if term := by_quadratics(addend, world):
+            return [term], []
         if parts := _written_parts(addend, world):
             return _terms(parts, world)
         raise
@@ -411,3 +438,132 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
             weight = constants.symbol(weights[n] * scale**2)
             terms.append(Term(factor * weight * line**2, (functional,), (pivot,), True))
     return terms
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Functions of quadratic functions.
+#
+# Where {u, f} = 0 for all the u and linear l that f = F(u_1, ..., l_1, ...) is a function of, the flow of f keeps them,
+# and its field is the sum of theirs with the numbers dF/du, dF/dl.
+# ---------------------------------------------------------------------------------------------------------------------
+
+_MOST_KEPT = 20  # linear functions s
+
+
+def by_quadratics(function: Any, world: Symbolics) -> Term | None:
+    """A function of quadratic functions and of linear ones as a term; None if it is no such function."""
+    factor, rest = split_in_time(function, world.time)
+    if world.time in rest.free_symbols or not all(map(world.bracket.is_affine, world.used(rest))):
+        return None
+    inner: dict[Any, Quadratic] = {}
+    with mpmath.workdps(DIGITS):
+        outer = _replaced(rest, world, inner)
+    if not inner:
+        return None
+    at = {symbol: u.form + sympy.sqrt(7 + 4 * n) for n, (symbol, u) in enumerate(inner.items())}
+    try:
+        functionals, pivots = functionals_of(outer.xreplace(at), world)
+    except NoExactFlow:
+        return None
+    varying = bool(world.bracket.formulas) or any(world.varies(u.function) for u in inner.values())
+    varying = varying or (any(len(f) > 1 for f in functionals) and world.varies(rest))
+    term = Term(function, functionals, pivots, varying, inner, factor * outer)
+    return term if commute([term], [term], world.bracket) else None
+
+
+def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
+    """An expression with symbols for the quadratic functions in it, which are added to `inner`."""
+    if (degree := _degree(e, world)) <= 2:
+        return e if degree < 2 else _of_degree_two(e, world, inner)
+    parts = list(e.args)
+    if e.is_Add:
+        low = [part for part in parts if _degree(part, world) <= 2]
+        parts = [sympy.Add(*low), *(part for part in parts if part not in low)]
+    powers = [part.as_base_exp() for part in parts] if e.is_Mul else []
+    for n in dict.fromkeys(n for _, n in powers):  # q^3 p^3 is (q p)^3
+        pair = [base for base, m in powers if m == n and _degree(base, world) == 1]
+        if len(pair) == 2:
+            parts = [part for part in parts if part not in [base**n for base in pair]]
+            parts.append(sympy.Pow(sympy.Mul(*pair), n, evaluate=False))
+    return e.func(*(_replaced(part, world, inner) for part in parts))
+
+
+def _degree(e: Any, world: Symbolics) -> Any:
+    """The degree of a polynomial; infinity for another function."""
+    return sympy.Poly(e, *world.variables).total_degree() if e.is_polynomial(*world.variables) else sympy.oo
+
+
+def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
+    """A polynomial of degree 2 with a symbol in its place, or symbols in place of parts that no bracket links."""
+    rest, symbols, bracket = sympy.expand(e), sympy.S.Zero, world.bracket
+    squares = [piece for piece in sympy.Add.make_args(rest) if _degree(piece, world) == 2]
+    used = {*world.used(sympy.Add(*squares))}
+    groups = connected([*map(world.used, squares), *(pair for pair in bracket.entries if used >= {*pair})])
+    for group in ({*range(bracket.dimension)}, *groups):
+        inside = [p for p in sympy.Add.make_args(rest) if world.used(p) and group >= {*world.used(p)}]
+        whole, form = sympy.Add(*inside), sympy.Add(*(piece for piece in inside if piece in squares))
+        with contextlib.suppress(NoExactFlow):
+            single(form, world)
+            continue  # a function of linear functions that commute
+        if u := _by_affine_field(whole, world) or _by_affine_field(form, world) or _by_kept(form, world):
+            rest -= u.function
+            if symbols == 0 and not world.used(rest):
+                u, rest = u._replace(function=e), sympy.S.Zero  # as it is written, where less cancels
+            symbol = next((s for s, other in inner.items() if other.function == u.function), None)
+            symbol = symbol or sympy.Symbol(f"ζ{len(inner) + 1}", real=True)
+            inner[symbol], symbols = u, symbols + symbol
+    return e if symbols == 0 else rest + symbols
+
+
+def _quadratic(u: Any, world: Symbolics, **more: Any) -> Quadratic:
+    """The function with its polynomial and what else is known of it."""
+    numbers = monomials(u.xreplace(dict(world.parameters)), world.variables)
+    return Quadratic(u, {((), monomial): precise(c) for monomial, c in numbers.items()}, **more)
+
+
+def _rates(u: Any, world: Symbolics) -> dict[int, Any]:
+    """{w_i, u} by coordinate, at the values of the parameters."""
+    rates = world.rates({i: sympy.diff(u, world.variables[i]) for i in world.used(u)})
+    return {i: rate.xreplace(dict(world.parameters)) for i, rate in rates.items()}
+
+
+def _by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
+    """The function with its affine field and the factor of that, if it has one."""
+    linked, rates = {i for pair in world.bracket.entries for i in pair}, _rates(u, world)
+    for factor in (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked)):
+        changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
+        if all(_degree(change, world) < 2 for change in changes.values()):
+            terms = ((row, monomials(change, world.variables)) for row, change in changes.items())
+            field = summed(((row, monomial), precise(c)) for row, of in terms for monomial, c in of.items())
+            return _quadratic(u, world, factor=factor, field=field)
+    return None
+
+
+def _by_kept(u: Any, world: Symbolics) -> Quadratic | None:
+    """The function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
+    bracket, variables, rates = world.bracket, world.variables, _rates(u, world)
+    linked = connected({*pair}.union(*entry) for pair, entry in bracket.entries.items())
+    within = set().union(*(part for part in linked if part & {*world.used(u)})) - bracket.logarithmic
+    casimirs = [c for c in world.casimirs if _degree(c, world) == 2 and within >= {*world.used(c)}]
+    try:
+        rows = _relations([sympy.expand(rates.get(i, 0)) for i in sorted(within)], variables)
+        linear = [sympy.Add(*(c * variables[i] for c, i in zip(row, sorted(within), strict=True))) for row in rows]
+        factors = itertools.combinations_with_replacement([sympy.S.One, *linear], 2)
+        products = [sympy.expand(a * b) for a, b in factors] if len(linear) <= _MOST_KEPT else []
+        rows = _relations([*casimirs, *products, u], variables)
+    except sympy.CoercionFailed:
+        return None
+    for row in rows:
+        if row[-1] != 0:
+            form = sympy.Add(*(c * p / -row[-1] for c, p in zip(row[len(casimirs) :], products, strict=False)))
+            return _quadratic(u, world, form=form)
+    return None
+
+
+def _relations(polynomials: Sequence[Any], variables: Sequence[Any]) -> list[list[Any]]:
+    """A basis of the exact numbers with which some polynomials add up to 0."""
+    columns = [monomials(polynomial, variables) for polynomial in polynomials]
+    present = {monomial for column in columns for monomial in column}
+    rows = [[sympy.QQ.from_sympy(column.get(m, sympy.S.Zero)) for column in columns] for m in sorted(present)]
+    basis = DomainMatrix(rows, (len(rows), len(columns)), sympy.QQ).nullspace().to_Matrix()
+    return [list(basis.row(r)) for r in range(basis.rows)]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, added
+from .brackets import DIGITS, NOTHING, Bracket, Polynomial, added
 
 
 class Symbolics(NamedTuple):
@@ -17,6 +17,7 @@ class Symbolics(NamedTuple):
     variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
     parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
     time: Any = None  #: the symbol of time, None where a parameter or variable has the name t
+    casimirs: Sequence[Any] = ()  #: the known Casimir functions
 
     def used(self, expression: Any) -> tuple[int, ...]:
         """The components that occur in an expression."""
@@ -44,8 +45,11 @@ class Symbolics(NamedTuple):
 
     def derivative(self, function: Any, i: int) -> Any:
         """The derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
-        slope = sympy.diff(function, self.variables[i])
-        return sympy.Add(*(self.factor(i) * term for term in sympy.Add.make_args(slope)))
+        return self.by_coordinate(sympy.diff(function, self.variables[i]), i)
+
+    def by_coordinate(self, derivative: Any, i: int) -> Any:
+        """The same from that by y_i."""
+        return sympy.Add(*(self.factor(i) * term for term in sympy.Add.make_args(derivative)))
 
     def factor(self, i: int) -> Any:
         """The derivative of y_i by its coordinate w_i."""
@@ -139,6 +143,12 @@ def degree_of(value: Any, world: Symbolics) -> int | None:
     if not value.is_polynomial(*world.variables):
         return None
     return sympy.Poly(value, *world.variables).homogeneous_order()
+
+
+def monomials(polynomial: Any, variables: Sequence[Any]) -> Polynomial:
+    """The factors of the monomials of a polynomial, those that are not 0."""
+    terms = sympy.Poly(polynomial, *variables).terms()
+    return {tuple(n for n, power in enumerate(powers) for _ in range(power)): c for powers, c in terms if c != 0}
 
 
 def merged_powers(function: Any) -> Any:

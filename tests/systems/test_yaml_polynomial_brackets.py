@@ -36,21 +36,22 @@ CASES = {
             "q^2 + 2*P",
             "(q + 2*p)^3",
             "exp(p + Q/3)*Q",
-            "q*p",
-            "(q - Q)^2 + (p - P - 2)^2",
+            "(q^2 + p^2)^2",
+            "cos(q*p)",
+            "log((q - Q)^2 + (p - P - 2)^2)",
         ],
         [],
     ),
     "two constants and a rotation": (  # e(2) and a charge: {g, h} is the same everywhere
         "L, g, h",
         "{L g: -h, L h: g, g h: 1/2}",
-        ["L^2", "g^2/2", "sin(2*h)", "(g + h)^2"],
+        ["L^2", "g^2/2", "sin(2*h)", "(g + h)^2", "(g^2 + h^2)^2"],
         ["L - g^2 - h^2"],
     ),
     "a uniform magnetic field": (
         "x, y, u, v",
         "{x u: 1, y v: 1, u v: 3}",
-        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3", "u^2 + v^2"],
+        ["u^2/2", "v^4", "cos(x)*y^2", "(u - 3*y)^2", "u*y^3", "u^2 + v^2", "sqrt(2 + u^2 + v^2)"],
         [],
     ),
     "Lotka-Volterra of three": (
@@ -74,7 +75,7 @@ CASES = {
     "log-canonical and canonical": (
         "x, y, q, p",
         "{x y: x*y, q p: 1, x q: 2*x}",
-        ["x*y", "x^2", "q^2 + log(y)", "cos(p)", "y^2*p", "q^3*y", "log(x) - 2*p + log(y)"],
+        ["x*y", "x^2", "q^2 + log(y)", "cos(p)", "y^2*p", "q^3*y", "log(x) - 2*p + log(y)", "q^2 + p^2"],
         [],
     ),
     "a magnetic field in the plane": (
