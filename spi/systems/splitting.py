@@ -475,6 +475,8 @@ def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
     """An expression with symbols for the quadratic functions in it, which are added to `inner`."""
     if (degree := _degree(e, world)) <= 2:
         return e if degree < 2 else _of_degree_two(e, world, inner)
+    if e.is_Add and degree < sympy.oo and len(e.args) <= _LONGEST:
+        e = e if (factors := sympy.factor(e)).is_Add else factors
     parts = list(e.args)
     if e.is_Add:
         low = [part for part in parts if _degree(part, world) <= 2]
