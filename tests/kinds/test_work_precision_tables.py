@@ -79,7 +79,7 @@ def test_answers_at_the_largest_step():
     text = printed(Results({"kind": "work_precision"}, tuple(groups)))
     (found,) = answers(text)
     assert found["10"].split() == ["10", "splitting", "2^-3", "≤", "68.0", "ns", "1", "(7.2)", "(1.65)"]
-    assert found["1.9e-1"].split() == ["1.9e-1", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
+    assert found["0.19"].split() == ["0.19", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
     assert (
         "≤: the largest step" in text and "( ): so it is for both" in text and "tie:" not in text and "\n-:" not in text
     )
