@@ -120,8 +120,8 @@ def numbers(known):
 
 def _of_a_path_set(told):
     """What is known of a path set, by the place of its nodes, which may stand in any order."""
-    nodes = {f"node {height} {number}": sums for height, number, sums, _ in told["nodes"]}
-    short = {f"short {index}": sums for index, sums, _ in told["short"]}
+    nodes = {f"node {height} {number}": sums for height, number, sums in told["nodes"]}
+    short = {f"short {index}": sums for index, sums in told["short"]}
     return nodes | short | {f"digest {index} {paths}": text for index, paths, text in told["digests"]}
 
 

@@ -90,6 +90,7 @@ class Part(NamedTuple):
 PARTS = {
     "figure_paper": Part("rigid_body_strong", style="paper"),
     "energy_decay": Part("energy_decay", panels=("hamiltonian", "spectrum")),
+    "shear_layer": Part("shear_layer", panels=("vorticity",)),
     "equilibrium_means": Part("rigid_body_equilibrium", panels=("means",)),
     "equilibrium_laws": Part("rigid_body_equilibrium", panels=("histogram", "heat", "acceptance")),
     "statistics_mean": Part("rigid_body_statistics", panels=("mean",)),

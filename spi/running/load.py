@@ -149,7 +149,7 @@ def stored_spec(path: str | Path) -> StoredSpec:
         if Path(name).name != name or not name.isprintable() or name.startswith(".") or not name:
             name = Path(path).stem  # since it becomes the name of a file
         options = stored["profile"], tuple(stored["overrides"])
-        return StoredSpec(name, *options, stored["spec"], tuple(files), str(stored.get("title", "")))
+        return StoredSpec(name, *options, str(stored["spec"]), tuple(files), str(stored.get("title", "")))
     except (KeyError, TypeError, ValueError, AttributeError):
         raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
 

@@ -32,6 +32,7 @@ from ..ensemble.protocol import (
 )
 from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
+from .large import judged_step_of_large, judged_work, size_or
 from .splitting import sweep
 from .stages import Drift, Noise
 from .sweeps import angle_in_rows, friction_in_rows, lanes_of, places, report_judged, turn_rows
@@ -176,7 +177,7 @@ class Metropolis(NamedTuple):
         return LANES  # 0.0 where the drift goes forwards, 1.0 where it goes backwards
 
     def work_size(scheme, model):
-        return (3 + dimension(model)) * LANES
+        return size_or((3 + dimension(model)) * LANES, model) + judged_work(model)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         backwards = y[dimension(model) * LANES :]
@@ -196,3 +197,6 @@ class Metropolis(NamedTuple):
         for lane in range(LANES):
             backwards[lane] = abs(backwards[lane] - times[lane])
         report_judged(report, len(channels(model)) * LANES, noise, LANES, drift)
+
+    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+        judged_step_of_large(model, paths, h, dW, coins[LANES:], y, work, report)

@@ -12,6 +12,7 @@ path has a state of its own, ``initial: {law: gaussian, ...}``: see the laws bel
 
 import functools
 import hashlib
+import math
 import re
 from collections.abc import Callable
 from functools import lru_cache
@@ -47,6 +48,7 @@ _TRIALS = 2**16  # states by which it is estimated
 #: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
 _MOST_NUMBERS = 2**20
 _POINTS = "give states of your own by law: points, from a CSV file or an .npz of numpy.savez"
+_MATRIX = tuple[tuple[float, ...], ...]
 
 _Through = key_of(State, "a state on the Casimir surface")
 
@@ -99,22 +101,41 @@ class OfGauss(Keys):
 
     law: Literal["gaussian"]
     mean: key_of(State, "the mean, a number per component")
-    sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each")
+    sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each") = ABSENT
+    covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
+
+    @condition
+    def _check_one(self) -> None:
+        given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
+        if len(given) != 1:
+            raise wrong(f"has {' and '.join(given) or 'no width'}", "must have one of sd, covariance")
 
     def state(self, model: Any, files: Files) -> RandomState:
         """The state that is a standard deviation from the mean in each component, and the law."""
         if populations(model):
             raise wrong("is 'gaussian', whose states may be negative", "use points, all of them positive", "law")
         _check_length(self.mean, model, "mean")
-        d = len(self.mean)
-        sd = self.sd if isinstance(self.sd, tuple) else (self.sd,) * d
-        if len(sd) != d:
-            raise wrong(f"has {entries_in(len(sd))}", f"must be one number or have {d}, as mean", "sd")
+        rows = self._factor()
         surface = _surface(model, self.mean, "project") if self.project else None
-        law = Gaussian(self.mean, tuple((i, i, c) for i, c in enumerate(sd) if c), surface)
-        away = np.array(self.mean) + np.array(sd)
+        factor = tuple((i, j, c) for i, row in enumerate(rows) for j, c in enumerate(row) if c)
+        law = Gaussian(self.mean, factor, surface)
+        away = np.array(self.mean) + np.sqrt((np.array(rows) ** 2).sum(axis=1))
         return RandomState(surface.typical if surface else tuple(away.tolist()), law, self.model_dump())
+
+    def _factor(self) -> list[list[float]]:
+        """L of the covariance matrix L L^T."""
+        d = len(self.mean)
+        if self.covariance is None:
+            each = self.sd if isinstance(self.sd, tuple) else (self.sd,) * d
+            if len(each) != d:
+                raise wrong(f"has {entries_in(len(each))}", f"must be one number or have {d}, as mean", "sd")
+            return np.diag(each).tolist()
+        matrix = self.covariance
+        if len(matrix) != d or any(len(row) != d for row in matrix):
+            right = f"must have {d} rows of {d} numbers, as mean has"
+            raise wrong(f"has {len(matrix)} rows, the first of {len(matrix[0]) if matrix else 0}", right, "covariance")
+        return _cholesky(matrix)
 
 
 class OfPoints(Keys):
@@ -191,6 +212,28 @@ def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     if not any(surface.lengths):
         raise wrong("is 0, a surface of one state", "give another state", key if key != "project" else "mean")
     return surface
+
+
+def _cholesky(matrix: _MATRIX) -> list[list[float]]:
+    """L, lower triangular, with L L^T = matrix, which may be singular; the error about another matrix.
+
+    numpy.linalg refuses singular matrices, and its last bits depend on the machine.
+    """
+    a = np.array(matrix)
+    size = np.abs(a).max()
+    if not np.allclose(a, a.T, rtol=1e-12, atol=0.0):
+        raise wrong("is not symmetric", "must be", "covariance")
+    factor = np.zeros_like(a)
+    for j in range(len(a)):
+        left = a[j:, j].copy()
+        for k in range(j):
+            left -= factor[j:, k] * factor[j, k]
+        if left[0] > 1e-14 * size:
+            factor[j, j] = math.sqrt(left[0])
+            factor[j + 1 :, j] = left[1:] / factor[j, j]
+        elif np.abs(left).max() > 1e-12 * size:
+            raise wrong("is no covariance matrix", "must have no negative eigenvalue", "covariance")
+    return factor.tolist()
 
 
 # ---------------------------------------------------------------------------------------------------------------------

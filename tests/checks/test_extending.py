@@ -8,7 +8,6 @@ from pathlib import Path
 import extending
 import numpy as np
 import pytest
-import test_model_fields
 import test_models
 from extending import Oscillator
 from helpers import LANES, RIGID_BODY, composed, final_states, loop_in_python, random_states, take_step
@@ -39,14 +38,14 @@ def case():
 # All of them, as if they stood here.
 GENERIC = {
     name: check
-    for name, check in [*vars(test_models).items(), *vars(test_model_fields).items()]
+    for name, check in vars(test_models).items()
     if name.startswith("test_") and "case" in inspect.signature(check).parameters
 }
 globals().update(GENERIC)
 
 
 def test_there_are_generic_checks():
-    assert len(GENERIC) == 13
+    assert len(GENERIC) == 5
 
 
 def test_the_system_integrates():

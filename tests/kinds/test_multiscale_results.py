@@ -91,7 +91,9 @@ def test_weak_errors_of_the_comparators_against_the_ap_scheme(tmp_path):
 def test_trajectories_for_several_eps(tmp_path):
     step = "1/93" if COMPILED else "1/31"
     experiment = load(
-        EXPERIMENTS / "rigid_body_ap_trajectories.yaml", "quick", ["eps=[0.1, 0, 1e-3]", f"step={step}", "path=70"]
+        EXPERIMENTS / "rigid_body_ap_trajectories.yaml",
+        "quick",
+        ["eps=[0.1, 0, 1e-3]", f"step={step}", "final_time=1", "path=70"],
     )
     found = {scheme: group for (_, scheme), group in groups_of(experiment, tmp_path).items()}
     assert list(found) == ["ap_splitting_eps_0.1", "ap_splitting_eps_0", "ap_splitting_eps_0.001", "splitting"]

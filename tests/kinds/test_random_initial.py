@@ -99,9 +99,10 @@ def test_levels_have_states_of_their_own(plan_of):
 @pytest.mark.slow
 @compiled_only
 def test_a_linear_system_against_its_mean(tmp_path):
-    """A body with y_3 = 1 turns by W(t): E y_1 and E y_1^2 follow from means and variances of the first states."""
+    """A body with y_3 = 1 turns by W(t): E y_1 and E y_1^2 follow from mean and covariance of the first states."""
     body = {"name": "rigid_body", "inertia": [1e12] * 3, "noise_inertia": [1, 1, 1], "sigma": [0, 0, 1]}
-    law = {"law": "gaussian", "mean": [0.5, 1, 1], "sd": [0.2, 0.3, 0]}
+    covariance = [[0.04, 0.03, 0], [0.03, 0.09, 0], [0, 0, 0]]
+    law = {"law": "gaussian", "mean": [0.5, 1, 1], "covariance": covariance}
     found = spi.expectations(
         body, "splitting", {"y1": "y1", "square": "y1^2"}, initial=law, final_time=1, steps=0.25, samples=40000
     )

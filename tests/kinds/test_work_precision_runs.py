@@ -1,8 +1,5 @@
 """The study of work and precision stopped and resumed, from a spec to a file, and its specs."""
 
-import copy
-import functools
-
 import numpy as np
 import pytest
 import work_study_cases
@@ -11,7 +8,6 @@ from states import check_going_on, finished, same_numbers, taken
 from work_study_cases import STRONG, Clock, group_of, same
 
 from spi import storage
-from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.running import run as runner
 
@@ -56,15 +52,6 @@ def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, 
     assert type(again.total()) is type(last.total())
     assert same_numbers(again, last) and np.array_equal(again.extra.times, last.extra.times)
     assert again.seconds == last.seconds
-    first_squares = ("path_sets", 0, "short", 0, 1, "squares")
-    for record in (("extra", "times"), ("extra", "of_errors", "ns_per_step"), first_squares):
-        rest = copy.deepcopy(kept["main/splitting"])
-        within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
-        del within[record[-1]]
-        begun = State(plan)
-        with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
-            begun.merge(rest)
-        assert begun.so_far().paths == 0 and (record[0] == "path_sets" or np.isnan(begun.extra.times).all())
 
 
 def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):

@@ -62,12 +62,12 @@ def test_printed_table():
 
 def test_printed_answers():
     strong, _, weak = answers(printed(work_results()))
-    assert list(strong) == ["1e-1", "1e-2", "1e-3"] and list(weak) == ["1e-2", "1e-4", "1e-6"]
-    assert strong["1e-1"].split()[1:5] == ["splitting", "2^-4.9", "265", "ns"]
-    assert strong["1e-1"].split()[5:] == ["1.83", "2.9", "1", "tie", "1.04", "1.37"]
-    assert strong["1e-2"].split()[1:] == ["midpoint", "2^-10.3", "76.5", "µs", "-", "1", "-", "-", "-"]
-    assert strong["1e-3"].split()[1:] == ["none", *"-----"]
-    assert weak["1e-2"].split()[5:] == ["1.76", "≤", "4.8", "1", "1.26", "≤", "1.10"]
+    assert list(strong) == ["0.1", "0.01", "0.001"] and list(weak) == ["0.01", "1e-4", "1e-6"]
+    assert strong["0.1"].split()[1:5] == ["splitting", "2^-4.9", "265", "ns"]
+    assert strong["0.1"].split()[5:] == ["1.83", "2.9", "1", "tie", "1.04", "1.37"]
+    assert strong["0.01"].split()[1:] == ["midpoint", "2^-10.3", "76.5", "µs", "-", "1", "-", "-", "-"]
+    assert strong["0.001"].split()[1:] == ["none", *"-----"]
+    assert weak["0.01"].split()[5:] == ["1.76", "≤", "4.8", "1", "1.26", "≤", "1.10"]
     assert weak["1e-6"].split()[1:] == ["splitting,", "weak", "order", "2", "2^-7.9", "3.43", "µs", *"----", "1"]
 
 
@@ -78,8 +78,8 @@ def test_answers_at_the_largest_step():
         group.attributes["targets"] = (10.0, 0.19)
     text = printed(Results({"kind": "work_precision"}, tuple(groups)))
     (found,) = answers(text)
-    assert found["1e1"].split() == ["1e1", "splitting", "2^-3", "≤", "68.0", "ns", "1", "(7.2)", "(1.65)"]
-    assert found["1.9e-1"].split() == ["1.9e-1", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
+    assert found["10"].split() == ["10", "splitting", "2^-3", "≤", "68.0", "ns", "1", "(7.2)", "(1.65)"]
+    assert found["0.19"].split() == ["0.19", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
     assert (
         "≤: the largest step" in text and "( ): so it is for both" in text and "tie:" not in text and "\n-:" not in text
     )
@@ -96,7 +96,7 @@ def test_bounds_are_not_widened(exact, told):
         group.variables.update((name, (("h",), value)) for name, value in values.items())
         group.attributes.update(targets=(1e-3,))
     (found,) = answers(printed(Results({"kind": "work_precision"}, tuple(groups))))
-    assert found["1e-3"].split("1  ")[-1].strip() == told
+    assert found["0.001"].split("1  ")[-1].strip() == told
 
 
 def test_a_note_stands_under_its_scheme():

@@ -15,12 +15,18 @@ from spi.ensemble.protocol import (
     large,
     noise_angle,
     noise_flow,
+    noise_gradient,
+    noise_hessian,
     noise_indices,
+    noise_structure,
+    noise_structure_derivative,
     noises,
     pieces,
     strengths,
+    structure,
+    structure_derivative,
 )
-from spi.models import MODELS, LotkaVolterra, RigidBody, RigidBodySharedNoise
+from spi.models import MODELS, LotkaVolterra, RigidBody, RigidBodySharedNoise, SineEuler
 from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 
 # fixtures
@@ -128,3 +134,20 @@ def test_field_of_a_step_and_its_derivative(case):
     gradient = fields.step_gradient(model, h, dW, lane, y)
     changed = derivative(lambda s: fields.step_field(model, h, dW, lane, along(y, v)(s)))
     assert close(fields.step_field_derivative(model, h, dW, lane, y, gradient, v), changed, 1e-11)
+
+
+def test_structure_for_gradients_of_noise(case):
+    """B(y) v may leave out only what vanishes for every v that is 0 where grad Ĥ_k is 0 wherever it is taken."""
+    model, y = case
+    generator, somewhere = np.random.default_rng(13), [tuple(np.abs(v)) for v in vectors(model, 5, seed=12)]
+    (u,) = vectors(model, 1)
+    for k in range(noises(model)):
+        gradients = np.array([noise_gradient(model, k, z) for z in somewhere])
+        assert gradients.any()
+        v = tuple((generator.standard_normal(dimension(model)) * gradients.any(axis=0)).tolist())
+        assert close(noise_structure(model, k, y, v), structure(model, y, v), 1e-15)
+        assert close(noise_structure_derivative(model, k, y, u, v), structure_derivative(model, y, u, v), 1e-15)
+        for z in somewhere:  # and grad Ĥ_k is among these v, as is its derivative
+            assert np.array_equal(np.array(noise_hessian(model, k, z, u)) * ~gradients.any(axis=0), np.zeros(len(y)))
+    if isinstance(model, SineEuler):  # negative control: for other v it is something else
+        assert not close(noise_structure(model, 0, y, u), structure(model, y, u), 1e-2)

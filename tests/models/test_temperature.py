@@ -277,6 +277,37 @@ def test_metropolis_has_the_same_bits_however_its_paths_are_computed(load_text):
     assert not (forgetful == rest).all()
 
 
+@pytest.mark.slow
+@compiled_only
+def test_the_bias_of_the_symmetric_scheme_has_order_two(load_text):
+    (plan,) = plans(load_text(STATISTICS, "schemes=[splitting_symmetric]"))
+    exact, bias = exact_means(0.25), []
+    for h in (1.0, 0.5):
+        states, _ = integrated(plan.scheme, plan.model, plan.initial, grid(h, 64), plan.stream, 0, 8192, 8192 * LANES)
+        y = states[:, 0].reshape(-1, 3, LANES)
+        energy = y[:, 0] ** 2 / 4 + y[:, 1] ** 2 / 2 + 0.75 * y[:, 2] ** 2
+        bias.append(energy.mean() - exact[0])
+    assert np.log2(bias[0] / bias[1]) == pytest.approx(2.0, abs=0.2)
+    assert bias[1] == pytest.approx(-0.0087, abs=0.0008)
+
+
+@pytest.mark.slow
+@compiled_only
+@pytest.mark.parametrize(("name", "order"), [("splitting_symmetric", 2.0), ("splitting", 1.0)])
+def test_weak_orders_at_a_finite_time(load_text, name, order):
+    """Of E H at t = 1, by differences between step sizes on the same noise, whose variance is small."""
+    (plan,) = plans(load_text(STATISTICS, f"schemes=[{name}]"))
+    steps = grid(0.125, 8, (2, 1, 0))
+    states, _ = integrated(plan.scheme, plan.model, plan.initial, steps, plan.stream, 0, 32768, 32768 * LANES)
+    y = states[:, :, : 3 * LANES].reshape(-1, 3, 3, LANES)
+    energy = y[:, :, 0] ** 2 / 4 + y[:, :, 1] ** 2 / 2 + 0.75 * y[:, :, 2] ** 2
+    differences = np.diff(energy, axis=1).transpose(1, 0, 2).reshape(2, -1)
+    coarse, fine = differences.mean(axis=1)
+    errors = differences.std(axis=1) / np.sqrt(differences.shape[1]) / abs(differences.mean(axis=1))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.1 + 4 * np.hypot(*errors) / np.log(2))
+    assert errors[1] < 0.1
+
+
 # --- specs -----------------------------------------------------------------------------------------------------------
 
 

@@ -82,6 +82,7 @@ def test_generic_twin_makes_the_same_step(scheme):
         assert np.allclose(twin, ours[:, lane], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_operations_counted_by_hand():
     """The rigid body with three noises, tiny angles; see spi/models/rigid_body.py.
 

@@ -44,13 +44,8 @@ def test_the_words_of_a_page(page):
 def test_words_to_avoid_are_noticed():
     text = "It tells so many.\n\n```sh\nspi run told\n```\n\n| beside |\n\n"
     text += "* `told` is code, [told](told.md) lies\n  beside. Fine it is."
-    assert [line.partition(" (")[0] for line in avoided(text)] == [
-        "'tells'",
-        "'so many'",
-        "'beside'",
-        "'told'",
-        "'lies'",
-    ]
+    found = ["tells", "so many", "beside", "told", "lies"]
+    assert [line.partition(" (")[0] for line in avoided(text)] == [f"'{word}'" for word in found]
     assert [*map(len, map(str.split, sentences(text)))] == [4, 6, 3]
     assert not [*avoided("The rule of Lie and Trotter goes on for 3 steps, so many that it ends.")]
 

@@ -27,6 +27,13 @@ def test_the_gallery_shows_every_experiment_by_topic():
     assert set(re.findall("^## (.*)$", text, re.MULTILINE)) == set(gallery.TOPICS)
 
 
+def test_the_page_of_the_paper_shows_its_figures_in_order():
+    text = DOCS.joinpath("paper.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^### Figure (\d+): .*?`spi\s+run\s+(\w+)`.*?\(gallery/(\w+)\.png\)", text, re.M | re.S)
+    of_paper = {keys["figure"]: name for name in shipped.names() if "figure" in (keys := keys_of(name))}
+    assert shown == [(str(number), of_paper[number], of_paper[number]) for number in range(1, 18)]
+
+
 def width(png):
     return struct.unpack(">I", png[16:20])[0]
 

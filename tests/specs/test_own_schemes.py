@@ -147,7 +147,7 @@ def test_files_with_an_order_that_is_no_number_are_shown(order, tmp_path):
     assert "measured; theory states none" in printed(results)
     storage.write(path := tmp_path / "s.h5", results)
     one = sections.section(path, storage.read(path), "e1")
-    assert one.headlines[0][1].startswith("Order: ") and one.orders
+    assert one.answers and one.orders
 
 
 @pytest.mark.slow

@@ -83,6 +83,6 @@ def limit_of_scheme(T, direct, ladder, limit, order):
     return abs(full), np.maximum(*doubts)
 
 
-def at_zero(h, values, order=1):
+def at_zero(h, values, order):
     """(F,) at h = 0 the combination of 1, h^order, h^(order + 1), ... through values (steps, F) at the steps h."""
     return np.linalg.solve(h[:, None] ** np.r_[0, order : order + len(h) - 1], values)[0]

@@ -22,7 +22,6 @@ from . import Demands, Expectations
 from .backward import numbers_of_steps, values_at
 from .harmonics import CLASSES, Harmonics, harmonics_up_to, seconds_to_make
 from .kinks import roughness, settling
-from .ladders import at_zero
 from .operators import Step, bounds, cheapest, factors, semigroup, term
 
 #: Degrees tried in turn.
@@ -207,11 +206,14 @@ def extrapolate(steps, weak_error):
     to be the change when the largest of the steps is left out; infinite for less than three steps.
     """
     h, at = np.unique(steps, return_index=True)
-    h, values = h[:7], weak_error[:, at[:7]].T
+    h, values = h[:7], weak_error[:, at[:7]]
     if len(h) < 3:
-        return np.zeros(len(weak_error)), np.full(len(weak_error), np.inf)
-    extrapolated = at_zero(h, values)
-    return extrapolated, abs(extrapolated - at_zero(h[:-1], values[:-1]))
+        return np.zeros(len(values)), np.full(len(values), np.inf)
+    limits = []
+    for n in (len(h), len(h) - 1):
+        weights = [np.prod([b / (b - a) for b in h[:n] if b != a]) for a in h[:n]]
+        limits.append(values[:, :n] @ np.array(weights))
+    return limits[0], abs(limits[0] - limits[1])
 
 
 def _all_over():

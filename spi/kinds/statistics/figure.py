@@ -101,11 +101,9 @@ PANELS: dict[str, Any] = {
         )
     ],
     "histogram": [
-        panels.HistogramPanel(
-            "histogram.density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_has_law
-        ),
+        panels.HistogramPanel("density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_has_law),
         panels.CurvePanel(
-            "passages.density",
+            "passage_density",
             "until_t",
             "function",
             label="density of the first time",
