@@ -42,17 +42,11 @@ def narrow(files, least):
     return [name for name, file in files.items() if width(file.read_bytes()) < least]
 
 
-#: Narrow pictures of earlier versions, which wait for results as they stand: `make gallery` draws them anew.
-WAITING = (
-    r"sine_euler_(5|work)_?\w*|spin_ring_\w+|toda_\w+|zeitlin_strong|(maxwell_bloch|rigid_body)_ap_weak|rigid_body_weak"
-)
-
-
 def test_pictures_are_wide_enough(tmp_path):
     files = {file.stem: file for file in (DOCS / "gallery").glob("*.png")}
     assert sorted(files) == shipped.names()  # and none of experiments that are gone
     small = narrow(files, 700) + narrow({name: files[name] for name in files if "figure" in keys_of(name)}, 900)
-    assert [name for name in small if not re.fullmatch(WAITING, name)] == []
+    assert small == []
     tmp_path.joinpath("a.png").write_bytes(files["toda_weak"].read_bytes()[:16] + struct.pack(">II", 699, 500))
     assert narrow({"a": tmp_path / "a.png"}, 700) == ["a"]
 
