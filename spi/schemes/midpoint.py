@@ -339,9 +339,7 @@ class InnerMidpoint(NamedTuple):
     most_simple: int = 30
     most_iterations: int = 20
 
-    def work_size(scheme, model):
-        d = dimension(model)
-        return LANES * (d + d * (d + 1) + 2)
+    work_size = Midpoint.work_size
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         d = dimension(model)

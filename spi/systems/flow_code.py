@@ -454,7 +454,7 @@ class Tables:
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
     def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
-        """The table of a flow, given its :func:`.motion_code.motions` with `count` parameters; () if it has none."""
+        """The table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()

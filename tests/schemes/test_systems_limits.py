@@ -130,7 +130,7 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
 
 
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
-def testexpected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
+def test_expected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
     """What results say that theory says; a noise that is off is None, as in specs."""
     case = strong_case(name, tuple(s or None for s in sigma), scheme, final_time)
     assert strong_order(SCHEMES[scheme], case.model, case.initial, case.noise) == order
