@@ -25,6 +25,7 @@ _WIDE = 5.0  # inches of a figure that has room for names of lines
 _NAMES = 1.6  # inches for the names of lines at their ends
 _AROUND = 0.8  # inches above and below the frame of a panel
 _MARGIN = 0.5  # inches to the left of a panel, for its vertical axis
+_WIDER = 0.6  # inches more, where the label of that axis has two lines
 _BESIDE = 0.45  # inches of a handle of the legend and the room around it
 
 Case = tuple[list[str], list[list[plots.Plot]]]  #: the heading of a case, and groups of panels
@@ -159,7 +160,9 @@ class _Titles:
         """Write the title of a panel, and break its label if it is too long; returns the number of lines above."""
         heading, own = self.headings.get(id(plot), []), plot.title.split("\n") if plot.title else []
         letter = f"({next(self.letters)})  " if self.letters else ""
-        above = _wrapped(heading, self.reach.get(id(plot), self.width) - _MARGIN)
+        label, room = ax.get_ylabel(), plot.aspect * self.width - _AROUND
+        is_long = style.inches(label, "axes.labelsize") > room
+        above = _wrapped(heading, self.reach.get(id(plot), self.width) - _MARGIN - _WIDER * is_long)
         under = _wrapped(own, self.width - _MARGIN) or [""]
         # empty lines make room for the heading, which may reach over other panels and so takes no part in the layout
         ax.set_title("\n" * len(above) + letter + "\n".join(under), loc="left", pad=6 if ax.axison else 15)
@@ -169,8 +172,7 @@ class _Titles:
         draw: Any = ax.text2D if ax.name == "3d" else ax.text  # type: ignore[attr-defined]
         if above:
             draw(0, 1, "\n".join(above), transform=place, va="bottom", fontsize=size, in_layout=False)
-        label, room = ax.get_ylabel(), plot.aspect * self.width - _AROUND
-        if style.inches(label, "axes.labelsize") > room:
+        if is_long:
             ax.set_ylabel(label.replace("  ", "\n"))
         return len(above) + len(under)
 

@@ -83,6 +83,21 @@ def test_a_title_without_room_beside_the_notes_at_lines_is_broken():
     assert text.get_text() == "(b)  splitting, weak order 2, $h=2^{-3}$: accuracy and\nerror"
 
 
+def test_a_heading_stays_within_the_figure_beside_a_label_of_two_lines():
+    """The label of the axis takes room from it, and the more the more lines it has."""
+    label = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$ in all norms"
+    heading = ["eight noises", r"$y_0=(0.0693,\,0.12,\,0.00892,\,-0.0153,\,\ldots,\,-0.193)$"]
+    case = (heading, [[plots.Plot([plots.series(H, H, LOOK, "a", note="1.03")], y=label, log=True)]])
+    with page.applied():
+        fig = layout.arranged("A", [case, case], [])
+        fitting.settle(fig)
+        fig.draw_without_rendering()
+        last = fig.axes[-1]
+        above = next(text for text in last.texts if "eight noises" in text.get_text())
+        assert "\n" in last.get_ylabel()
+        assert above.get_window_extent().x1 < fig.bbox.x1
+
+
 def test_as_many_panels_in_a_row_as_a_column_of_a_paper_has_room_for():
     with page.applied(page.named("paper", "one")):
         assert {ax.get_subplotspec().colspan.start for ax in arranged(3).axes} == {0}
