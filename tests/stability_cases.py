@@ -8,7 +8,7 @@ from states import finished
 
 from spi.kinds.stability import study as stability
 from spi.running.run import load
-from spi.storage.records import Part
+from spi.storage.stored import gathered
 
 RIGID = """\
 title: A title
@@ -45,22 +45,28 @@ EPS = (
 
 
 @pytest.fixture
-def case_of(tmp_path):
-    """The only case of a spec with overrides."""
+def cases_of(tmp_path):
+    """The cases of a spec with overrides, one for each value."""
 
-    def case(text, *overrides):
+    def cases(text, *overrides):
         path = tmp_path / "s.yaml"
         path.write_text(text, encoding="utf-8")
-        return load(path, overrides=overrides).cases[0]
+        return load(path, overrides=overrides).cases
 
-    return case
+    return cases
 
 
-def study(case, scheme, state=None):
+def plans_of(cases, scheme):
+    """The plans of a scheme, one for each value."""
+    return [stability.plan(case, part) for case in cases for part in stability.parts(case) if part.scheme == scheme]
+
+
+def study(cases, scheme, states=None):
     """(variables by name, group) of a whole study."""
-    plan = stability.plan(case, Part(scheme))
-    group = plan.results(finished(plan) if state is None else state).group()
-    assert group.coordinates["h"].tolist() == list(case.steps)
+    states = [finished(plan) for plan in plans_of(cases, scheme)] if states is None else states
+    (record,) = gathered(one for state in states for one in state.plan.all_results(state))
+    group = record.group()
+    assert group.coordinates["h"].tolist() == list(cases[0].steps)
     return {name: values for name, (_, values) in group.variables.items()}, group
 
 

@@ -26,7 +26,7 @@ from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
-from spi.storage.records import Group, Part
+from spi.storage.records import Part
 from spi.storage.stored import Description, Stored
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -106,10 +106,6 @@ class State:
     def seconds(self) -> float:
         """Wall-clock time spent so far."""
         return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
-
-    def groups(self) -> list[Group]:
-        """The results, of the final state."""
-        return [record.group() for record in self.plan.all_results(self)]
 
     def plain(self) -> dict[str, Any]:
         """The whole state as dicts, lists, arrays, numbers and texts, for a file."""
@@ -355,21 +351,17 @@ class Plan:
 
     @property
     def each(self) -> tuple[Self, ...]:
-        """The plans of all levels of extrapolation that use its paths, itself first."""
-        return tuple(replace(self, part=part) for part in self.part.each()) if self.part.also else (self,)
-
-    @property
-    def by_level(self) -> tuple[Self, ...]:
-        """The plans of :attr:`each`, that with the fewest levels first: the order of their results in a state."""
-        return tuple(sorted(self.each, key=lambda plan: plan.part.extrapolate))
+        """The plans of all levels of extrapolation that use its paths, fewest first, as their results in a state."""
+        parts = self.part.each()
+        return tuple(replace(self, part=part) for part in parts) if len(parts) > 1 else (self,)
 
     def own_among(self, counts: Callable[[Self], int]) -> slice:
-        """The slice of the entries of this level among those of :attr:`by_level`, of which each has `counts`."""
-        before = sum(counts(plan) for plan in self.by_level if plan.part.extrapolate < self.part.extrapolate)
+        """The slice of the entries of this level among those of :attr:`each`, which have `counts`."""
+        before = sum(counts(plan) for plan in self.each if plan.part.extrapolate < self.part.extrapolate)
         return slice(before, before + counts(self))
 
     def all_results(self, state: State) -> tuple[Stored, ...]:
-        """The results of all levels of extrapolation that use the paths, those of this plan first."""
+        """The results of all levels of extrapolation that use the paths."""
         return tuple(plan.results(state) for plan in self.each)
 
 

@@ -52,11 +52,11 @@ def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
 def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """The names and schemes of cases; where a parameter is swept, of the case in the spec, with how many values."""
     for case in cases:
-        if (sweep := case.sweep) is None or sweep.value is None:
+        if (sweep := case.sweep) is None:
             yield case.name, case.schemes
-        elif (sweep.value, sweep.second_value) == (sweep.values[0], next(iter(sweep.second_values), None)):
-            other = f" and {len(sweep.second_values)} of {sweep.second_word}" * bool(sweep.second_word)
-            yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}{other}", case.schemes
+        elif all(sweep.places[word] == values[0] for word, values in sweep.parameters.items()):
+            counts = " and ".join(f"{len(values)} of {word}" for word, values in sweep.parameters.items())
+            yield f"{sweep.case} with {counts.replace(' of', ' values of', 1)}", case.schemes
 
 
 def verified(check: Any) -> Iterator[str]:

@@ -19,7 +19,8 @@ from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..printing.text import short
 from ..specs.naming import results_in
-from ..storage.records import Group, Results
+from ..storage.records import Results
+from ..storage.stored import Stored, gathered
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
 from .finding import results_of
@@ -193,13 +194,14 @@ class Session(Checkpoint):
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         finalise(self.states, self.batch_done)
         replaced = storage.spec_and_sources(self.target)
-        groups: list[Group] = []
+        records: list[Stored] = []
         for number, state in enumerate(self.states):
             with state.working(partial(self.batch_done, number)):
-                groups += state.groups()
+                records += state.plan.all_results(state)
         try:
             own = {"parts": json.dumps(self.sizes), "machines": tuple(sorted(self.machines))}
-            results = Results(root_attributes(self.experiment) | own, tuple(groups), self.chunks())
+            groups = tuple(record.group() for record in gathered(records))
+            results = Results(root_attributes(self.experiment) | own, groups, self.chunks())
             # another run may have written there in the meantime
             storage.write(self.target, results, self.check_replaceable)
         except storage.StorageError:

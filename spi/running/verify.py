@@ -16,6 +16,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError
 from ..storage.records import Group, Results
+from ..storage.stored import gathered
 from ..storage.sums import SUFFIX
 from .checkpoint import digests_of, label_of
 from .load import load_stored, name_of, plans
@@ -161,7 +162,8 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
 
 def _differing(states: Sequence[State], results: Results, rounding: float, times: bool) -> list[str]:
     """The names of all that is otherwise in a file than the results of the same plans from states."""
-    return differing([group for state in states for group in state.groups()], results.groups, times, rounding)
+    records = gathered(record for state in states for record in state.plan.all_results(state))
+    return differing([record.group() for record in records], results.groups, times, rounding)
 
 
 def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]:

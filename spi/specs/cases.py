@@ -149,6 +149,7 @@ class BaseCase(Keys):
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -179,8 +180,7 @@ class BaseCase(Keys):
     @property
     def limiting(self) -> tuple[str, ...]:
         """The names that may limit a claim: h, eps where there is one, and swept parameters."""
-        swept = (self.sweep.word, self.sweep.second_word) if self.sweep else ()
-        return ("h", *["eps"] * (self.eps is not None), *filter(None, swept))
+        return ("h", *["eps"] * (self.eps is not None), *(self.sweep.parameters if self.sweep else ()))
 
     @property
     def owner(self) -> str:

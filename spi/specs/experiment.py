@@ -335,17 +335,13 @@ def _swept(
     data: dict[str, Any],
     layers: Sequence[Layer],
 ) -> list[BaseCase]:
-    """The cases that a swept parameter makes of one; of stability that one, with the others in it."""
+    """The cases that a swept parameter makes of one."""
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
-    required = case_class.model_fields["sweep"].is_required()
     try:
         keys = [key for key in case_class.swept_in if key in case_class.model_fields]
-        versions = sweep.versions(data, keys, files, most=1 if required else 2)
+        versions = sweep.versions(data, keys, files, most=case_class.most_swept)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
-    if required:
-        cases = [_valid(read, version, layers) for version in versions.values()]
-        return [cases[0].model_copy(update={"sweep": cases[0].sweep._replace(cases=tuple(cases))})]
     attempts = {at: attempt(read, version) for at, version in versions.items()}
     wrong = {at: mistakes for at, (_, mistakes) in attempts.items() if mistakes}
     for at, mistakes in wrong.items():

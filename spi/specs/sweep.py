@@ -9,13 +9,14 @@ or two of them, and results are maps over both:
     sweep: {sigma: 2^-4 .. 2^0, T: [0.1, 1, 10]}
 
 The parameter is a word in formulas of the case, or the name of one of its parameters: of the model, or a key with a
-number.  Reading makes a case of each value, but for stability, whose figure needs all of them at once.
+number.  Reading makes a case of each value.
 """
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import MinLen
@@ -42,26 +43,11 @@ _LISTS = {"steps": "which gives results at each of them", "schemes": "which give
 class Sweep(NamedTuple):
     """A sweep: its parameters, their values, and those of one of its cases."""
 
-    word: str
-    values: tuple[float, ...]
+    parameters: Mapping[str, tuple[float, ...]]  #: the values of each
     of: tuple[str, ...] = ()  #: the quantities that are shown; () for those that suit the kind
-    cases: tuple = ()  #: of stability, the case with each value in place of the parameter
     case: str = ""  #: the name, and
-    title: str = ""  #: the title, of the case that is swept, where this is the sweep of a case made of it
-    value: float | None = None  #: that of this case
-    second_word: str = ""  #: another parameter, if there are two
-    second_values: tuple[float, ...] = ()
-    second_value: float | None = None  #: that of this case
-
-    def effective(self) -> dict[str, Any]:
-        """All of it that decides results, as plain data."""
-        if not self.cases:
-            return {self.word: self.values}
-        return {
-            "word": self.word,
-            "values": self.values,
-            "points": [case.model_dump(include=set(POINT)) for case in self.cases],
-        }
+    title: str = ""  #: the title, of the case that is swept
+    places: Mapping[str, float] = MappingProxyType({})  #: the value of each parameter in this case
 
 
 def _range(value: Any) -> Any:
@@ -88,9 +74,7 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
             raise wrong("has a value twice", "remove one", word)
     if len(parameters) > 2:
         raise wrong(f"has {len(parameters)} parameters", _RIGHT)
-    (word, values), (second, others) = [*parameters.items(), ("", ()), ("", ())][:2]
-    shown = (of,) if isinstance(of, str) else tuple(of)
-    return Sweep(word, values, shown, second_word=second, second_values=others)
+    return Sweep(parameters, (of,) if isinstance(of, str) else tuple(of))
 
 
 #: The annotation of ``sweep``.
@@ -108,8 +92,7 @@ def check_shown(case: Any) -> None:
     for name in case.sweep.of:
         if name not in case.quantities:
             raise wrong(f"has '{name}'", suggestion(name, case.quantities), "sweep", "of")
-    sweep = case.sweep
-    for word, values in ((sweep.word, sweep.values), (sweep.second_word, sweep.second_values)):
+    for word, values in case.sweep.parameters.items():
         if len(values) == 1:
             right = "give several, or leave out the sweep and write the value where the parameter stands"
             raise wrong("has one value", right, "sweep", word)
@@ -171,14 +154,13 @@ def apart(cases: Sequence[Any]) -> list[Any]:
     first, separate = cases[0], []
     sweep = first.sweep._replace(case=first.name, title=first.title)
     names, titles = ([], []) if first.name == "main" else ([first.name], [first.title])
-    values = product(sweep.values, sweep.second_values or [None])
-    for case, (value, second) in zip(cases, values, strict=True):
-        numbers = {sweep.word: value} | ({} if second is None else {sweep.second_word: second})
-        texts = {word: repr(number).removesuffix(".0") for word, number in numbers.items()}
+    for case, values in zip(cases, product(*sweep.parameters.values()), strict=True):
+        places = dict(zip(sweep.parameters, values, strict=True))
+        texts = {word: repr(number).removesuffix(".0") for word, number in places.items()}
         own = {
             "name": "_".join([*names, *(f"{word}={text}" for word, text in texts.items())]),
             "title": ", ".join([*titles, *(f"{word} = {text}" for word, text in texts.items())]),
-            "sweep": sweep._replace(value=value, second_value=second),
+            "sweep": sweep._replace(places=places),
         }
         separate.append(case.model_copy(update=own))
     return separate

@@ -28,12 +28,11 @@ class Part(NamedTuple):
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
-    also: tuple[int, ...] = ()  #: further levels, whose results come from the same paths
+    together: tuple[int, ...] = ()  #: all levels whose results come from the same paths, fewest first, if several do
 
     def each(self) -> tuple["Part", ...]:
-        """One part for each level of extrapolation, with the other levels as its `also`."""
-        levels = self.extrapolate, *self.also
-        return tuple(self._replace(extrapolate=n, also=tuple(k for k in levels if k != n)) for n in levels)
+        """One part for each level of extrapolation."""
+        return tuple(self._replace(extrapolate=n) for n in self.together) or (self,)
 
     @property
     def variant(self) -> str:

@@ -32,7 +32,7 @@ The file is long because declaring, storing, reading and estimating are one mech
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, dataclass, replace
 from dataclasses import field as dataclass_field
 from dataclasses import fields as dataclass_fields
 from types import UnionType
@@ -404,7 +404,7 @@ class Description(Described):
             areas=getattr(case, "areas", "exact"),
             driver=getattr(case, "driver", ""),
             initial_law=case.initial.text if random else None,
-            swept=None if sweep is None or sweep.value is None else _swept(sweep),
+            swept=None if sweep is None else _swept(sweep),
         )
 
     def attributes(self) -> dict[str, Any]:
@@ -424,11 +424,23 @@ class Description(Described):
         fields = _taken(cls, group, Meaning()) | {"estimator": group.estimator}
         return cls(case=group.case, variant=group.variant, **fields)
 
+    @classmethod
+    def common(cls, each: Sequence[Self]) -> Self:
+        """The description of a whole sweep, of those with each value."""
+        first, *others = each
+        names = [field.name for field in first.described]
+        differing = [name for name in names if any(getattr(other, name) != getattr(first, name) for other in others)]
+        alike = dict(item for item in first.parameters.items() if all(item in o.parameters.items() for o in others))
+        title = first.swept.title if first.swept else first.case_title
+        own = {"case": first.owner, "case_title": title, "swept": None, "parameters": alike}
+        return replace(first, **dict.fromkeys(differing) | own)
+
 
 def _swept(sweep: Any) -> Swept:
     """The record of the key ``sweep`` of a case that has one of its values."""
-    second = {"second_word": sweep.second_word, "second_value": sweep.second_value} if sweep.second_word else {}
-    return Swept(word=sweep.word, value=sweep.value, owner=sweep.case, title=sweep.title, of=sweep.of, **second)
+    (word, value), *others = sweep.places.items()
+    second = dict(zip(("second_word", "second_value"), others[0], strict=True)) if others else {}
+    return Swept(word=word, value=value, owner=sweep.case, title=sweep.title, of=sweep.of, **second)
 
 
 class Stored(Described):
@@ -436,6 +448,7 @@ class Stored(Described):
 
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
     measures: ClassVar[str] = ""  #: a sentence that defines them, with LaTeX between dollars
+    over_swept: ClassVar[str] = ""  #: the axis over which one record has the values of a swept parameter, if one does
     row_axes: ClassVar[tuple[str, ...]] = ()  #: the axes whose points are the rows of CSV and JSON
     row_columns: ClassVar[tuple[str, ...]] = ()  #: those that are spread over columns
     row_largest: ClassVar[tuple[str, ...]] = ()  #: those along which the largest value counts
@@ -567,6 +580,34 @@ def by_case(readings: Iterable[R]) -> list[list[R]]:
     for reading in readings:
         cases.setdefault(reading.about.case, []).append(reading)
     return list(cases.values())
+
+
+def gathered(records: Iterable[Stored]) -> list[Stored]:
+    """The records with one for all values of a swept parameter in place of each, where these are an axis of theirs."""
+    by_part: dict[tuple[str, str, str], list[Stored]] = {}
+    for one in records:
+        case = one.about.owner if one.over_swept else one.about.case
+        by_part.setdefault((case, one.about.variant, one.about.estimator), []).append(one)
+    return [_over_values(each) if each[0].over_swept else each[0] for each in by_part.values()]
+
+
+def _over_values(each: Sequence[Stored]) -> Stored:
+    """One record of those for each value."""
+    about, seconds = Description.common([one.about for one in each]), sum(one.wall_seconds for one in each)
+    return type(each[0])(**_stacked(each[0].over_swept, each) | {"about": about, "wall_seconds": seconds})
+
+
+def _stacked(axis: str, each: Sequence[Any], outer: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fields of records, those over the axis stacked; others are the same in all."""
+    fields = {}
+    for field in each[0].described:
+        values, axes = [getattr(one, field.name) for one in each], (*outer, *field.meaning.axes, field.meaning.name)
+        fields[field.name] = values[0]
+        if values[0] is not None and field.is_record:
+            fields[field.name] = field.type(**_stacked(axis, values, axes))
+        elif values[0] is not None and axis in axes:
+            fields[field.name] = np.stack(values)
+    return fields
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:

@@ -33,31 +33,32 @@ def test_one_set_of_paths_serves_all_levels_of_extrapolation():
     case = symmetric(*COARSE, "schemes=[splitting_symmetric, splitting]", "estimators=[plain, multilevel, kolmogorov]",
                      "extrapolate=[0, 2, 1]")  # fmt: skip
     assert weak.parts(case) == [
-        *(Part(SYMMETRIC, name, None, 0, (2, 1)) for name in case.estimators),
-        Part("splitting", "plain", None, 0, (2, 1)),
-        Part("splitting", "multilevel", None, 0),  # by differences
-        Part("splitting", "multilevel", None, 2, (1,)),
-        Part("splitting", "kolmogorov", None, 0, (2, 1)),
+        *(Part(SYMMETRIC, name, None, 0, (0, 1, 2)) for name in case.estimators),
+        Part("splitting", "plain", None, 0, (0, 1, 2)),
+        Part("splitting", "multilevel", None, 0, (0,)),  # by differences
+        Part("splitting", "multilevel", None, 1, (1, 2)),
+        Part("splitting", "kolmogorov", None, 0, (0, 1, 2)),
     ]
     one_function = {"functions": {"phi": "y1^2"}}
     found = work_precision.parts(case.model_copy(update=one_function))
-    assert [(part.estimator, part.extrapolate, part.also) for part in found] == [("plain", 0, (2, 1))] * 2
+    assert [(part.estimator, part.extrapolate, part.together) for part in found] == [("plain", 0, (0, 1, 2))] * 2
     found = work_precision.parts(case.model_copy(update=one_function | {"estimators": ("multilevel", "plain")}))
-    assert [(part.extrapolate, part.also) for part in found] == [(0, (2, 1)), (0, ()), (2, (1,))]
+    assert [part.together for part in found] == [(0, 1, 2), (0,), (1, 2)]
 
 
 def together_and_alone(case, estimator, state_of):
     """The results of all levels of extrapolation from the same paths, and those of each by itself."""
-    p = weak.plan(case, Part(SYMMETRIC, estimator, None, 0, (2, 1)))
-    each = [weak.plan(case, Part(SYMMETRIC, estimator, None, levels)) for levels in (0, 2, 1)]
-    return state_of(p).groups(), [group for plan in each for group in state_of(plan).groups()]
+    p = weak.plan(case, Part(SYMMETRIC, estimator, None, 0, (0, 1, 2)))
+    each = [weak.plan(case, Part(SYMMETRIC, estimator, None, levels)) for levels in (0, 1, 2)]
+    alone = [plan.results(state_of(plan)).group() for plan in each]
+    return [record.group() for record in p.all_results(state_of(p))], alone
 
 
 def test_results_are_those_of_each_level_by_itself():
     samples = 8 * LANES - 7 if COMPILED else LANES - 7
     case = symmetric(*COARSE, f"samples={samples}", "prefixes=[20, 50]")
     together, alone = together_and_alone(case, "plain", finished)
-    assert [group.variant for group in together] == [SYMMETRIC, *(f"{SYMMETRIC}_extrapolated_{n}" for n in (2, 1))]
+    assert [group.variant for group in together] == [SYMMETRIC, *(f"{SYMMETRIC}_extrapolated_{n}" for n in (1, 2))]
     assert all(same_results(*pair) for pair in zip(together, alone, strict=True))
     assert not same_results(together[1], alone[2]._replace(variant=together[1].variant))  # negative control
     case = symmetric(*COARSE, "seconds=0.01")
@@ -70,8 +71,8 @@ def test_each_error_has_the_standard_error_that_was_asked_for():
     """The level's share in the error is that of the extrapolation in which it is largest; and bits do not depend on
     where the run was interrupted."""
     case = symmetric(*COARSE, "seconds=null", "standard_error=0.002")
-    p = weak.plan(case, Part(SYMMETRIC, "multilevel", None, 0, (2, 1)))
-    alone = [weak.plan(case, Part(SYMMETRIC, "multilevel", None, levels)) for levels in (0, 2, 1)]
+    p = weak.plan(case, Part(SYMMETRIC, "multilevel", None, 0, (0, 1, 2)))
+    alone = [weak.plan(case, Part(SYMMETRIC, "multilevel", None, levels)) for levels in (0, 1, 2)]
     variance, cost = np.linspace(1, 2, len(p.levels)), np.linspace(3, 4, len(p.levels))
     samples, work = p.least_work(variance, cost)[::-1]
     assert np.all(samples >= np.max([one.least_work(variance, cost)[1] for one in alone], axis=0) * (1 - 1e-12))

@@ -7,26 +7,24 @@ import pytest
 import stability_cases
 from helpers import COMPILED, INITIAL, compiled_only
 from paths_by_hand import paths_by_hand
-from stability_cases import EPS, PHI, RIGID, study, summary_by_hand
+from stability_cases import EPS, PHI, RIGID, plans_of, study, summary_by_hand
 from states import check_going_on, taken
 
-from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES
-from spi.storage.records import Part
 
 # fixtures
-case_of = stability_cases.case_of
+cases_of = stability_cases.cases_of
 
 
-def check_against_numpy(case, scheme, eps=lambda point: None):
+def check_against_numpy(cases, scheme, eps=lambda point: None):
     """Every stored quantity of a study of the rigid body."""
-    found, group = study(case, scheme)
+    found, group = study(cases, scheme)
     names = {"finite", "largest_norm", "error", "error_stderr", "casimir_worst", "casimir_median"}
     names |= {"expectation", "expectation_stderr", "truth", "truth_bound", "law_distance", "law_distance_stderr"}
     solver = {"solves", "iterations", "failures", "largest_residual"}
     assert set(found) - {"largest_angle"} == names | (solver if scheme == "midpoint" else set())
-    assert found["error"].shape == (len(case.sweep.values), len(case.steps))
-    for i, point in enumerate(case.sweep.cases):
+    assert found["error"].shape == (len(cases), len(cases[0].steps))
+    for i, point in enumerate(cases):
         expected = summary_by_hand(point, paths_by_hand(point, scheme, eps(point)), PHI)
         drifts = scheme == "euler_maruyama"
         for name in ("error", "error_stderr", "largest_norm", "expectation", "expectation_stderr"):
@@ -48,14 +46,14 @@ def check_against_numpy(case, scheme, eps=lambda point: None):
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", pytest.param("midpoint", marks=compiled_only)])
-def test_whole_study_is_what_plain_numpy_finds(case_of, scheme):
+def test_whole_study_is_what_plain_numpy_finds(cases_of, scheme):
     """Two values, three step sizes, and a second block of which only six lanes count."""
-    case = case_of(RIGID)
-    found, group = check_against_numpy(case, scheme)
+    cases = cases_of(RIGID)
+    found, group = check_against_numpy(cases, scheme)
     if scheme == "splitting":
         assert (found["largest_angle"] == 0).any() and found["largest_angle"].max() > math.pi / 4
     if scheme == "midpoint":  # blocks are computed whole
-        assert found["solves"].tolist() == [[2 * LANES * round(1 / h) for h in case.steps]] * 2
+        assert found["solves"].tolist() == [[2 * LANES * round(1 / h) for h in cases[0].steps]] * 2
         assert (found["iterations"] >= found["solves"]).all()
         assert not found["failures"].any()
         assert 0 < found["largest_residual"].max() < 1e-13
@@ -70,11 +68,11 @@ def test_whole_study_is_what_plain_numpy_finds(case_of, scheme):
 
 
 @pytest.mark.parametrize("overrides", [[], pytest.param(["reference_scheme=ap_splitting"], marks=pytest.mark.slow)])
-def test_swept_eps_is_what_plain_numpy_finds(case_of, overrides):
+def test_swept_eps_is_what_plain_numpy_finds(cases_of, overrides):
     """The multiscale scheme and its reference have the eps of each value; the truth is that of the limit eps = 0."""
-    case = case_of(EPS, *overrides)
-    found, group = study(case, "ap_splitting")
-    for i, (point, eps) in enumerate(zip(case.sweep.cases, case.sweep.values, strict=True)):
+    cases = cases_of(EPS, *overrides)
+    found, group = study(cases, "ap_splitting")
+    for i, (point, eps) in enumerate(zip(cases, [0, 0.6], strict=True)):
         assert point.eps == (eps,)
         expected = summary_by_hand(point, paths_by_hand(point, "splitting", eps), PHI)
         for name in ("error", "error_stderr", "expectation", "largest_angle"):
@@ -84,18 +82,18 @@ def test_swept_eps_is_what_plain_numpy_finds(case_of, overrides):
     assert group.attributes["scheme_label"] == "AP splitting"
 
 
-def test_one_path_has_no_standard_errors(case_of):
-    found, _ = study(case_of(RIGID, "samples=1"), "splitting")
+def test_one_path_has_no_standard_errors(cases_of):
+    found, _ = study(cases_of(RIGID, "samples=1"), "splitting")
     assert (found["error"] > 0).all() and np.isfinite(found["law_distance"]).all()
     for name in ("error_stderr", "expectation_stderr", "law_distance_stderr"):
         assert np.isnan(found[name]).all()
 
 
-def test_going_on_from_the_middle_gives_the_same_bits(case_of):
-    plan = stability.plan(case_of(RIGID, "samples=200" if COMPILED else "samples=130"), Part("splitting"))
+def test_going_on_from_the_middle_gives_the_same_bits(cases_of):
+    plan = plans_of(cases_of(RIGID, "samples=200" if COMPILED else "samples=130"), "splitting")[1]
     found = check_going_on(plan)
-    assert len(found) == 1 + 2 * plan.first.blocks + 2  # before the first block, after each, and after each truth
+    assert len(found) == 1 + plan.blocks + 1  # before the first block, after each, and after the truth
     progress = [plan.progress(taken(plan, plain)) for plain in found]
     done = [one.done for one in progress]
-    assert (np.diff(done[:-2]) > 0).all() and done[0] == 0
-    assert done[-3:] == [progress[-1].total] * 3  # only the true expectations are still missing
+    assert (np.diff(done[:-1]) > 0).all() and done[0] == 0
+    assert done[-2:] == [progress[-1].total] * 2  # only the true expectations are still missing

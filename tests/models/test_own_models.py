@@ -119,8 +119,8 @@ def test_layers_override_parameters_or_the_whole_model(top):
 def test_a_parameter_can_be_swept(top):
     text = SPEC.replace("strong", "stability").replace("2/3]}", "2/3], weight: python}")
     top()
-    case = runs.load("s.yaml", text=text + "sweep: {python: [1, 2]}\npanels: [casimir]\n").cases[0]
-    assert [one.model.weight for one in case.sweep.cases] == [1.0, 2.0]
+    cases = runs.load("s.yaml", text=text + "sweep: {python: [1, 2]}\npanels: [casimir]\n").cases
+    assert [one.model.weight for one in cases] == [1.0, 2.0]
 
 
 WRONG_SPECS = [

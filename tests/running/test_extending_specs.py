@@ -122,9 +122,9 @@ def test_another_estimator(extended):
 def test_values_of_a_parameter_and_functions_of_last_states(extended):
     sweep = {"model": {**BODY["model"], "sigma": ["s", "s", "s"]}, "samples": 64}
     keys = {**STRONG, "kind": "stability", **sweep, "sweep": {"s": ["0.1", "1"]}, "functions": {"m": "y1"}}
-    assert extended(keys) == {("main/splitting", 0), ("main/splitting", 1)}
+    assert extended(keys) == {("s=0.1/splitting", 0), ("s=1/splitting", 0)}
     longer = keys | {"sweep": {"s": ["0.1", "0.5", "1"]}}
-    assert extended(longer) == {("main/splitting", 1)}
+    assert extended(longer) == {("s=0.5/splitting", 0)}
     assert extended(longer | {"functions": {"m": "y1", "e": "y2^2"}, "accurate": "0.2", "panels": ["law"]}) == set()
 
 

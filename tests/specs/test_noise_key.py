@@ -64,7 +64,7 @@ def test_what_it_means(loaded):
     again = load(found.path, text=found.text, files=found.files)  # as in a results file
     assert again.hash == found.hash
     swept = loaded("{file: a.npz}", ("strong", "stability\nsweep: {damping: [0, 1]}"))
-    assert [case.noise.dW.shape for case in swept.cases] == [(2, 16, 3)]
+    assert [case.noise.dW.shape for case in swept.cases] == [(2, 16, 3)] * 2
 
 
 @pytest.mark.parametrize(

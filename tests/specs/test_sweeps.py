@@ -92,7 +92,7 @@ def test_all_values_need_the_kernels_of_one(spec):
 def test_layers_above_a_sweep(spec):
     profiles = "profiles:\n  quick: {sweep: {sigma: [1, 3]}}\n"
     of = STRONG.replace("2]}", "2], of: error}") + profiles
-    assert [case.sweep[:3] for case in spec(of, profile="quick").cases] == [("sigma", (1.0, 3.0), ("error",))] * 2
+    assert [case.sweep[:2] for case in spec(of, profile="quick").cases] == [({"sigma": (1.0, 3.0)}, ("error",))] * 2
     assert spec(of, overrides=["sweep.of=[order, error]"]).cases[0].sweep.of == ("order", "error")
     assert len(spec(of, overrides=["sweep=null"]).cases) == 1
     found = spec(STRONG, SWEEP, "", overrides=["sweep.damping=[0, 1]", "model.sigma=[2, 1, 0]"])

@@ -17,6 +17,7 @@ from spi.numerics.rng import LANES
 from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
 from spi.storage import sums
+from spi.storage.stored import gathered
 
 COUNTS = range(1, 41)
 SIZE = 2  #: blocks of a whole chunk
@@ -363,7 +364,7 @@ def plan(request, tmp_path):
     if request.param == "stability":
         model = model.replace("[1, 2, 3]", "[1, 2, 3], sigma: [s, s, s]")
     Path(tmp_path / "s.yaml").write_text(model + SPECS[request.param], encoding="utf-8")
-    (case,) = load(tmp_path / "s.yaml").cases
+    case = load(tmp_path / "s.yaml").cases[0]
     study = KINDS[load(tmp_path / "s.yaml").kind].study
     with chunks_of(1):
         yield study.plan(case, study.parts(case)[0])
@@ -371,7 +372,7 @@ def plan(request, tmp_path):
 
 def numbers_of_group(plan, state):
     """What a state gives in the end, but times."""
-    found = plan.results(state).group()
+    found = gathered([plan.results(state)])[0].group()
     return {name: values for name, values in found.arrays.items() if not name.endswith(("seconds", "ns_per_step"))}
 
 

@@ -103,8 +103,7 @@ def test_other_values_need_no_other_kernel(top):
     models += [runs.load("s.yaml", "quick", text=profiles).cases[0].model]
     swept = SPEC.replace("trajectory", "stability").replace("[hamiltonian]", "[casimir]").replace("{a: 3}", "{a: size}")
     swept = swept.replace("step: 2^-4", "steps: 2^-4 .. 2^-5\nreference_step: 2^-6\nsamples: 100")
-    case = runs.load("s.yaml", text=swept + "sweep: {size: [1, 2]}\n").cases[0]
-    models += [one.model for one in case.sweep.cases]
+    models += [case.model for case in runs.load("s.yaml", text=swept + "sweep: {size: [1, 2]}\n").cases]
     assert len({type(model) for model in models}) == 1
     assert [(model.a, model.b) for model in models] == [(3, 1), (1 / 7, 1), (5, 1), (3, 1), (3, 6), (1, 1), (2, 1)]
 

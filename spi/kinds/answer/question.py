@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import reduce
 from itertools import groupby
 from typing import Any
 
@@ -45,9 +46,8 @@ def _middle(raw: dict[str, Any], cases: Sequence[BaseCase], files: Files) -> tup
     case = cases[0]
     if not (sweep := case.sweep):
         return raw, case, case.title
-    second = max(1, len(sweep.second_values))
-    n = len(sweep.values) // 2 * second + second // 2
-    return [*versions(raw, case.swept_in, files).values()][n], (sweep.cases or cases)[n], sweep.title or case.title
+    n = reduce(lambda n, values: n * len(values) + len(values) // 2, sweep.parameters.values(), 0)
+    return [*versions(raw, case.swept_in, files).values()][n], cases[n], sweep.title
 
 
 def _asked(raw: dict[str, Any], case: BaseCase) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The keys of an experiment of kind stability."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import MinLen
@@ -26,7 +26,7 @@ class Case(FunctionsCase):
     sweep: key_of(
         Swept,
         "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, temperature, initial or eps",
-    )
+    ) = pydantic.Field(exclude=True)
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
@@ -34,6 +34,7 @@ class Case(FunctionsCase):
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     swept_in: ClassVar[tuple[str, ...]] = POINT
+    most_swept: ClassVar[int] = 1
     quantities: ClassVar = claimable(Stability)
 
     @condition
@@ -56,7 +57,3 @@ class Case(FunctionsCase):
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept parameter", "eps")
         return self
-
-    @pydantic.field_serializer("sweep")
-    def _effective_sweep(self, sweep: Any) -> Any:
-        return sweep.effective() if sweep else None

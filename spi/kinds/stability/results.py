@@ -97,7 +97,7 @@ class Stability(Stored):
         r"A scheme counts as accurate at a step size where its root mean square error at $T$, relative to $|y_0|$, is "
         "below a bound, there and at all smaller steps of the run."
     )
-    row_axes, row_largest = ("value", "h"), ("casimir",)
+    over_swept, row_axes, row_largest = "value", ("value", "h"), ("casimir",)
     tables = (
         Table(
             "value",

@@ -92,7 +92,7 @@ class KolmogorovPlan(WeakPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """One solution serves all levels of extrapolation."""
-        return super().deciding(number) | {"part": self.part._replace(extrapolate=0, also=())}
+        return super().deciding(number) | {"part": self.part._replace(extrapolate=0, together=())}
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""

@@ -144,7 +144,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
-        steps = sum(len(plan.h) for plan in self.by_level)
+        steps = sum(len(plan.h) for plan in self.each)
         return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
 
     @property
@@ -265,7 +265,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     def all_errors(self, levels: LevelSums) -> Errors:
         """The errors of all levels of extrapolation behind one another, fewest first, as in the history."""
-        each = [plan.errors(levels) for plan in self.by_level]
+        each = [plan.errors(levels) for plan in self.each]
         error, without, unseen = (np.concatenate([getattr(e, name) for e in each], -1) for name in _OF_STEPS)
         return Errors(error, without, EQUAL, unseen)
 

@@ -62,7 +62,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     def grid(self) -> Grid:
         """The step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
         case, part = self.case, self.part
-        of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
+        of_reference = {case.reference_step * 2.0**i for i in range(1, 1 + max((part.extrapolate, *part.together)))}
         return reference_grid(case, part, sorted({*case.steps, *of_reference}, reverse=True))
 
     @property
@@ -73,7 +73,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(L, F): step sizes of the results, references included, and test functions."""
-        return sum(1 + len(plan.h) for plan in self.by_level), len(self.case.functions)
+        return sum(1 + len(plan.h) for plan in self.each), len(self.case.functions)
 
     @property
     def own(self) -> slice:
@@ -89,9 +89,9 @@ class PlainPlan(WeakPlan, BlocksPlan):
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The values of the test functions at the end of some blocks, extrapolated or not."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
-        values = np.concatenate([plan._extrapolated(values) for plan in self.by_level], axis=1)
+        values = np.concatenate([plan._extrapolated(values) for plan in self.each], axis=1)
         with np.errstate(invalid="ignore", over="ignore"):
-            of_levels = [v - v[:, -1:] for v in (values[:, plan.own] for plan in self.by_level)]
+            of_levels = [v - v[:, -1:] for v in (values[:, plan.own] for plan in self.each)]
         lost = np.logical_not(np.isfinite(values).all(axis=2))
         differences = np.concatenate(of_levels, axis=1)
         return {"values": values, "differences": differences, "nonfinite": lost, "report": report}

@@ -41,9 +41,9 @@ def parts(case: Any) -> list[Part]:
         if ESTIMATORS[name].can_do(case, scheme)
     ]
     return [
-        part._replace(extrapolate=first, also=tuple(others))
+        part._replace(extrapolate=min(levels), together=tuple(sorted(levels)))
         for part in each
-        for first, *others in ESTIMATORS[part.estimator].together(case, part)
+        for levels in ESTIMATORS[part.estimator].together(case, part)
     ]
 
 

@@ -37,7 +37,7 @@ def parts(case: Any) -> list[Part]:
     for part in (weak if case.functions else strong).parts(case):
         before = {each.variant for earlier in chosen for each in earlier.each()}
         new = [each.extrapolate for each in part.each() if each.variant not in before]
-        chosen += [part._replace(extrapolate=new[0], also=tuple(new[1:]))] if new else []
+        chosen += [part._replace(extrapolate=new[0], together=tuple(new))] if new else []
     return chosen
 
 
@@ -101,7 +101,7 @@ class WorkPlan(Plan):
     def cost(self) -> Cost:
         """The cost of the errors and of the times, which one thread measures."""
         errors, of_all = self.errors.cost(), 0.0
-        for plan in self.by_level:
+        for plan in self.each:
             finest = np.maximum(self.path_steps, LANES * self.case.final_time / plan.h)
             of_all += float(finest.sum()) * sum(0.5**i for i in range(plan.part.extrapolate + 1))
         times = 1e-9 * typical_ns(self.row, self.model) * of_all * (self.case.repeats + 1)
@@ -143,7 +143,7 @@ class WorkPlan(Plan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """The kernels of the errors, and the fewest steps of one block that can be timed."""
-        timed = [plan._arguments(float(plan.h[0]), 2**plan.part.extrapolate, 1) for plan in self.by_level]
+        timed = [plan._arguments(float(plan.h[0]), 2**plan.part.extrapolate, 1) for plan in self.each]
         return [*self.errors.kernel_calls(), *(KernelCall(integrate, arguments) for arguments in timed)]
 
     def finalise(self, state: State) -> Iterator[Times]:
@@ -153,7 +153,7 @@ class WorkPlan(Plan):
         if not len(left):
             return
         began = time.perf_counter()
-        jobs = [plan.job(h) for plan in self.by_level for h in plan.h.tolist()]
+        jobs = [plan.job(h) for plan in self.each for h in plan.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
         for repeat in left:
             times = extra.times.copy()
