@@ -5,7 +5,7 @@ from made_up import group_of
 from stability_results import LABELS
 
 from spi.kinds.equilibrium.results import Averages, Equilibrium, Law
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")

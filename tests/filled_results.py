@@ -4,7 +4,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds import KINDS
-from spi.storage.records import Order
+from spi.storage import Order
 from spi.storage.stored import Meaning, stored_names
 
 #: What the fields of a type hold that are no arrays.

@@ -8,7 +8,7 @@ from states import finished
 
 from spi.kinds.stability import study as stability
 from spi.running.run import load
-from spi.storage.records import Part
+from spi.storage import Part
 
 RIGID = """\
 title: A title

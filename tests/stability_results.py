@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.blocks import Solver
 from spi.kinds.stability.results import CasimirErrors, Law, Stability
-from spi.storage.records import Results
+from spi.storage import Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 H = 2.0 ** -np.arange(0, 8)

@@ -7,7 +7,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds.weak.results import Differences, History, Levels, Prefixes, Sampled, Unsampled, WeakErrors
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 
 H = 2.0 ** -np.arange(3, 9)
 LEVELS = 2.0 ** -np.arange(9, 2, -1)

@@ -6,7 +6,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds.work_precision.results import WorkPrecision
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 
 H = 2.0 ** -np.arange(3, 12)
 

@@ -12,7 +12,7 @@ from states import check_going_on, taken
 
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES
-from spi.storage.records import Part
+from spi.storage import Part
 
 # fixtures
 case_of = stability_cases.case_of

@@ -17,7 +17,7 @@ from spi.models import MaxwellBloch
 from spi.running import workers
 from spi.schemes import scheme_entry
 from spi.schemes.stages import compositions
-from spi.storage.records import Part
+from spi.storage import Part
 
 # fixtures
 case_of = stability_cases.case_of

@@ -7,7 +7,7 @@ from stability_cases import EPS, RIGID
 
 from spi.kinds.stability import study as stability
 from spi.specs import SpecError
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 def test_what_differs_from_value_to_value_is_not_described(spec):

@@ -94,14 +94,6 @@ def test_printed_stability():
     assert "case free, $5" in text and "relative error < 1e-8" in text
 
 
-def test_printed_without_casimir():
-    groups = predators("euler_maruyama"), predators("splitting", scheme_label="splitting [expected]")
-    text = printed(stability(*groups))
-    assert lines_of(text, "Euler-Maruyama")[2] == ["1", ">=", "2^0", "none", "72", "%", "1"]
-    assert lines_of(text, "splitting [expected]")[0][3:] == [">=", "2^0", "100", "%", "<", "pi/4"]
-    assert "Casimir" not in text
-
-
 def test_nearly_all_is_not_all():
     group = predators("splitting")
     group.variables["positive"][1][0, 0] = 1 - 1e-6

@@ -4,41 +4,14 @@ import math
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from helpers import printed
 from work_cases import answers
 from work_results import H, work_group, work_results
 
 from spi.kinds.work_precision.results import WorkPrecision, requested
-from spi.kinds.work_precision.work_points import interval_of_median
 from spi.printing.text import duration
-from spi.storage.records import Results
-
-
-def test_reading_of_strong_errors():
-    group = work_group("lost", "euler_maruyama")
-    found = WorkPrecision.of(group)
-    assert (found.measure, found.estimator, found.functions) == ("strong", "", ())
-    assert (found.samples, found.order.points, found.about.variant) == (500, 9, "euler_maruyama")
-    v = group.arrays
-    for name in ("error", "error_stderr", "resolved", "nonfinite", "seconds_per_path", "ns_per_step"):
-        np.testing.assert_array_equal(getattr(found, name), v[name])
-    np.testing.assert_array_equal(found.half, 1.96 * v["error_stderr"])
-    np.testing.assert_array_equal(found.curve.half, found.half)
-    ends = interval_of_median(v["seconds_per_path"], v["seconds_per_path_low"], v["seconds_per_path_high"], 7)
-    np.testing.assert_array_equal(found.curve[4:], [v["seconds_per_path"], *ends])
-
-
-def test_reading_of_weak_errors():
-    """A bound takes the place of half an interval, and there are no Casimirs."""
-    group = work_group("weak", "splitting", "weak")
-    del group.variables["nonfinite"]
-    found = WorkPrecision.of(group)
-    assert (found.measure, found.estimator, found.samples) == ("weak", "kolmogorov", None)
-    assert found.functions == ("sin(6.283185307179586*y1)",)
-    assert found.casimir_drift is None and found.nonfinite is None
-    np.testing.assert_array_equal(found.half, group.arrays["error_bound"])
+from spi.storage import Results
 
 
 def test_requested_errors_of_all_schemes_are_asked_for():

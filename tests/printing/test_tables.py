@@ -9,19 +9,10 @@ from helpers import printed
 from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
-from spi.printing.text import (
-    decimal,
-    duration,
-    fraction,
-    new_console,
-    new_table,
-    power_of_two,
-    print_whole,
-    with_interval,
-)
+from spi.printing import new_console
+from spi.printing.text import decimal, duration, fraction, new_table, power_of_two, print_whole, with_interval
 from spi.report import views
-from spi.storage import StorageError
-from spi.storage.records import Order
+from spi.storage import Order, StorageError
 
 
 def strong_group(case, scheme, label, order, implicit=False):
@@ -45,17 +36,6 @@ def results():
     )
     unresolved(groups[-1])
     return strong(*groups, title="Strong errors, stochastic rigid body")
-
-
-def test_rows(results):
-    records = views.rows(results)
-    assert len(records) == 4 * 9
-    explicit, implicit = records[1], records[9]
-    assert implicit.keys() - explicit.keys() == {"solves", "iterations", "failures", "largest_residual"}
-    assert explicit["case"] == "three" and explicit["scheme"] == "euler_maruyama" and explicit["h"] == 2**-6
-    assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
-    assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
-    assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
 
 
 def test_printed_table(results):

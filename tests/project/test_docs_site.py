@@ -3,7 +3,6 @@
 import json
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -70,12 +69,6 @@ def built(config, target):
     return subprocess.run(program, capture_output=True, text=True, check=False, timeout=120)
 
 
-def test_a_scheme_without_latex_has_its_formula_as_text():
-    scheme = reference.SCHEMES["midpoint"]
-    assert set(FORMULAS) <= set(reference.SCHEMES) and "\\frac" in reference._formula("midpoint", scheme)
-    assert reference._formula("mine", scheme).startswith("```text\nz = y + h f((y+z)/2) + Σₖ σₖ dWₖ")
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The folder of the site, as MkDocs builds it without a warning."""
@@ -132,17 +125,6 @@ def dead_links(page, html, pages):
     return dead
 
 
-def test_a_picture_without_a_link_and_a_dead_link_are_noticed(tmp_path):
-    page = tmp_path / "a.html"
-    page.write_text("")
-    html = '<h2 id="x"></h2><img alt="" src="a.png"><a href="b.png">\n<img src="b.png"></a>'
-    html += '<a href="#x"> <a href="#y"> <a href="c.html">'
-    assert unlinked(html) == ["a.png"]
-    assert dead_links(page, html, {page: html}) == ["a.png", "b.png", "b.png", "#y", "c.html"]
-    assert with_links('<img src="a.png">') == '<a href="a.png"><img loading="lazy" src="a.png"></a>'
-    assert unlinked(with_links(html)) == [] and with_links(with_links(html)) == with_links(html)
-
-
 #: What a newcomer asks: the words to search for, and the page that is the first hit.
 QUESTIONS = {
     "install": "install",
@@ -196,21 +178,6 @@ def test_questions_of_a_newcomer_are_answered(site):
     for query, page in QUESTIONS.items():
         assert f"{page}.html" in near, page
         assert hits(index, query)[0].partition("#")[0] == f"{page}.html", (query, hits(index, query)[:3])
-
-
-@pytest.mark.skipif(not shutil.which("node"), reason="nothing that runs JavaScript")
-def test_the_page_of_the_search_ranks_alike(site):
-    """And it reads its index as a script, which works from a folder."""
-    files = [site / "search" / name for name in ("main.js", "index.js")]
-    code = "const fs = require('fs');"
-    code += "".join(f"eval.call(null, fs.readFileSync({json.dumps(str(file))}, 'utf8'));" for file in files)
-    code += f"for (const query of {json.dumps([*QUESTIONS])})"
-    code += "  console.log(JSON.stringify(searchHits(search_index, query).map(hit => hit[0])));"
-    done = subprocess.run(["node", "-e", code], capture_output=True, text=True, check=True, timeout=60)
-    index = json.loads(files[1].read_text("utf-8").partition("= ")[2].rstrip(";\n"))
-    for query, line in zip(QUESTIONS, done.stdout.splitlines(), strict=True):
-        assert json.loads(line)[:5] == hits(index, query)[:5]
-    assert sorted(file.name for file in site.joinpath("search").iterdir()) == ["index.js", "main.js"]
 
 
 def test_a_broken_link_is_noticed(tmp_path):

@@ -11,7 +11,8 @@ from spi import storage
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian, in_kernels
 from spi.kinds.functions import path_function
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models import Zeitlin
+from spi.models.zeitlin import Noise
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import run as runner
 from spi.running.remarks import reports

@@ -37,7 +37,7 @@ from spi.statistics.claims import (
     Quantity,
     judge,
 )
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 from spi.storage.stored import Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))

@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 from spi import storage
-from spi.storage.records import Group, Results
+from spi.storage import Group, Results
 
 
 def group(case="noise σ=1", scheme="midpoint", steps=3, **attributes):
