@@ -87,6 +87,13 @@ def call(*arguments):
             return end.code, out.getvalue(), err.getvalue()
 
 
+def refusal(*arguments):
+    """The one line with which a command refuses something, exit code 2."""
+    code, out, err = call(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
+    return err
+
+
 def answer(draw, folder, data):
     """(command, exit code, whether it is a refusal as it should be, stderr) of a command on a file of these bytes."""
     file = folder / "r.h5"

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from damage import call
+from damage import call, refusal
 from strong_results import strong, strong_group
 
 from spi import cli, storage
@@ -35,13 +35,6 @@ def program(*arguments, before="", out=subprocess.PIPE, **variables):
     source = f"import sys\nsys.argv[0] = 'spi'\n{before}\nfrom spi.cli import main\nmain()"
     command = [sys.executable, "-c", source, *map(str, arguments)]
     return subprocess.run(command, env=environment, stdout=out, stderr=subprocess.PIPE, timeout=120)
-
-
-def refusal(*arguments):
-    """The one line that a command ends with, exit code 2."""
-    code, out, err = call(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
-    return err
 
 
 @pytest.mark.parametrize("threads", ["0", "-1", "many", ""])
@@ -173,19 +166,6 @@ def test_a_file_that_is_too_large_is_not_parsed():
         "spi: s.yaml: cannot be read (more than 200 kB); give the path of a YAML file\n"
     )
     assert time.perf_counter() - began < 2
-
-
-def test_the_name_of_an_experiment_gives_a_hint_of_its_file():
-    Path("experiments").mkdir()
-    Path("experiments", PATH.name).write_bytes(PATH.read_bytes())
-    Path("mine.yaml").write_bytes(PATH.read_bytes())
-    assert call("check", PATH.stem)[0] == 0  # it comes with the program
-    for name, meant in (
-        (PATH.name, f"experiments/{PATH.name}"),
-        ("rigid_body_qualitativ", f"experiments/{PATH.name}"),
-        ("mine", "mine.yaml"),
-    ):
-        assert refusal("run", name) == f"spi: {name}: no such file; did you mean {meant}?\n"
 
 
 def test_a_message_names_the_option_that_was_given():

@@ -1,18 +1,15 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
-import json
 import re
 import runpy
 import subprocess
 import sys
-from collections import Counter
 
 import pytest
 from documents import PAGES, ROOT, page_name
 
 sys.path.append(str(ROOT / "docs" / "generate"))
 import reference
-import search
 from formulas import FORMULAS
 
 #: The hooks of MkDocs, in a file that has the name of a module of Python.
@@ -123,70 +120,3 @@ def dead_links(page, html, pages):
         if not target.exists() or (place and f'id="{place}"' not in pages.get(target, "")):
             dead.append(link)
     return dead
-
-
-#: What a newcomer asks: the words to search for, and the page that is the first hit.
-QUESTIONS = {
-    "install": "install",
-    "own system": "own_systems",
-    "simulate one path": "trajectories",
-    "choose a scheme": "choose",
-    "how many samples": "answer",
-    "resume": "long_runs",
-    "Slurm": "long_runs",
-    "figure for a journal": "figures",
-    "CSV": "report",
-    "first passage": "statistics",
-    "what is a Casimir": "concepts",
-    "cite": "cite",
-    **{
-        "GPU": "install",
-        "Ito": "concepts",
-        "own scheme": "own_schemes",
-        "license": "cite",
-        "weak errors": "weak_errors",
-    },
-}
-
-
-def hits(index, query):
-    """The hits of a query, best first, by the rule of search.js."""
-    scores, found = Counter(), Counter()
-    asked = [word for word in search.words(query) if word not in index["ignored"]]
-    for word in asked:
-        terms = [word] if word in index["weights"] else [term for term in index["weights"] if term.startswith(word)]
-        best = {}
-        for i, weight in (pair for term in terms for pair in index["weights"][term]):
-            best[i] = max(weight, best.get(i, 0.0))
-        scores.update(best)
-        found.update(best.keys())
-    ranked = sorted(scores, key=lambda i: -scores[i] * found[i] / len(asked))
-    return [index["entries"][i][0] for i in ranked]
-
-
-def clicks(site, page):
-    """The pages that the text of a page, not its menu, links to."""
-    text = site.joinpath(page).read_text(encoding="utf-8").partition('role="main"')[2]
-    return {link.partition("#")[0] for link in re.findall(r'<a href="([\w/]+\.html[^"]*)"', text)}
-
-
-def test_questions_of_a_newcomer_are_answered(site):
-    """Within two clicks from the home page, and as the first hit of the search."""
-    index = json.loads(site.joinpath("search", "index.js").read_text("utf-8").partition("= ")[2].rstrip(";\n"))
-    first = clicks(site, "index.html")
-    near = first.union(*(clicks(site, page) for page in first if "/" not in page))
-    for query, page in QUESTIONS.items():
-        assert f"{page}.html" in near, page
-        assert hits(index, query)[0].partition("#")[0] == f"{page}.html", (query, hits(index, query)[:3])
-
-
-def test_a_broken_link_is_noticed(tmp_path):
-    docs = tmp_path / "docs"
-    docs.mkdir()
-    docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")
-    config = ROOT.joinpath("mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[0]
-    config = config.replace("docs/generate/", f"{ROOT.as_posix()}/docs/generate/")
-    tmp_path.joinpath("mkdocs.yml").write_text(f"{config}\nnav: [index.md]\n")
-    done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
-    assert done.returncode != 0
-    assert "no_such_page.md" in done.stderr

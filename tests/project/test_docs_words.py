@@ -1,20 +1,9 @@
-"""The words, the sentences and the examples of the pages; formulas of the reference in signs."""
+"""The words, the sentences and the examples of the pages."""
 
-import sys
 import unicodedata
 
 import pytest
 from documents import PAGES, ROOT, avoided, first_example, page_name, sentences
-
-sys.path.append(str(ROOT / "docs" / "generate"))
-import words
-
-
-def test_formulas_in_signs():
-    assert words.in_symbols("H = sum_k y_k^2 / (2 I_k), Ĥ_1") == "H = Σₖ yₖ² / (2 Iₖ), Ĥ₁"
-    assert words.in_symbols("sigma_k dW_k grad Ĥ_k, |omega_m|^2") == "σₖ dWₖ ∇Ĥₖ, |ωₘ|²"
-    kept = "omega_{m+n}, noise_flow, xi^(n-1), h^0.5, summary, epsilon"
-    assert words.in_symbols(kept) == kept.replace("omega", "ω").replace("xi", "ξ")
 
 
 def test_the_glossary_is_in_alphabetical_order():

@@ -169,14 +169,6 @@ def test_unwritable_folder(tmp_path, monkeypatch):
     assert "permission denied" in message(storage.check_writable, tmp_path / "new" / "r.h5")
 
 
-def test_permission_denied(tmp_path, monkeypatch):
-    def refuse(*_, **__):
-        raise PermissionError(13, "Unable to create file (a long story)")
-
-    monkeypatch.setattr(storage.files.h5py, "File", refuse)
-    assert "permission denied" in message(storage.write, tmp_path / "r.h5", results())
-
-
 @pytest.mark.parametrize("name", ["", "a/b", ".hidden"])
 def test_impossible_names(tmp_path, name):
     assert repr(name) in message(storage.write, tmp_path / "r.h5", Results({}, (group(case=name),)))
