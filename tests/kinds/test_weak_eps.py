@@ -16,8 +16,8 @@ EPS = (1e-2, 1e-3, 1e-4)
 WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another
 
 
-def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **attributes):
-    return [at_eps(scheme, e, functions, factor, **attributes) for e, factor in zip(eps, factors, strict=True)]
+def several_eps(functions=1, eps=EPS, **attributes):
+    return [at_eps("ap_splitting", e, functions, factor, **attributes) for e, factor in zip(eps, WORST, strict=True)]
 
 
 def test_largest():
