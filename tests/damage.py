@@ -12,8 +12,8 @@ from filled_results import filled
 
 from spi import cli, storage
 from spi.kinds import KINDS
+from spi.storage import Results
 from spi.storage.files import with_checksum
-from spi.storage.records import Results
 
 #: How many times as many random cases the tests of damage, mutations and kills try, for a search of an hour.
 MANY = int(os.environ.get("SPI_TEST_MANY", "1"))
@@ -85,6 +85,13 @@ def call(*arguments):
             cli.main()
         except SystemExit as end:
             return end.code, out.getvalue(), err.getvalue()
+
+
+def refusal(*arguments):
+    """The one line with which a command refuses something, exit code 2."""
+    code, out, err = call(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
+    return err
 
 
 def answer(draw, folder, data):

@@ -10,7 +10,7 @@ from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.growth import OF_PATHS
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.running.run import load
-from spi.storage.records import Part
+from spi.storage import Part
 
 RIGID = """\
 title: A title

@@ -4,7 +4,7 @@ from states import finished
 from weak_cases import case_of
 
 from spi.kinds.weak import study as weak
-from spi.storage.records import Part
+from spi.storage import Part
 
 SYMMETRIC_CASE = ("schemes=[splitting_symmetric]", "functions=y1^2", "model.noise_inertia=[5, 10, 15]")
 COARSE = ("steps=2^0 .. 2^-3", "reference_step=2^-5")

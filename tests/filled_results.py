@@ -4,7 +4,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds import KINDS
-from spi.storage.records import Order
+from spi.storage import Order
 from spi.storage.stored import Meaning, stored_names
 
 #: What the fields of a type hold that are no arrays.
@@ -42,6 +42,8 @@ def fields_of(cls, sizes, panels, outer=Meaning()):  # noqa: B008
             value = np.arange(1.0, SIZE + 1) if field.type is np.ndarray else TEXTS
         elif field.name == "resolved":
             value = np.ones(shape, bool)
+        elif field.name == "nonfinite":
+            value = np.zeros(shape, int) if field.type is np.ndarray else 0
         elif field.type is np.ndarray:
             value = next(rise) * (1.0 + np.arange(np.prod(shape, dtype=int)).reshape(shape))
         else:

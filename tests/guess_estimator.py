@@ -11,7 +11,7 @@ from spi.kinds.weak.plans import WeakPlan
 from spi.kinds.weak.results import Unsampled, WeakErrors
 from spi.specs.checks import need
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Order
+from spi.storage import Order
 
 
 class Guess(NamedTuple):

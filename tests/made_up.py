@@ -2,7 +2,7 @@
 
 import math
 
-from spi.storage.records import Part
+from spi.storage import Part
 from spi.storage.stored import Description
 
 DESCRIBED = {

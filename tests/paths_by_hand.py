@@ -14,9 +14,9 @@ from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
 
 
 @kernel
-def draw(seed, channel, draws, block, words, normals):
+def draw(seed, stream, channel, draws, block, words, normals):
     for n in range(draws):
-        draw_normals(seed, np.uint64(BROWNIAN), channel, np.uint64(n), block, words, normals[n])
+        draw_normals(seed, stream, channel, np.uint64(n), block, words, normals[n])
 
 
 def fine_increments(case):
@@ -27,7 +27,7 @@ def fine_increments(case):
     increments = np.empty((steps, noises, blocks * LANES))
     for block in range(blocks):
         for k in range(noises):
-            draw(np.uint64(case.seed), np.uint64(k), draws, np.uint64(block), words, normals)
+            draw(np.uint64(case.seed), np.uint64(BROWNIAN), np.uint64(k), draws, np.uint64(block), words, normals)
             increments[:, k, block * LANES : (block + 1) * LANES] = normals.reshape(-1, LANES)[:steps]
     return math.sqrt(case.reference_step) * increments
 

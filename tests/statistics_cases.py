@@ -8,7 +8,7 @@ from states import finished
 
 from spi.kinds.statistics import study
 from spi.running.load import load
-from spi.storage.records import Part
+from spi.storage import Part
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 #: P(|drift t + W(t)| < pi/2 at all looks until t), without sampling: of (looks, between, drift).

@@ -7,7 +7,7 @@ from states import finished
 
 from spi.kinds.strong import study as strong
 from spi.running.run import load
-from spi.storage.records import Part
+from spi.storage import Part
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]

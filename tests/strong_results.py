@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.blocks import Solver
 from spi.kinds.strong.results import StrongErrors
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 
 H = 2.0 ** -np.arange(5, 14)
 

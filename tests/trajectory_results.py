@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.trajectory.results import Trajectory
 from spi.schemes import SCHEMES
-from spi.storage.records import Results
+from spi.storage import Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
 THREE = tuple(LABELS)

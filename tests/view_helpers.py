@@ -8,10 +8,8 @@ from matplotlib.colors import to_hex
 
 from spi.drawing import page
 from spi.report import views
-from spi.schemes import SCHEMES as ROWS
 
 SCHEMES = ("euler_maruyama", "midpoint", "splitting")
-GREEN = ROWS["splitting"].look[1].lower()
 
 
 def edge(ax, marker):

@@ -14,7 +14,7 @@ from spi.running import workers
 from spi.running.run import load
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, group_counts
-from spi.storage.records import Part
+from spi.storage import Part
 
 SPEC = Path(__file__).with_name("weak.yaml")
 SPLITTINGS = tuple(BY_HAND)

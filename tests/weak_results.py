@@ -7,7 +7,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds.weak.results import Differences, History, Levels, Prefixes, Sampled, Unsampled, WeakErrors
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 
 H = 2.0 ** -np.arange(3, 9)
 LEVELS = 2.0 ** -np.arange(9, 2, -1)
@@ -104,22 +104,22 @@ def _levels(functions, order):
     )
 
 
-def by_differences(scheme="splitting", functions=2, **attributes):
-    """The errors of a scheme found by differences to the scheme of weak order 2, of which the levels are."""
-    shape = (functions, len(H))
+def by_differences():
+    """The errors of the splitting found by differences to the scheme of weak order 2, of which the levels are."""
+    shape = (2, len(H))
     differences = Differences(
         scheme="splitting_order2",
-        mean=CONSTANT[:functions, None] * H ** ORDER[scheme] / 2,
+        mean=CONSTANT[:, None] * H / 2,
         variance=np.full(shape, 2.5) * H,
         kurtosis=np.full(shape, 6.0),
         consistency=np.full(shape, 0.5),
         samples=10 ** np.arange(6),
         nonfinite=np.zeros(6, np.int64),
         seconds=3e-8 / H,
-        variance_rate=(Order(1.0, 0.9, 1.1, 6),) * functions,
+        variance_rate=(Order(1.0, 0.9, 1.1, 6),) * 2,
     )
-    levels = replace(_levels(functions, ORDER[scheme]), antithetic=True)
-    return weak_group(scheme, "multilevel", functions=functions, differences=differences, levels=levels, **attributes)
+    levels = replace(_levels(2, ORDER["splitting"]), antithetic=True)
+    return weak_group("splitting", "multilevel", differences=differences, levels=levels)
 
 
 def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):

@@ -18,7 +18,8 @@ from spi.ensemble.protocol import (
     hamiltonian,
 )
 from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models import Zeitlin
+from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES

@@ -2,10 +2,16 @@
 
 from .files import StorageError, check_writable, contents, remove_leftovers, write_all
 from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
+from .records import INTERVAL, Group, Order, Part, Results
 from .results import read, write
 from .sums import about_sums, read_sums, write_sums
 
 __all__ = [
+    "INTERVAL",
+    "Group",
+    "Order",
+    "Part",
+    "Results",
     "StorageError",
     "about_sums",
     "check_replaceable",

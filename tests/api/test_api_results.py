@@ -15,7 +15,7 @@ from spi.api.progress import Line
 from spi.drawing import Figure
 from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
-from spi.storage.records import INTERVAL
+from spi.storage import INTERVAL
 
 EXPECT = [
     claims.Claim("three", "splitting", "order", claims.EQUAL, 0.5, 0.05, "1/2 +- 0.05"),

@@ -144,30 +144,6 @@ def test_numba_code_of_others_can_call_it():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-def test_a_particle_filter_is_near_the_exact_one():
-    """Of an angle on the circle: a density convolved with the wrapped normal one and multiplied by the likelihood."""
-    axis = {"name": "rigid_body", "inertia": [1e12, 1e12, 1e12], "noise_inertia": [1, 1, 1], "sigma": [0, 0, 1]}
-    filtering = spi.Integrator(axis, "splitting", H, initial=[1, 0, 1])
-    observed, error, particles, steps = [0.9, 0.5, -0.2, -0.4], 0.3, 40_000, 2
-    angles = 2 * np.pi * np.arange(512) / 512
-    modes = np.exp(-0.5 * steps * H * np.fft.fftfreq(512, 1 / 512) ** 2)
-    density = np.zeros(512)
-    density[0] = 1.0
-    y, rng = filtering.start(particles), np.random.default_rng(1)
-    for number, value in enumerate(observed):
-        density = np.fft.ifft(modes * np.fft.fft(density)).real * np.exp(-0.5 * ((value - np.cos(angles)) / error) ** 2)
-        density /= density.sum()
-        y = filtering.sample(y, steps, seed=number)
-        weights = np.exp(-0.5 * ((value - y[:, 0]) / error) ** 2)
-        weights /= weights.sum()
-        for function in (np.cos, lambda x: np.cos(2 * x)):
-            found = weights @ function(np.arctan2(y[:, 1], y[:, 0]))
-            assert abs(found - density @ function(angles)) < 4 / np.sqrt(particles / 4)
-        y = y[np.searchsorted(np.cumsum(weights), (np.arange(particles) + rng.random()) / particles)]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_states_may_be_matrices():
     model = {"name": "zeitlin", "n": 5, "normalisation": "zeitlin"}
     initial = {"random": {"spectrum": "k^4*exp(-k^2/8)", "energy": 0.1, "seed": 1}}

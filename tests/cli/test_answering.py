@@ -2,27 +2,18 @@
 
 import json
 import re
-import sys
 
 import pytest
+from damage import call
 from helpers import compiled_only
-
-from spi import cli
 
 
 @pytest.fixture
-def answer(tmp_path, monkeypatch, capfd):
+def answer(tmp_path, monkeypatch):
     """answer(argument, ...) -> (exit code, stdout, stderr), in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
-        capfd.readouterr()
-        monkeypatch.setattr(sys, "argv", ["spi", "answer", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return end.value.code, *capfd.readouterr()
-
-    return call
+    return lambda *arguments: call("answer", *arguments)
 
 
 ASKED = "rigid_body_weak", "--function", "y1^2", "--time", "1", "--accuracy"

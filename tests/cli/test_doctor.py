@@ -9,8 +9,7 @@ from helpers import COMPILED
 
 from spi.cli import doctor
 from spi.cli.doctor import Finding
-from spi.storage import StorageError
-from spi.storage.records import Group
+from spi.storage import Group, StorageError
 
 NO_RUN = Finding("numbers", "as known")
 

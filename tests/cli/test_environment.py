@@ -10,7 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from damage import call
+from damage import call, refusal
 from strong_results import strong, strong_group
 
 from spi import cli, storage
@@ -35,13 +35,6 @@ def program(*arguments, before="", out=subprocess.PIPE, **variables):
     source = f"import sys\nsys.argv[0] = 'spi'\n{before}\nfrom spi.cli import main\nmain()"
     command = [sys.executable, "-c", source, *map(str, arguments)]
     return subprocess.run(command, env=environment, stdout=out, stderr=subprocess.PIPE, timeout=120)
-
-
-def refusal(*arguments):
-    """The one line that a command ends with, exit code 2."""
-    code, out, err = call(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
-    return err
 
 
 @pytest.mark.parametrize("threads", ["0", "-1", "many", ""])
@@ -175,19 +168,6 @@ def test_a_file_that_is_too_large_is_not_parsed():
     assert time.perf_counter() - began < 2
 
 
-def test_the_name_of_an_experiment_gives_a_hint_of_its_file():
-    Path("experiments").mkdir()
-    Path("experiments", PATH.name).write_bytes(PATH.read_bytes())
-    Path("mine.yaml").write_bytes(PATH.read_bytes())
-    assert call("check", PATH.stem)[0] == 0  # it comes with the program
-    for name, meant in (
-        (PATH.name, f"experiments/{PATH.name}"),
-        ("rigid_body_qualitativ", f"experiments/{PATH.name}"),
-        ("mine", "mine.yaml"),
-    ):
-        assert refusal("run", name) == f"spi: {name}: no such file; did you mean {meant}?\n"
-
-
 def test_a_message_names_the_option_that_was_given():
     for arguments, named in (
         (("--samples", "5"), "--samples: samples: is not a known key"),
@@ -252,58 +232,26 @@ def test_the_check_says_what_is_to_be_compiled(monkeypatch):
 
 WEAK = """\
 kind: weak
-model: {name: MODEL}
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
 initial: [1, 2, 3]
 final_time: 1
 steps: 2^-2 .. 2^-5
 reference_step: 2^-8
-schemes: [SCHEME]
+schemes: [splitting]
 functions: {phi: sin(2*pi*y1) + y2^2}
-estimators: [ESTIMATOR]
+estimators: [kolmogorov]
 """
-SOLVED = {"MODEL": "maxwell_bloch", "SCHEME": "splitting", "ESTIMATOR": "kolmogorov"}
-BODY = {**SOLVED, "MODEL": "rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]"}
-CONTROLLED = {**SOLVED, "SCHEME": "ap_splitting", "ESTIMATOR": "multilevel], seconds: 1, eps: [0.1"}
-
-
-def weak(words, *overrides):
-    text = WEAK
-    for old, new in words.items():
-        text = text.replace(old, new)
-    text = text.replace("], seconds: 1, eps: [0.1]", "]\nseconds: 1\neps: [0.1]")
-    Path("s.yaml").write_text(text)
-    return "check", "s.yaml", *(part for override in overrides for part in ("--set", override))
-
-
-@pytest.mark.parametrize(
-    ("words", "override", "why"),
-    [
-        (SOLVED, "model.sigma=[1, 1e150]", "would need a grid of"),
-        (SOLVED, "initial=[1, 2e4, 3]", "would need a grid of"),
-        (SOLVED, "final_time=1e5", "would need a grid of"),
-        (CONTROLLED, "initial=[1, 2e4, 3]", "'ap_splitting' would need a grid of"),
-        (BODY, "initial=[1e5, 0, 1]", "s are the most"),
-        (BODY, "initial=[1e200, 0, 1]", "would take for ever"),
-        (BODY, "model.sigma=[1, 1e150, 1]", "s are the most"),
-        (BODY, "model.sigma=[1, 1e200, 1]", "would take for ever"),
-        (BODY, "functions=sin(1e3*y1)", "waves"),
-        (BODY, "functions=exp(1e3*y1)", "needs functions that are finite"),
-    ],
-)
-def test_what_a_solver_without_sampling_cannot_do_is_refused_by_name(words, override, why):
-    assert call(*weak(words))[0] == 0
-    message = refusal(*weak(words, override))
-    assert message.startswith("spi: s.yaml:9: estimators: has '") and why in message
-    assert "; decrease " in message
 
 
 def test_the_cost_of_a_solver_depends_on_the_parameters():
     def seconds(*overrides):
-        code, out, err = call(*weak(BODY, *overrides))
+        options = [word for override in overrides for word in ("--set", override)]
+        code, out, err = call("check", "s.yaml", *options)
         assert (code, err) == (0, "")
         number, unit = re.search(r"about (\S+) (s|min|h|days) once", out).groups()
         return float(number) * {"s": 1, "min": 60, "h": 3600, "days": 86400}[unit]
 
+    Path("s.yaml").write_text(WEAK)
     usual = seconds("initial=[1, 0, 1]")
     assert usual < 20
     assert seconds("initial=[100, 0, 1]", "functions=y1^2") > 2 * usual

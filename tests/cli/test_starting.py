@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from damage import call
+from damage import call, refusal
 from strong_results import strong, strong_group
 
 from spi import storage
@@ -21,13 +21,6 @@ NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments")
 @pytest.fixture(autouse=True)
 def _empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def refusal(*arguments):
-    """The one line with which a command refuses something, exit code 2."""
-    code, out, err = call(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
-    return err
 
 
 # --- names instead of files -----------------------------------------------------------------------------------------

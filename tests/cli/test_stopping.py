@@ -7,8 +7,8 @@ import pytest
 from damage import call
 
 from spi import cli, storage
-from spi.cli.options import INVALID, end
-from spi.cli.terminal import STOP
+from spi.cli import INVALID, STOP
+from spi.cli.options import end
 from spi.running.run import Stopped
 
 

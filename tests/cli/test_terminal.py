@@ -13,7 +13,7 @@ from spi.kinds import KINDS
 from spi.printing import text
 from spi.report import views
 from spi.running import shipped
-from spi.storage.records import Results
+from spi.storage import Results
 
 #: A number as it stands in a table, with what may stand in its cell.
 E_NOTATION = re.compile(r"\d[\d.]*e[+-]?\d+")

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from damage import call
+from damage import call, refusal
 from strong_results import strong, strong_group
 
 from spi import storage
@@ -44,13 +44,6 @@ def _empty_folder(tmp_path, monkeypatch):
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
-
-
-def refusal(*arguments):
-    """The one line with which a command refuses something, exit code 2."""
-    code, out, err = call(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
-    return err
 
 
 # --- files without an end --------------------------------------------------------------------------------------------

@@ -16,6 +16,13 @@ import spi
 KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel_sources(), spi.number_sources()))
 
 
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A copy of the package."""
+    copy = tmp_path_factory.mktemp("copied") / "spi"
+    return Path(shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__")))
+
+
 @pytest.mark.parametrize(
     ("file", "kernels", "numbers"),
     [
@@ -41,20 +48,19 @@ KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel
         ("cli/__init__.py", False, False),
     ],
 )
-def test_what_an_edit_makes_stale(tmp_path, monkeypatch, file, kernels, numbers):
+def test_what_an_edit_makes_stale(copied, monkeypatch, file, kernels, numbers):
     """The caches of compiled kernels, and sums and results."""
 
     def digests():
         return spi.digest_of(spi.kernel_sources()), spi.digest_of(spi.number_sources())
 
-    copy = tmp_path / "spi"
-    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(spi, "__file__", str(copy / "__init__.py"))
-    before = digests()
+    monkeypatch.setattr(spi, "__file__", str(copied / "__init__.py"))
+    before, text = digests(), (copied / file).read_bytes()
     assert before == (spi.KERNEL_DIGEST, spi.NUMBERS_DIGEST)
-    with open(copy / file, "a") as source:
-        source.write("\n# edited\n")
-    assert tuple(a != b for a, b in zip(before, digests(), strict=True)) == (kernels, numbers)
+    (copied / file).write_bytes(text + b"\n# edited\n")
+    after = digests()
+    (copied / file).write_bytes(text)
+    assert tuple(a != b for a, b in zip(before, after, strict=True)) == (kernels, numbers)
 
 
 def leaks(kernels, package=PACKAGE):

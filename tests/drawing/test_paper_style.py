@@ -18,7 +18,7 @@ from spi import storage
 from spi.drawing import page, style
 from spi.report import views
 from spi.schemes import SCHEMES
-from spi.storage.records import Order
+from spi.storage import Order
 
 
 def errors(cases):

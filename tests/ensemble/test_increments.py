@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, order_2, simulate
+from paths_by_hand import draw
 
 from spi.compiler.dispatch import kernel
-from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
-
-
-@kernel
-def draw(seed, channel, draws, block, words, normals):
-    for n in range(draws):
-        draw_normals(seed, np.uint64(BROWNIAN), channel, np.uint64(n), block, words, normals[n])
+from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
 
 
 @pytest.mark.parametrize("h", [2.0**-10, 0.3])
@@ -25,7 +20,7 @@ def test_fine_increments_are_the_normals_of_the_generator(h):
     (fine,) = increments_of(h=h, steps=steps, blocks=blocks, first_block=3, seed=seed)
     words, normals = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty((draws, STEPS_PER_DRAW * LANES))
     for k, block in itertools.product(range(3), range(blocks)):
-        draw(np.uint64(seed), np.uint64(k), draws, np.uint64(3 + block), words, normals)
+        draw(np.uint64(seed), np.uint64(BROWNIAN), np.uint64(k), draws, np.uint64(3 + block), words, normals)
         expected = np.sqrt(h) * normals.reshape(-1, LANES)[:steps]
         found = fine[:, k, block * LANES : (block + 1) * LANES]
         assert np.all(np.abs(found - expected) <= 1e-15 * np.sqrt(h))

@@ -20,11 +20,11 @@ from helpers import (
     simulate,
     take_step,
 )
+from paths_by_hand import draw
 
-from spi.compiler.dispatch import kernel
 from spi.ensemble.scheme_protocol import substeps
 from spi.models import MaxwellBloch
-from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
+from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
 
@@ -69,12 +69,6 @@ def test_sub_steps_of_coarse_steps_are_finer_steps_to_the_last_bit(n):
             expected = over(parts, part % parts, **OPTIONS)[0][part // parts :: 2**s]
         assert np.array_equal(levels[part][s], expected)
     assert not np.array_equal(levels[0][3], levels[1][3])  # negative control
-
-
-@kernel
-def draw(seed, stream, channel, draws, block, words, normals):
-    for n in range(draws):
-        draw_normals(seed, stream, channel, np.uint64(n), block, words, normals[n])
 
 
 def test_reference_steps_are_halved_by_bridges_of_the_stream_of_bridges():

@@ -29,11 +29,11 @@ from spi.kinds.answer.planner import (
 )
 from spi.kinds.answer.study import LEVELS
 from spi.numerics.rng import LANES
-from spi.printing.text import short
+from spi.printing import short
 from spi.report import views
 from spi.running.run import load, results_path, run
 from spi.statistics.estimators import GROUPS, weights, with_powers
-from spi.storage.records import INTERVAL
+from spi.storage import INTERVAL
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}
 ASKED = {"initial": list(INITIAL), "final_time": 1}
@@ -278,16 +278,6 @@ def test_steps_and_samples_may_be_fixed():
     biased = spi.answer(MODEL, "sin(2*pi*y1)", **ask, accuracy=5e-3, steps=["1/2", "1/4"])
     assert biased.warnings[-1].endswith("because of the bias of the smallest step")
     assert biased.bias[0] > biased.sampling[0]
-
-
-@compiled_only
-def test_shards_and_interruptions_give_the_same_bits(tmp_path):
-    spec = tmp_path / "asked.yaml"
-    spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
-    experiment = load(spec)
-    ways = {"straight": run, "interrupted": interrupted, "in shards": in_shards}
-    first, *others = (numbers(way(experiment, tmp_path / name)) for name, way in ways.items())
-    assert first and all(one == first for one in others)
 
 
 @pytest.mark.slow

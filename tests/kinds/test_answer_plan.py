@@ -9,7 +9,7 @@ import pytest
 
 from spi.kinds.answer import study
 from spi.kinds.answer.study import DONE, PILOTING, SETS, WHOLE, Decisions
-from spi.printing.text import short
+from spi.printing import short
 
 TRUTH = 0.5
 

@@ -9,7 +9,7 @@ import spi
 from spi.ensemble.loop import integrated, paths_of
 from spi.kinds import KINDS
 from spi.running.load import load
-from spi.storage.records import Part
+from spi.storage import Part
 
 pytestmark = compiled_only
 

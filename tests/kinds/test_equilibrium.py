@@ -14,7 +14,7 @@ from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.plans import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
 from spi.schemes import scheme_entry
-from spi.storage.records import Part
+from spi.storage import Part
 
 # fixtures
 load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of

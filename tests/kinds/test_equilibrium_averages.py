@@ -25,7 +25,7 @@ from spi.running.run import load
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
 from spi.statistics.claims import quantities
-from spi.storage.records import Order, Part, Results
+from spi.storage import Order, Part, Results
 
 # fixtures
 load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of

@@ -15,7 +15,7 @@ from spi.kinds.plans import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
 from spi.schemes import scheme_entry
-from spi.storage.records import Part
+from spi.storage import Part
 
 # fixtures
 load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of

@@ -15,9 +15,9 @@ from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise
 from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
-from spi.schemes import composed, weak_exponents
+from spi.schemes import composed, is_own_reverse, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
-from spi.schemes.stages import compositions, flows, is_own_reverse
+from spi.schemes.stages import compositions, flows
 from spi.specs import SpecError
 from spi.statistics.claims import CONFIRMED, judge, quantities
 from spi.statistics.estimators import Extrapolation, places, weights

@@ -17,7 +17,7 @@ from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
 from spi.statistics.estimators import Extrapolation, weights
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 def test_plain_combines_the_values_of_each_path():

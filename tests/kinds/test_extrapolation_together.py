@@ -12,7 +12,7 @@ from spi.kinds.work_precision import study as work_precision
 from spi.running import run as runner
 from spi.running.verify import verify
 from spi.statistics.estimators import ROUND
-from spi.storage.records import Part
+from spi.storage import Part
 
 SYMMETRIC = "splitting_symmetric"
 

@@ -19,7 +19,7 @@ from spi.models import LotkaVolterra
 from spi.printing.tables import printed, show_items
 from spi.running.load import load
 from spi.statistics.claims import quantities
-from spi.storage.records import Part
+from spi.storage import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 SPEC = """\

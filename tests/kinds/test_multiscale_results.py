@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from helpers import COMPILED
 
 from spi import storage
@@ -50,42 +49,6 @@ def test_weak_errors_from_spec_to_results(tmp_path):
         difference = np.abs(values(small, name) - values(other, name))
         assert np.all(difference > 0)
         assert np.all(difference < 4 * stderr)
-
-
-@pytest.mark.slow
-def test_weak_errors_of_the_comparators_against_the_ap_scheme(tmp_path):
-    schemes = ["ap_splitting", "multiscale_euler", "multiscale_euler_semi_implicit"]
-    experiment = load(
-        EXPERIMENTS / "rigid_body_ap_failure.yaml",
-        "quick",
-        [
-            f"schemes=[{', '.join(schemes)}]",
-            "eps=[1, 1e-5]",
-            f"samples={20_000 if COMPILED else 64}",
-            "steps=[2^-5]",
-            f"reference_step=2^-{8 if COMPILED else 6}",
-        ],
-    )
-    (case,) = experiment.cases
-    assert (case.reference_scheme, case.panels) == ("ap_splitting", ("eps",))
-    found = {scheme: group for (_, scheme), group in groups_of(experiment, tmp_path).items()}
-    assert list(found) == [f"{scheme}_eps_{eps}" for scheme in schemes for eps in ("1", "1e-05")]
-    for group in found.values():
-        assert (group.attributes["panels"], group.attributes["reference_scheme"]) == (("eps",), "ap_splitting")
-    # one reference for all, the AP scheme at each eps
-    for eps in ("1", "1e-05"):
-        references = [values(found[f"{scheme}_eps_{eps}"], "reference") for scheme in schemes]
-        assert np.array_equal(references[0], references[1]) and np.array_equal(references[0], references[2])
-    assert values(found["ap_splitting_eps_1"], "reference") != values(found["ap_splitting_eps_1e-05"], "reference")
-    for scheme in schemes:  # at eps = 1 all are accurate
-        assert np.abs(values(found[f"{scheme}_eps_1"], "error")).max() < 0.1
-    lost = found["multiscale_euler_eps_1e-05"]
-    assert values(lost, "nonfinite")[0] == experiment.cases[0].samples
-    assert not values(lost, "resolved").any()
-    good, bad = (found[f"{scheme}_eps_1e-05"] for scheme in (schemes[0], schemes[2]))
-    if COMPILED:
-        assert np.abs(values(bad, "error")).max() > 10 * values(bad, "error_stderr").max()
-        assert np.abs(values(bad, "error")).max() > 3 * np.abs(values(good, "error")).max()
 
 
 def test_trajectories_for_several_eps(tmp_path):

@@ -8,7 +8,7 @@ from view_helpers import heading, legend_texts, line_of, points_of, rendered, sa
 
 from spi.drawing import style
 from spi.report import views
-from spi.storage.records import Order
+from spi.storage import Order
 
 
 def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0, 1.0), h=H):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.markers import CARETDOWN, CARETUP
-from trajectory_results import LABELS, THREE, trajectories, trajectory_group
-from view_helpers import edge, heading, legend_texts, line_of, rendered, save, title
+from matplotlib.markers import CARETUP
+from trajectory_results import LABELS, trajectories, trajectory_group
+from view_helpers import edge, line_of, rendered, title
 
 from spi.kinds.trajectory import figure
 from spi.report import views
@@ -35,48 +35,14 @@ def bloch(case, panels=("casimirs",), **attributes):
     ]
 
 
-def prey(panels=("phase", "populations", "hamiltonian")):
-    """Euler-Maruyama leaves the quadrant, at t = 0.5 jumps, and diverges at t = 0.61."""
-    good = np.column_stack([1.5 + np.sin(6 * T), 1.5 + np.cos(6 * T)])
-    bad = good.copy()
-    bad[:, 0] -= np.where(T > 0.305, 20 * (T - 0.305), 0)
-    bad[50:] *= 1e200
-    bad[61:] = np.nan
-    with np.errstate(invalid="ignore"):
-        energies = [y[:, 0] - np.log(y[:, 0]) for y in (bad, good)]
-    paths = zip(("euler_maruyama", "splitting"), (bad, good), energies, strict=True)
-    told = {"case": "strong", "panels": panels, "model": "lotka_volterra"}
-    return [path_group(s, y, np.zeros((101, 0)), hamiltonian=e, **told) for s, y, e in paths]
+def two_readings():
+    """Of a scheme that preserves nothing, and of one that preserves the Casimir function."""
+    paths = [path_group(s, on_circle(1.0), np.ones((101, 1))) for s in ("euler_maruyama", "splitting")]
+    return views.readings(trajectories(*paths))
 
 
 def drawn(ax, scheme):
     return line_of(ax, LABELS[scheme])
-
-
-def test_casimirs_side_by_side():
-    results = trajectories(*bloch("one", model_sigma=(1.0, np.nan)), *bloch("three", model_sigma=(np.nan, 1.0)))
-    fig = views.figure(results)
-    assert [ax.get_subplotspec().colspan.start for ax in fig.axes] == [0, 1]
-    assert [heading(ax) for ax in fig.axes] == [
-        r"case one, \$5,  $\sigma=(1,\,\mathrm{off})$",
-        r"case three, \$5,  $\sigma=(\mathrm{off},\,1)$",
-    ]
-    assert [ax.get_ylabel() for ax in fig.axes] == ["$C$$(y)$"] * 2
-    texts = [text.get_text() for text in fig.texts]
-    assert texts == ["Paths", "$y_0=(0.5,\\,2,\\,0)$,  $T=1$,  $h=0.01$,  path 3 of seed 7"]
-    assert legend_texts(fig)[:3] == [LABELS[scheme] for scheme in THREE]
-    for group in results.groups[:3]:
-        np.testing.assert_array_equal(
-            drawn(fig.axes[0], group.variant).get_ydata(), group.variables["casimirs"][1][:, 0]
-        )
-    low, high = fig.axes[0].get_ylim()
-    assert low < 2.0 and high > 2.2  # all of Euler-Maruyama, and no zoom on rounding errors
-
-
-def test_a_single_curve_has_no_markers():
-    one, many = (views.figure(trajectories(*bloch("one")[:n])).axes[0] for n in (1, 3))
-    assert {line.get_marker() for line in one.lines} <= {"", "None"}
-    assert len({drawn(many, scheme).get_marker() for scheme in THREE}) == 3
 
 
 def test_changes_of_casimirs_at_their_own_scale():
@@ -88,21 +54,6 @@ def test_changes_of_casimirs_at_their_own_scale():
     ticks = [float(text.get_text().replace("\N{MINUS SIGN}", "-")) for text in ax.get_yticklabels()]
     np.testing.assert_allclose(ticks, 1e14 * ax.get_yticks(), atol=1e-3)
     assert edge(ax, CARETUP) == [(0.01, SCHEMES["euler_maruyama"].look[1].lower())]  # where it leaves
-
-
-def test_rigid_body_panels():
-    groups = [
-        path_group(s, on_circle(0.8), np.ones((101, 1)), panels=("casimirs", "hamiltonian", "sphere")) for s in THREE
-    ]
-    fig = rendered(views.figure(trajectories(*groups)))
-    *flat, solid = fig.axes
-    assert [ax.get_ylabel() for ax in flat] == ["$C$$(y)$", "$H(y)$"] and not any(map(heading, flat))
-    assert solid.name == "3d" and title(solid).startswith("splitting, noise first")
-    assert (solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()) == ("$y_{1}$", "$y_{2}$", "$y_{3}$")
-    assert "start" in legend_texts(fig)
-    two = path_group("splitting", on_circle(0.8)[:, :2], np.ones((101, 1)), panels=("sphere",))
-    with pytest.raises(ValueError, match="'sphere' needs three"):
-        views.figure(trajectories(two))
 
 
 def test_two_casimirs_and_complex_modes():
@@ -118,17 +69,6 @@ def test_two_casimirs_and_complex_modes():
     names = {line.get_label() for line in modes.lines}
     assert len(names) == 8 and r"$\mathrm{Im}\,\omega_{(-1,1)}$" in names
     assert len({(line.get_color(), line.get_linestyle()) for line in modes.lines}) > 4
-
-
-def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
-    fig = views.figure(trajectories(*prey()))
-    phase, first, second, energy = fig.axes
-    assert (phase.get_xlabel(), phase.get_ylabel()) == ("$y_{1}$", "$y_{2}$")
-    assert first.get_ylim()[0] > -4 and first.get_ylim()[1] < 4  # not squashed
-    assert {"start", "negative population", "below the axis"} <= set(legend_texts(fig))
-    assert [len(edge(ax, CARETUP)) + len(edge(ax, CARETDOWN)) > 0 for ax in (first, second, energy)] == [True] * 3
-    assert np.isfinite(drawn(first, "splitting").get_ydata()).all()
-    save(trajectories(*prey()), tmp_path, "prey")
 
 
 def test_what_is_undefined_for_a_while_is_a_gap():
@@ -148,7 +88,7 @@ def test_what_is_undefined_for_a_while_is_a_gap():
 
 
 def test_window():
-    euler_maruyama, splitting = views.readings(trajectories(*prey()))
+    euler_maruyama, splitting = two_readings()
     quiet, wild = np.full(5, 2.0), np.array([2.0, 3.0, 1e300, -np.inf, np.nan])
     low, high = figure.window([(splitting, quiet), (euler_maruyama, wild)])
     assert -1 < low < 2 and 3 < high < 5
@@ -159,7 +99,7 @@ def test_window():
 
 def test_a_scheme_that_preserves_nothing_does_not_set_the_frame():
     """Whatever its name is; and one that preserves something does."""
-    euler_maruyama, _ = views.readings(trajectories(*prey()))
+    euler_maruyama, _ = two_readings()
     near, far = np.linspace(0, 1, 5), np.linspace(0, 100, 5)
     for preserves, highest in (("nothing", 2.2), ("|y|", 106)):
         other = replace(euler_maruyama, preserves=preserves)
@@ -175,13 +115,6 @@ def test_the_sphere_shows_a_scheme_that_stays_on_it():
         groups = [path_group(s, on_circle(0.8), np.ones((101, 1)), panels=("sphere",)) for s in schemes]
         (ax,) = views.figure(trajectories(*groups)).axes
         assert title(ax).startswith(LABELS.get(shown, shown))
-
-
-def test_axes_and_negative_populations_in_the_phase_plane():
-    alone = views.figure(trajectories(*prey(("phase",))))
-    assert len(alone.axes[0].patches) == 0 and "negative population" not in legend_texts(alone)
-    both = views.figure(trajectories(*prey(("phase", "populations"))))
-    assert len(both.axes[0].patches) == 1 and "negative population" in legend_texts(both)  # only the first is negative
 
 
 def test_changes_of_casimirs_that_decay():

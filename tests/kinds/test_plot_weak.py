@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.markers import CARETDOWN, CARETUP
-from matplotlib.path import Path
-from view_helpers import bars_of, edge, legend_texts, line_of, points_of, rendered, save, title
+from matplotlib.markers import CARETDOWN
+from view_helpers import edge, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
 from spi.drawing import style
@@ -47,55 +46,12 @@ def test_errors_of_three_estimators():
     assert r"\varphi(y)=\sin (2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
 
 
-def test_negative_errors_and_the_sampling_floor():
-    """An interval that reaches 0 has an arrow of one length instead of a bar to the frame."""
-    group = weak_group("splitting_order2", "multilevel", stderr=1e-5)
-    error, resolved = group.variables["error"][1], group.variables["resolved"][1]
-    assert (error[1, :4] < 0).all() and not resolved[1, 3:].any() and resolved[1, :3].all()
-    error[1, 5] = 1e-9  # by chance; its interval reaches up to 2e-5
-    fig = views.figure(weak(group))
-    ax = fig.axes[1]
-    assert title(ax) == r"square: $\varphi(y)=y_{1}^{2}$"
-    label = group.attributes["scheme_label"]
-    np.testing.assert_array_equal(points_of(ax, label)[::-1, 1], -error[1, :3])
-    (pale,) = (line for line in ax.lines if line.get_alpha())
-    np.testing.assert_array_equal(pale.get_ydata()[::-1], np.abs(error[1, 3:5]))
-    bottom, _ = ax.get_ylim()
-    assert 1e-9 < bottom < 4e-6
-    (arrows,) = (line for line in ax.lines if isinstance(line.get_marker(), Path))
-    np.testing.assert_allclose(arrows.get_xdata(), [2**-8, 2**-7])
-    np.testing.assert_allclose(arrows.get_ydata(), [1e-9 + 1.96e-5, abs(error[1, 4])])
-    _, low, _ = bars_of(ax, label)
-    assert (low > bottom).all()
-    assert [x for x, _ in edge(ax, CARETDOWN)] == [2**-8] and "pale: not resolved" in legend_texts(fig)
-
-
 def test_the_band_of_a_curve_only_where_it_can_be_seen():
     group = weak_group("splitting_order2", "kolmogorov", functions=1)
     assert not views.figure(weak(group)).axes[0].collections
     group.variables["error_bound"][1][:] = 1e-6
     (band,) = views.figure(weak(group)).axes[0].collections
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(0.5 / 64 + 1e-6)
-
-
-def test_by_number_of_paths():
-    results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
-    fig = rendered(views.figure(results))
-    left, right = fig.axes
-    assert "plain" not in " ".join(str(line.get_label()) for line in left.lines)
-    assert title(right) == "plain Monte Carlo by number of paths"
-    paths = ["$10^{4}$ paths", "$10^{5}$ paths", "$10^{6}$ paths"]
-    assert set(paths) <= {text.get_text() for text in right.texts} and {"multilevel: 2.00"} <= {
-        text.get_text() for text in left.texts
-    }  # too many for a legend
-    assert "dashed: half the 95 % interval" in legend_texts(fig)
-    floors = [
-        line.get_ydata()[::-1] for line in right.lines if line.get_linestyle() == "--" and line.get_linewidth() < 1
-    ]
-    np.testing.assert_allclose(floors, 1.96 * results.groups[0].variables["prefix_error_stderr"][1][:, 0])
-    shown, resolved = (results.groups[0].variables[f"prefix_{name}"][1][2, 0] for name in ("error", "error_stderr"))
-    good = np.abs(shown) >= 2 * resolved
-    np.testing.assert_array_equal(points_of(right, "$10^{6}$ paths")[::-1, 1], np.abs(shown[good]))
 
 
 def test_accuracy_against_seconds():
@@ -117,17 +73,6 @@ def test_seconds_without_the_other_estimators(tmp_path):
     plain.variables["prefix_error_stderr"][1][:] = 0.0
     plain.variables["error_stderr"][1][:] = np.inf
     save(weak(plain), tmp_path, "seconds")
-
-
-def test_paths_that_blow_up():
-    group = weak_group("splitting", "plain", functions=1)
-    group.variables["error"][1][0, :2] = 1e30, np.inf
-    group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
-    group.variables["resolved"][1][0, :2] = False
-    fig = views.figure(weak(group))
-    (ax,) = fig.axes
-    assert 1 < ax.get_ylim()[1] < 1e3 and "paths diverged, or beyond the axis" in legend_texts(fig)
-    assert sorted(x for x, _ in edge(ax, CARETUP)) == [2**-4, 2**-3]
 
 
 def test_no_bar_for_one_path_and_for_errors_of_0():

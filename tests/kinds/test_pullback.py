@@ -13,7 +13,7 @@ from spi.kinds.lyapunov import figure, study
 from spi.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.running.load import load
 from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, mollweide
-from spi.storage.records import Part
+from spi.storage import Part
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 SPEC = """\

@@ -39,23 +39,6 @@ def test_the_question_is_about_the_same_system(source):
     assert load(made.path, text=made.text).hash == made.hash  # it is a spec like any other
 
 
-def test_its_spec_is_as_a_person_would_write_it():
-    assert load_answer("rigid_body_strong").text == (
-        "title: Strong errors, stochastic rigid body (answer)\n"
-        "kind: answer\n"
-        "model:\n"
-        "  name: rigid_body\n"
-        "  inertia: [2, 1, 2/3]\n"
-        "  noise_inertia: [1, 2, 3]\n"
-        "  sigma: [1, 1, 1]\n"
-        "initial: [cos(1.1), 0, sin(1.1)]\n"
-        "seed: 1\n"
-        "final_time: 1.0\n"
-        "functions: {mean: y1, square: y1^2}\n"
-        "accuracy: 0.001\n"
-    )
-
-
 def test_of_a_swept_parameter_the_middle_value_counts():
     olds = [[*each] for _, each in groupby(load("stability_large_steps").cases, lambda case: case.owner)]
     for case, old in zip(load_answer("stability_large_steps").cases, olds, strict=True):

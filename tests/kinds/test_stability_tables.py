@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers import printed
 from stability_results import predators, stability, stability_group
-from view_helpers import SCHEMES, lines_of
 
 from spi.kinds.stability.results import REGIMES, Stability, largest_step
 
@@ -79,27 +78,6 @@ def test_growth_is_that_beyond_the_true_one():
 def test_largest_step_with_all_smaller_ones(good, found):
     h, expected = np.array([1.0, 0.5, 0.25, 0.125]), (math.nan if found[0] is None else found[0], found[1])
     assert largest_step(h, np.array(good, bool)) == pytest.approx(expected, nan_ok=True)
-
-
-def test_printed_stability():
-    results = stability(*(stability_group(scheme) for scheme in SCHEMES))
-    text = printed(results)
-    explicit, implicit, splitting = (lines_of(text, name) for name in ("Euler-Maruyama", "midpoint", "splitting"))
-    assert explicit[2] == ["1", ">=", "2^0", "none", "none", "0.52", "1"]
-    assert explicit[3] == ["3", "2^-1", "none", "none", "inf", "3"]
-    assert implicit[0] == ["0.1", ">=", "2^0", ">=", "2^0", ">=", "2^0", "1.0e-14", "0", "%", "3.0", "<", "pi/4"]
-    assert implicit[3] == ["3", ">=", "2^0", "2^-3", "2^-7", "1.2e-5", "13", "%", "3.3-20.0", "3"]
-    assert splitting[4][:6] == ["10", ">=", "2^0", ">=", "2^0", "none"]
-    assert "512 paths each; errors against the scheme at 2^-14; 37.5 s on 4 threads" in text
-    assert "case free, $5" in text and "relative error < 1e-8" in text
-
-
-def test_printed_without_casimir():
-    groups = predators("euler_maruyama"), predators("splitting", scheme_label="splitting [expected]")
-    text = printed(stability(*groups))
-    assert lines_of(text, "Euler-Maruyama")[2] == ["1", ">=", "2^0", "none", "72", "%", "1"]
-    assert lines_of(text, "splitting [expected]")[0][3:] == [">=", "2^0", "100", "%", "<", "pi/4"]
-    assert "Casimir" not in text
 
 
 def test_nearly_all_is_not_all():

@@ -9,9 +9,9 @@ from scipy import stats
 from statistics_cases import results_of, written
 
 import spi
+from spi.printing import new_console
 from spi.printing.rows import rows_of
 from spi.printing.tables import printed, show_items
-from spi.printing.text import new_console
 from spi.statistics.claims import quantities
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -12,7 +12,7 @@ from strong_cases import case_of, study
 
 from spi.kinds.strong import study as strong
 from spi.statistics.estimators import GROUPS, group_counts
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 @pytest.fixture(autouse=True)

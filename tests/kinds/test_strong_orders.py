@@ -13,7 +13,7 @@ from strong_cases import case_of, study
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.schemes import strong_order
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 @pytest.fixture(autouse=True)

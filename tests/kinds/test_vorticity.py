@@ -16,10 +16,9 @@ from view_helpers import legend_texts, line_of, title
 from spi import cli, storage
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
+from spi.models import RigidBody, SineEuler, Zeitlin
 from spi.models.delegation import damped
-from spi.models.rigid_body import RigidBody
-from spi.models.sine_euler import SineEuler
-from spi.models.zeitlin import Zeitlin, fields
+from spi.models.zeitlin import fields
 from spi.models.zeitlin.tables import modes, shell
 from spi.report import views
 

@@ -23,7 +23,7 @@ from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])

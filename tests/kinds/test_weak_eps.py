@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
-from matplotlib.markers import CARETUP
-from view_helpers import edge, legend_texts, line_of, points_of, rendered, title
+from view_helpers import legend_texts, line_of, rendered
 from weak_results import H, at_eps, weak, weak_group
 
 from spi.report import views
-from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, largest_over
 
 EPS = (1e-2, 1e-3, 1e-4)
 WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another
 
 
-def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **attributes):
-    return [at_eps(scheme, e, functions, factor, **attributes) for e, factor in zip(eps, factors, strict=True)]
+def several_eps(functions=1, eps=EPS, **attributes):
+    return [at_eps("ap_splitting", e, functions, factor, **attributes) for e, factor in zip(eps, WORST, strict=True)]
 
 
 def test_largest():
@@ -80,41 +78,3 @@ def test_errors_at_several_eps():
     assert len({line.get_marker() for line in lines}) == 4 == len({to_hex(line.get_color()) for line in lines})
     top = line_of(ax, r"largest over $\varepsilon$")
     np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
-
-
-def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
-    """A scheme that stays accurate, one that explodes, one with a wrong limit, and one that knows no eps."""
-    groups = several_eps(functions, eps=eps, panels=("eps",), **attributes)
-    groups += several_eps(functions, "multiscale_euler", eps, (1, 4, np.nan), panels=("eps",))
-    groups += several_eps(functions, "multiscale_euler_semi_implicit", eps, (1, 8, 16), panels=("eps",))
-    return [*groups, weak_group("splitting", "multilevel", functions=functions, panels=("eps",))]
-
-
-def test_against_eps():
-    results = weak(*(at_one_step(group) for group in failing()))
-    fig = rendered(views.figure(results))
-    (ax,) = fig.axes
-    assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", r"$\varepsilon$")
-    assert title(ax) == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
-    schemes = ("AP splitting", "explicit Euler-Maruyama", "semi-implicit Euler-Maruyama")
-    assert {
-        *(*schemes, "splitting", "paths diverged, or beyond the axis", r"$h=2\,\varepsilon^2$"),
-        r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit",
-    } <= set(legend_texts(fig))
-    for label, group in zip(schemes, (results.groups[i] for i in (0, 3, 6)), strict=True):
-        line, (x, y) = line_of(ax, label), points_of(ax, label)[-1]
-        assert line.get_marker(), line.get_color() == SCHEMES[group.attributes["scheme"].look]
-        assert y == abs(group.variables["error"][1][0, 0]) and x == pytest.approx(1.0, rel=0.3)
-    assert {colour.upper() for _, colour in edge(ax, CARETUP)} == {SCHEMES["multiscale_euler"].look[1]}
-    assert [0.25, 0.25] in [list(line.get_xdata()) for line in ax.lines]
-    assert set(line_of(ax, "splitting").get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
-    low, high = ax.get_xlim()
-    assert low < 1e-3 and high > 1.0
-
-
-def at_one_step(group):
-    """The same at the largest step only."""
-    of_steps = {name: values for name, values in group.variables.items() if values[0][-1:] == ("h",)}
-    shorter = {name: (axes, values[..., :1]) for name, (axes, values) in of_steps.items()}
-    coordinates = {**group.coordinates, "h": H[:1]}
-    return group._replace(coordinates=coordinates, variables=group.variables | shorter)

@@ -11,7 +11,7 @@ from weak_cases import SPEC, case_of, plan_of
 from spi.kinds.weak.results import not_reached
 from spi.kinds.weak.study import remarks
 from spi.kinds.work_precision import study as work_precision
-from spi.storage.records import Results
+from spi.storage import Results
 
 KEYS = ("functions=y1^2", "steps=2^-1 .. 2^-3", "accuracy=1e-4")
 BOTH = ("schemes=[splitting, euler_maruyama]", "estimators=[kolmogorov]", *KEYS)

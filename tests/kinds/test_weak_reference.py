@@ -15,7 +15,7 @@ from spi.kinds.weak.levels import EQUAL
 from spi.kinds.weak.multilevel import MultilevelPlan
 from spi.running.run import load
 from spi.statistics.estimators import Extrapolation, jackknife_stderr
-from spi.storage.records import Part
+from spi.storage import Part
 
 SPEC = """\
 kind: weak

@@ -12,7 +12,7 @@ from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
 from spi.schemes import SCHEMES
-from spi.storage.records import Part
+from spi.storage import Part
 
 # fixtures
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps

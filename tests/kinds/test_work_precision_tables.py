@@ -1,63 +1,22 @@
 """Readings and tables of work and precision, from results made by hand."""
 
 import math
-import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from helpers import printed
 from work_cases import answers
 from work_results import H, work_group, work_results
 
 from spi.kinds.work_precision.results import WorkPrecision, requested
-from spi.kinds.work_precision.work_points import interval_of_median
 from spi.printing.text import duration
-from spi.storage.records import Results
-
-
-def test_reading_of_strong_errors():
-    group = work_group("lost", "euler_maruyama")
-    found = WorkPrecision.of(group)
-    assert (found.measure, found.estimator, found.functions) == ("strong", "", ())
-    assert (found.samples, found.order.points, found.about.variant) == (500, 9, "euler_maruyama")
-    v = group.arrays
-    for name in ("error", "error_stderr", "resolved", "nonfinite", "seconds_per_path", "ns_per_step"):
-        np.testing.assert_array_equal(getattr(found, name), v[name])
-    np.testing.assert_array_equal(found.half, 1.96 * v["error_stderr"])
-    np.testing.assert_array_equal(found.curve.half, found.half)
-    ends = interval_of_median(v["seconds_per_path"], v["seconds_per_path_low"], v["seconds_per_path_high"], 7)
-    np.testing.assert_array_equal(found.curve[4:], [v["seconds_per_path"], *ends])
-
-
-def test_reading_of_weak_errors():
-    """A bound takes the place of half an interval, and there are no Casimirs."""
-    group = work_group("weak", "splitting", "weak")
-    del group.variables["nonfinite"]
-    found = WorkPrecision.of(group)
-    assert (found.measure, found.estimator, found.samples) == ("weak", "kolmogorov", None)
-    assert found.functions == ("sin(6.283185307179586*y1)",)
-    assert found.casimir_drift is None and found.nonfinite is None
-    np.testing.assert_array_equal(found.half, group.arrays["error_bound"])
+from spi.storage import Results
 
 
 def test_requested_errors_of_all_schemes_are_asked_for():
     readings = [WorkPrecision.of(work_group("one", scheme)) for scheme in ("splitting", "midpoint")]
     readings[1] = replace(readings[1], targets=(0.5, 0.01))
     assert requested(readings) == [1e-3, 0.01, 0.1, 0.5]
-
-
-def test_printed_table():
-    text = printed(work_results())
-    assert "…" not in text and max(map(len, text.splitlines())) <= 100
-    assert "Work and precision" in text and "strong noise" in text
-    first = next(line for line in text.splitlines() if line.startswith("midpoint"))
-    assert first.split()[1:6] == ["2^-3", "0.123", "±", "0.003", "493"]
-    lost = [line for line in text.splitlines() if re.search(r"\(\d.*\)|\(inf\)", line) and "2^-" in line]
-    assert len(lost) == 4 and "(inf)" in lost[0] and "512" in lost[0] and "(1.4e-8 ± 1.0e-8)" in lost[-1]
-    assert "splitting, weak order 2: order 2.010 [1.990, 2.030] (expected 2)" in text
-    assert "strong error\n" in text and "weak error of the expectation of sin(2*pi*y1)\n" in text
-    assert "to T = 1, the median of 7 repeats" in text
 
 
 def test_printed_answers():

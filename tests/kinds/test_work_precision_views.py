@@ -3,72 +3,16 @@
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.markers import CARETDOWN, CARETUP
 from strong_results import unresolved
-from view_helpers import bars_of, edge, points_of
 from work_cases import answers
-from work_results import MADE_UP, H, work_group, work_results
+from work_results import MADE_UP, work_group
 
 from spi.report import views
-from spi.storage.records import Results
-
-
-@pytest.fixture(scope="module")
-def figure():
-    return views.figure(work_results())
+from spi.storage import Results
 
 
 def label_of(scheme):
     return MADE_UP[scheme][0]
-
-
-@pytest.fixture(scope="module")
-def axes(figure):
-    """The panels by case and what they show."""
-    errors = [ax for ax in figure.axes if "Casimir" not in ax.get_ylabel()]
-    casimirs = [ax for ax in figure.axes if "Casimir" in ax.get_ylabel()]
-    return dict(zip(("one", "lost", "weak"), errors, strict=True)), dict(zip(("one", "lost"), casimirs, strict=True))
-
-
-def test_points_of_errors(axes):
-    one, lost = axes[0]["one"], axes[0]["lost"]
-    for scheme in MADE_UP:
-        variables = work_group("one", scheme).variables
-        points = points_of(one, label_of(scheme))
-        np.testing.assert_array_equal(points[:, 0], np.sort(variables["seconds_per_path"][1]))
-        np.testing.assert_array_equal(np.sort(points[:, 1]), np.sort(variables["error"][1]))
-    seconds = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
-    np.testing.assert_array_equal(points_of(lost, label_of("euler_maruyama"))[:, 0], np.sort(seconds[3:]))
-    assert [x for x, _ in edge(lost, CARETUP)] == sorted(seconds[:3]) and not edge(one, CARETUP)
-    assert lost.get_ylim()[1] < 1
-    _, low, high = bars_of(one, label_of("splitting_order2"))
-    stderr = work_group("one", "splitting_order2").variables["error_stderr"][1]
-    np.testing.assert_allclose(np.sort(high - low), np.sort(2 * 1.96 * stderr), rtol=1e-6)
-
-
-def test_resolved_errors_of_a_blow_up_do_not_widen_the_axes():
-    groups = [work_group("one", scheme) for scheme in ("euler_maruyama", "midpoint", "splitting")]
-    groups[0].variables["error"][1][0] = 1e6
-    ax = views.figure(Results({"kind": "work_precision"}, tuple(groups))).axes[0]
-    seconds = groups[0].variables["seconds_per_path"][1][0]
-    assert ax.get_ylim()[1] < 1 and [x for x, _ in edge(ax, CARETUP)] == [seconds]
-
-
-def test_requested_errors(axes):
-    for case, seen in (("one", [0.01, 0.1]), ("weak", [1e-6, 1e-4, 0.01])):
-        lines = [line for line in axes[0][case].lines if line.get_linestyle() == "--" and len(line.get_ydata())]
-        low, high = axes[0][case].get_ylim()
-        assert [line.get_ydata()[0] for line in lines] == [error for error in seen if low < error < high] != []
-
-
-def test_points_of_casimirs(axes):
-    casimirs, spoilt = axes[1]["one"], axes[1]["lost"]
-    seconds = work_group("one", "splitting").variables["seconds_per_path"][1]
-    assert [x for x, _ in edge(casimirs, CARETDOWN)] == [seconds[0]] and not edge(casimirs, CARETUP)
-    np.testing.assert_array_equal(points_of(casimirs, label_of("splitting"))[:, 0], np.sort(seconds[1:]))
-    np.testing.assert_array_equal(np.sort(points_of(casimirs, label_of("midpoint"))[:, 1]), np.sort(0.1 * H))
-    lost = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
-    assert [x for x, _ in edge(spoilt, CARETUP)] == sorted(lost[:3]) and spoilt.get_ylim()[1] < 10
 
 
 def test_a_scheme_without_casimirs_beside_others():

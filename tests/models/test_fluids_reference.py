@@ -10,8 +10,8 @@ import pytest
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import noise_field, noise_field_derivative
 from spi.ensemble.protocol import casimirs, hamiltonian, structure
-from spi.models import SineEuler
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models import SineEuler, Zeitlin
+from spi.models.zeitlin import Noise
 from spi.models.zeitlin.tables import modes, nearest, places
 
 SIZES = (3, 5, 7, 9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import system_formulas
 from helpers import LANES, take_step
+from model_cases import close
 from scipy.linalg import expm
 from system_formulas import (
     CELL,
@@ -37,11 +38,6 @@ generator = system_formulas.generator
 MAXWELL_BLOCH = MaxwellBloch((1.0, 1.0))
 SINE_EULER = SineEuler((1.0, 1.0, 1.0, 1.0))
 POINTS = 20
-
-
-def close(a, b, tolerance):
-    a, b = np.asarray(a), np.asarray(b)
-    return np.linalg.norm(a - b) <= tolerance * max(1.0, np.linalg.norm(b))
 
 
 def states(generator, d):

@@ -39,8 +39,9 @@ from spi.ensemble.protocol import (
     pieces,
     strengths,
 )
+from spi.models import Zeitlin
 from spi.models.delegation import Thermal, thermal, undamped
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models.zeitlin import Noise
 from spi.numerics.angles import ANY_ANGLES
 from spi.running.remarks import remarks, warnings
 from spi.running.run import plans

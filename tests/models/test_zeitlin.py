@@ -25,8 +25,8 @@ from zeitlin_cases import (
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
-from spi.models import SineEuler
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models import SineEuler, Zeitlin
+from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
 from spi.models.zeitlin.tables import lattice, lines, modes
 from spi.numerics.angles import ANY_ANGLES

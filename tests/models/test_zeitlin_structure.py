@@ -20,7 +20,8 @@ from zeitlin_cases import (
 )
 
 from spi.checks.flow_checks import STENCIL
-from spi.models.zeitlin import Noise, Zeitlin
+from spi.models import Zeitlin
+from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
 from spi.models.zeitlin.tables import lines
 from spi.numerics.rng import LANES

@@ -9,19 +9,9 @@ from helpers import printed
 from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
-from spi.printing.text import (
-    decimal,
-    duration,
-    fraction,
-    new_console,
-    new_table,
-    power_of_two,
-    print_whole,
-    with_interval,
-)
+from spi.printing.text import decimal, duration, fraction, power_of_two, with_interval
 from spi.report import views
-from spi.storage import StorageError
-from spi.storage.records import Order
+from spi.storage import Order, StorageError
 
 
 def strong_group(case, scheme, label, order, implicit=False):
@@ -45,17 +35,6 @@ def results():
     )
     unresolved(groups[-1])
     return strong(*groups, title="Strong errors, stochastic rigid body")
-
-
-def test_rows(results):
-    records = views.rows(results)
-    assert len(records) == 4 * 9
-    explicit, implicit = records[1], records[9]
-    assert implicit.keys() - explicit.keys() == {"solves", "iterations", "failures", "largest_residual"}
-    assert explicit["case"] == "three" and explicit["scheme"] == "euler_maruyama" and explicit["h"] == 2**-6
-    assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
-    assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
-    assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
 
 
 def test_printed_table(results):
@@ -98,17 +77,6 @@ def test_colours_on_a_terminal_of_any_width(results, monkeypatch, columns):
     views.print_tables(results, text)
     assert "37\x1b[0m" in text.getvalue() and "\x1b[1;31m" in text.getvalue() and "…" not in text.getvalue()
     assert "0.0375 ± 0.0007" in text.getvalue()
-
-
-@pytest.mark.parametrize("terminal", ["dumb", "xterm"])
-def test_no_table_is_cut_on_a_terminal_that_is_narrower(monkeypatch, terminal):
-    monkeypatch.setenv("TERM", terminal)
-    monkeypatch.setenv("COLUMNS", "80")
-    text, numbers = Terminal(), [f"{n}.2345e-6 ± 0.07e-6" for n in range(8)]
-    table = new_table("", ["number"] * 8)
-    table.add_row(*numbers)
-    print_whole(new_console(text), table)
-    assert all(number in text.getvalue() for number in numbers) and "…" not in text.getvalue()
 
 
 def test_results_of_an_unknown_kind_are_said_to_be_that(results):

@@ -21,8 +21,7 @@ from scipy.integrate import solve_ivp
 
 from spi.ensemble.protocol import large, noises
 from spi.ensemble.scheme_protocol import judges, needs_areas, substeps
-from spi.models import MODELS
-from spi.models.zeitlin import Zeitlin
+from spi.models import MODELS, Zeitlin
 from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.schemes import SCHEMES

@@ -1,6 +1,7 @@
 """Rooms lie on floors: a room imports rooms of lower floors, and of its own floor those that FLOORS names."""
 
 import ast
+import functools
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -53,17 +54,18 @@ THIRD_PARTY = {
 }
 
 
+@functools.cache  # several tests look at the whole package
 def imports(source, module, is_package):
     """(line, dotted name) of everything that a module imports, wherever in it; "from a import b" gives a.b."""
-    parents = module.split(".") if is_package else module.split(".")[:-1]
+    parents, found = module.split(".") if is_package else module.split(".")[:-1], []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node.lineno, alias.name
+            found += [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = parents[: len(parents) - node.level + 1] if node.level else []
-            for alias in node.names:
-                yield node.lineno, ".".join([*base, *([node.module] if node.module else []), alias.name])
+            base = [*base, *([node.module] if node.module else [])]
+            found += [(node.lineno, ".".join([*base, alias.name])) for alias in node.names]
+    return found
 
 
 def room_of(module):

@@ -13,7 +13,7 @@ from helpers import compiled_only
 
 import spi
 from spi.running import orphans
-from spi.storage.provenance import provenance
+from spi.storage import provenance
 
 #: What a person does with the program, one command after the other.
 COMMANDS = """

@@ -149,29 +149,3 @@ def test_the_page_of_stable_names_lists_all_of_them():
     rows = [line for line in page.splitlines() if line.startswith("|")]
     names, listed = (set(re.findall(r"`(?:spi )?(\w+)`", line.partition(" | ")[0])) for line in rows[2:4])
     assert names == set(spi.__all__) and listed == commands
-
-
-def speeds():
-    """The ratios to other programs, as "4 to 19", from the tables of docs/performance.md."""
-    rows = [line.split(" | ") for line in text_of("docs/performance.md").splitlines() if line.startswith("| ")]
-    ratios = {
-        **{peer: [float(x) for row in rows if row[0].startswith(f"| {peer}") for x in row[1:3]] for peer in PEERS},
-        **{name: [float(row[4]) for row in rows if row[1] == name] for name in ("splitting", "Euler-Maruyama")},
-    }
-    return {name: f"{min(each):.0f} to {max(each):.0f}" for name, each in ratios.items()}
-
-
-PEERS = ("diffrax", "torchsde")
-
-
-def test_speeds_are_those_of_the_tables():
-    stated = speeds()
-    assert stated["diffrax"] == "4 to 19"
-    for path in ("README.md", "docs/why.md"):
-        text = " ".join(text_of(path).split())
-        for program in PEERS:
-            assert re.search(rf"{program}(?: takes)? {stated[program]}", text), (path, program)
-        assert set(re.findall(r"(\d+ to \d+) times", text)) <= set(stated.values()), path
-    why, page = (" ".join(text_of(f"docs/{name}.md").split()) for name in ("why", "performance"))
-    assert f"{stated['splitting']} times" in why and f"{stated['Euler-Maruyama']} times for Euler-Maruyama" in why
-    assert f"{stated['splitting']} times" in page and f"{stated['Euler-Maruyama']} times" in page

@@ -17,7 +17,7 @@ from spi.report.equation import typeset
 from spi.report.sections import section
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve
-from spi.storage.records import Order
+from spi.storage import Order
 from spi.storage.stored import Description
 
 NAN = float("nan")

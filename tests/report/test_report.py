@@ -20,12 +20,12 @@ from trajectory_results import trajectories, trajectory_group
 from spi import storage
 from spi.cli import app
 from spi.kinds.strong.results import StrongErrors
-from spi.report import page, sections
+from spi.report import page, sections, views
 from spi.report.equation import equation
-from spi.report.page import files, views
+from spi.report.page import files
 from spi.running.load import load_answer
 from spi.statistics import claims
-from spi.storage.records import Results
+from spi.storage import Results
 
 EMPTY = {"meta", "img", "br", "input", "link", "hr"}
 SPEC = "title: A title\nkind: strong   # <b>no bold</b>\n"

@@ -11,7 +11,7 @@ from helpers import compiled_only
 from view_helpers import legend_texts
 
 from spi import storage
-from spi.api.results import Results
+from spi.api import Results
 from spi.report import views
 from spi.report.sections import section
 from spi.running import run as runner

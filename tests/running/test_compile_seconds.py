@@ -3,7 +3,7 @@
 import pytest
 from helpers import RIGID_BODY
 
-from spi.models.maxwell_bloch import MaxwellBloch
+from spi.models import MaxwellBloch
 from spi.running.compiling import Job, Size, described, size_of, steps_seconds
 from spi.schemes import SCHEMES
 

@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from spi.cli import app
-from spi.models.zeitlin import Zeitlin, fields
+from spi.models import Zeitlin
+from spi.models.zeitlin import fields
 from spi.running.load import load
 from spi.running.remarks import reports
 

@@ -15,7 +15,7 @@ from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.verify import differing, verify
 from spi.statistics import tallies
-from spi.storage.records import Group
+from spi.storage import Group
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)

@@ -11,8 +11,9 @@ from spi import storage
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian, in_kernels
 from spi.kinds.functions import path_function
-from spi.models.zeitlin import Noise, Zeitlin
-from spi.numerics.rng import LANES, STEPS_PER_DRAW
+from spi.models import Zeitlin
+from spi.models.zeitlin import Noise
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from spi.running import run as runner
 from spi.running.remarks import reports
 from spi.specs import SpecError
@@ -69,7 +70,7 @@ def increments_of(count, m, seed=0):
     words, normals = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty((draws, STEPS_PER_DRAW * LANES))
     found = np.empty((count, m, LANES))
     for k in range(m):
-        draw(np.uint64(seed), np.uint64(k), draws, np.uint64(0), words, normals)
+        draw(np.uint64(seed), np.uint64(BROWNIAN), np.uint64(k), draws, np.uint64(0), words, normals)
         found[:, k] = normals.reshape(-1, LANES)[:count] / np.sqrt(count)
     return found
 

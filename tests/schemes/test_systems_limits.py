@@ -12,7 +12,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
 from spi.schemes import SCHEMES, scheme_entry, strong_order
-from spi.storage.records import Part
+from spi.storage import Part
 
 
 def by_heun(system, h, dW):

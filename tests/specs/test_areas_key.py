@@ -12,7 +12,7 @@ from spi.kinds.weak import study as weak
 from spi.running.remarks import remarks
 from spi.running.run import load
 from spi.specs import SpecError
-from spi.storage.records import Group, Part
+from spi.storage import Group, Part
 from spi.storage.stored import Description
 
 ON = ("schemes=[splitting, munthe_kaas_areas]", "areas=gaussian")

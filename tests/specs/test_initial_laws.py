@@ -64,23 +64,6 @@ def test_files_of_states(spec, tmp_path):
     assert tuple(initial) == (1.0, 2.0, 3.0) and initial.text == "points, points 3"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "no states"),
-        ("y1,y2\n1,2\n", "with the columns y1, y2; must have the columns y1, y2, y3, and perhaps weight"),
-        ("1,2\n", "with 2 columns; must have the columns y1, y2, y3, and perhaps weight"),
-        ("y1,y2,y3\n1,2,x\n", "no CSV of numbers (could not convert string 'x'"),
-        ("1,2,nan\n", "not finite at [0, 2]"),
-        ("y1,y2,y3,weight\n1,2,3,-1\n", "which has other weights"),
-    ],
-)
-def test_files_that_hold_no_states(error, tmp_path, text, message):
-    (tmp_path / "y.csv").write_text(text)
-    told = error(*with_law("law: points, file: y.csv"))
-    assert told.startswith("3: initial.file: is 'y.csv'") and message in told
-
-
 def test_damaged_files_of_numpy(error, tmp_path):
     np.savez(tmp_path / "y.npz", y=np.ones((2, 4)))
     assert "with y of shape (2, 4); must have an array y of 3 columns" in error(*with_law("law: points, file: y.npz"))

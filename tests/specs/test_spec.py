@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from spi import specs as spec_module
 from spi.expressions import parse_expression
 from spi.expressions.arithmetic import NumberError, parse
-from spi.models.rigid_body import RigidBody
+from spi.models import RigidBody
 from spi.running.run import layers, load
 from spi.schemes import SCHEMES
 from spi.specs import SpecError

@@ -9,11 +9,9 @@ import pytest
 from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from filled_results import filled
 from helpers import printed
-from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
-from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
@@ -37,7 +35,7 @@ from spi.statistics.claims import (
     Quantity,
     judge,
 )
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 from spi.storage.stored import Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
@@ -268,10 +266,12 @@ WHOLE = {
         *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
-    "work_precision": work_results(),
-    "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
     "equilibrium": equilibrium(*map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
+    **{
+        kind: Results({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
+        for kind in ("work_precision", "stability")
+    },
     "answer": Results({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
     "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
 }
@@ -304,7 +304,7 @@ def test_what_comes_out_is_what_the_results_hold():
     growth = [one for one in quantities_of("equilibrium") if one.name == "growth" and one.about.scheme == "splitting"]
     assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
     swept = {one.swept for one in quantities_of("stability")}
-    assert {word for word, _ in swept} == {"sigma"} and len(swept) > 1
+    assert {word for word, _ in swept} == {WHOLE["stability"].groups[0].attributes["sweep"]} and len(swept) > 1
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 from spi import storage
-from spi.storage.records import Group, Results
+from spi.storage import Group, Results
 
 
 def group(case="noise σ=1", scheme="midpoint", steps=3, **attributes):
@@ -167,14 +167,6 @@ def test_unwritable_folder(tmp_path, monkeypatch):
 
     monkeypatch.setattr(storage.files.tempfile, "TemporaryFile", refuse)
     assert "permission denied" in message(storage.check_writable, tmp_path / "new" / "r.h5")
-
-
-def test_permission_denied(tmp_path, monkeypatch):
-    def refuse(*_, **__):
-        raise PermissionError(13, "Unable to create file (a long story)")
-
-    monkeypatch.setattr(storage.files.h5py, "File", refuse)
-    assert "permission denied" in message(storage.write, tmp_path / "r.h5", results())
 
 
 @pytest.mark.parametrize("name", ["", "a/b", ".hidden"])

@@ -6,7 +6,7 @@ from made_up import group_of
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.storage.records import Order, Results
+from spi.storage import Order, Results
 from spi.storage.stored import NUMBERED, Array, Described, Stored, array, axis, fact, layout, nested
 
 

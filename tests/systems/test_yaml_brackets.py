@@ -22,9 +22,10 @@ from yaml_cases import (
 )
 
 from spi.models import MaxwellBloch, RigidBody
+from spi.systems import DefinitionError
 from spi.systems.algebras import algebra
 from spi.systems.brackets import checked
-from spi.systems.definition import DefinitionError, define, make
+from spi.systems.definition import define, make
 from spi.systems.text import Symbols
 
 
