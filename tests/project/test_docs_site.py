@@ -1,15 +1,19 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
+import json
 import re
 import runpy
+import shutil
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 from documents import PAGES, ROOT, page_name
 
 sys.path.append(str(ROOT / "docs" / "generate"))
 import reference
+import search
 from formulas import FORMULAS
 
 #: The hooks of MkDocs, in a file that has the name of a module of Python.
@@ -66,6 +70,12 @@ def built(config, target):
     return subprocess.run(program, capture_output=True, text=True, check=False, timeout=120)
 
 
+def test_a_scheme_without_latex_has_its_formula_as_text():
+    scheme = reference.SCHEMES["midpoint"]
+    assert set(FORMULAS) <= set(reference.SCHEMES) and "\\frac" in reference._formula("midpoint", scheme)
+    assert reference._formula("mine", scheme).startswith("```text\nz = y + h f((y+z)/2) + Σₖ σₖ dWₖ")
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The folder of the site, as MkDocs builds it without a warning."""
@@ -120,3 +130,96 @@ def dead_links(page, html, pages):
         if not target.exists() or (place and f'id="{place}"' not in pages.get(target, "")):
             dead.append(link)
     return dead
+
+
+def test_a_picture_without_a_link_and_a_dead_link_are_noticed(tmp_path):
+    page = tmp_path / "a.html"
+    page.write_text("")
+    html = '<h2 id="x"></h2><img alt="" src="a.png"><a href="b.png">\n<img src="b.png"></a>'
+    html += '<a href="#x"> <a href="#y"> <a href="c.html">'
+    assert unlinked(html) == ["a.png"]
+    assert dead_links(page, html, {page: html}) == ["a.png", "b.png", "b.png", "#y", "c.html"]
+    assert with_links('<img src="a.png">') == '<a href="a.png"><img loading="lazy" src="a.png"></a>'
+    assert unlinked(with_links(html)) == [] and with_links(with_links(html)) == with_links(html)
+
+
+#: What a newcomer asks: the words to search for, and the page that is the first hit.
+QUESTIONS = {
+    "install": "install",
+    "own system": "own_systems",
+    "simulate one path": "trajectories",
+    "choose a scheme": "choose",
+    "how many samples": "answer",
+    "resume": "long_runs",
+    "Slurm": "long_runs",
+    "figure for a journal": "figures",
+    "CSV": "report",
+    "first passage": "statistics",
+    "what is a Casimir": "concepts",
+    "cite": "cite",
+    **{
+        "GPU": "install",
+        "Ito": "concepts",
+        "own scheme": "own_schemes",
+        "license": "cite",
+        "weak errors": "weak_errors",
+    },
+}
+
+
+def hits(index, query):
+    """The hits of a query, best first, by the rule of search.js."""
+    scores, found = Counter(), Counter()
+    asked = [word for word in search.words(query) if word not in index["ignored"]]
+    for word in asked:
+        terms = [word] if word in index["weights"] else [term for term in index["weights"] if term.startswith(word)]
+        best = {}
+        for i, weight in (pair for term in terms for pair in index["weights"][term]):
+            best[i] = max(weight, best.get(i, 0.0))
+        scores.update(best)
+        found.update(best.keys())
+    ranked = sorted(scores, key=lambda i: -scores[i] * found[i] / len(asked))
+    return [index["entries"][i][0] for i in ranked]
+
+
+def clicks(site, page):
+    """The pages that the text of a page, not its menu, links to."""
+    text = site.joinpath(page).read_text(encoding="utf-8").partition('role="main"')[2]
+    return {link.partition("#")[0] for link in re.findall(r'<a href="([\w/]+\.html[^"]*)"', text)}
+
+
+def test_questions_of_a_newcomer_are_answered(site):
+    """Within two clicks from the home page, and as the first hit of the search."""
+    index = json.loads(site.joinpath("search", "index.js").read_text("utf-8").partition("= ")[2].rstrip(";\n"))
+    first = clicks(site, "index.html")
+    near = first.union(*(clicks(site, page) for page in first if "/" not in page))
+    for query, page in QUESTIONS.items():
+        assert f"{page}.html" in near, page
+        assert hits(index, query)[0].partition("#")[0] == f"{page}.html", (query, hits(index, query)[:3])
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="nothing that runs JavaScript")
+def test_the_page_of_the_search_ranks_alike(site):
+    """And it reads its index as a script, which works from a folder."""
+    files = [site / "search" / name for name in ("main.js", "index.js")]
+    code = "const fs = require('fs');"
+    code += "".join(f"eval.call(null, fs.readFileSync({json.dumps(str(file))}, 'utf8'));" for file in files)
+    code += f"for (const query of {json.dumps([*QUESTIONS])})"
+    code += "  console.log(JSON.stringify(searchHits(search_index, query).map(hit => hit[0])));"
+    done = subprocess.run(["node", "-e", code], capture_output=True, text=True, check=True, timeout=60)
+    index = json.loads(files[1].read_text("utf-8").partition("= ")[2].rstrip(";\n"))
+    for query, line in zip(QUESTIONS, done.stdout.splitlines(), strict=True):
+        assert json.loads(line)[:5] == hits(index, query)[:5]
+    assert sorted(file.name for file in site.joinpath("search").iterdir()) == ["index.js", "main.js"]
+
+
+def test_a_broken_link_is_noticed(tmp_path):
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")
+    config = ROOT.joinpath("mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[0]
+    config = config.replace("docs/generate/", f"{ROOT.as_posix()}/docs/generate/")
+    tmp_path.joinpath("mkdocs.yml").write_text(f"{config}\nnav: [index.md]\n")
+    done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
+    assert done.returncode != 0
+    assert "no_such_page.md" in done.stderr

@@ -1,9 +1,20 @@
-"""The words, the sentences and the examples of the pages."""
+"""The words, the sentences and the examples of the pages; formulas of the reference in signs."""
 
+import sys
 import unicodedata
 
 import pytest
 from documents import PAGES, ROOT, avoided, first_example, page_name, sentences
+
+sys.path.append(str(ROOT / "docs" / "generate"))
+import words
+
+
+def test_formulas_in_signs():
+    assert words.in_symbols("H = sum_k y_k^2 / (2 I_k), Ĥ_1") == "H = Σₖ yₖ² / (2 Iₖ), Ĥ₁"
+    assert words.in_symbols("sigma_k dW_k grad Ĥ_k, |omega_m|^2") == "σₖ dWₖ ∇Ĥₖ, |ωₘ|²"
+    kept = "omega_{m+n}, noise_flow, xi^(n-1), h^0.5, summary, epsilon"
+    assert words.in_symbols(kept) == kept.replace("omega", "ω").replace("xi", "ξ")
 
 
 def test_the_glossary_is_in_alphabetical_order():
@@ -30,9 +41,23 @@ def test_the_words_of_a_page(page):
     assert sum(lengths) <= 25 * len(lengths)
 
 
+def test_words_to_avoid_are_noticed():
+    text = "It tells so many.\n\n```sh\nspi run told\n```\n\n| beside |\n\n"
+    text += "* `told` is code, [told](told.md) lies\n  beside. Fine it is."
+    found = ["tells", "so many", "beside", "told", "lies"]
+    assert [line.partition(" (")[0] for line in avoided(text)] == [f"'{word}'" for word in found]
+    assert [*map(len, map(str.split, sentences(text)))] == [4, 6, 3]
+    assert not [*avoided("The rule of Lie and Trotter goes on for 3 steps, so many that it ends.")]
+
+
 @pytest.mark.parametrize("page", [page for page in WRITTEN if page.stem not in LOOKED_UP], ids=page_name)
 def test_a_page_has_an_example_in_its_first_screen(page):
     text = page.read_text(encoding="utf-8")
     assert text.startswith("# ") and not text.partition("\n\n")[2].startswith(("```", "#", "|", "!"))  # what it is for
     screen = 2400 if page.stem == "README" else 1200
     assert first_example(text) is not None and first_example(text) < screen
+
+
+def test_a_page_without_an_example_is_noticed():
+    assert first_example("# A page\n\nWords.\n\n```text\nspi run\n```\n") is None
+    assert first_example("# A page\n\n" + 1200 * "w" + "\n\n```sh\nspi run\n```\n") > 1200

@@ -100,3 +100,16 @@ def changes(keys):
 def test_a_quick_profile_is_the_same_experiment(name):
     """Fewer samples, step sizes, schemes or values, or a shorter time: never another model, state or step."""
     assert not [*changes(keys_of(name))]
+
+
+def test_another_experiment_is_noticed():
+    keys = {"samples": 10, "steps": "2^-1 .. 2^-3", "schemes": ["a"], "sweep": {"r": [1, "2^-4"]}, "accuracy": 1e-3}
+    keys["cases"] = [{"name": "one", "samples": 5}]
+
+    def quick(**profile):
+        return [change.removeprefix("one: ") for change in changes(keys | {"profiles": {"quick": profile}})]
+
+    assert quick(samples=4, steps="2^-1 .. 2^-2", sweep={"r": ["2^-4"]}, accuracy="1e-2") == []
+    wrong = {"model": {"sigma": [0.1]}, "samples": "2^4", "steps": "2^-1 .. 2^-4", "schemes": ["b"], "step": 1}
+    wrong |= {"sweep": {"r": [2]}, "accuracy": 1e-4, "initial": [1], "temperature": 1}
+    assert quick(**wrong) == [*wrong] and quick(cases={"one": {"samples": 6}}) == ["samples"]

@@ -266,6 +266,14 @@ def test_a_new_title_needs_no_new_paths(tmp_path):
     }
 
 
+def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
+    path = runner.results_path(experiment("samples=5"), tmp_path)
+    path.write_text("somebody's notes")
+    with pytest.raises(StorageError, match="not a whole HDF5 file"):
+        runner.run(experiment("samples=5"), tmp_path)
+    assert path.read_text() == "somebody's notes"
+
+
 def test_results_of_a_spec_file(tmp_path):
     spec = tmp_path / "mine.yaml"
     spec.write_text(EXPERIMENT.read_text(encoding="utf-8"), encoding="utf-8")
