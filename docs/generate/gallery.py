@@ -118,7 +118,8 @@ def small(png: bytes, profile: str) -> bytes:
     content, facts = io.BytesIO(), PngInfo()
     facts.add_text(PROFILE, profile)
     with Image.open(io.BytesIO(png)) as drawn:
-        few = drawn.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        # colours of small parts, such as the ends of a colour bar, count as much as those of large ones
+        few = drawn.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
         few.save(content, "png", optimize=True, pnginfo=facts)
     return content.getvalue()
 
