@@ -187,7 +187,7 @@ def _parameters(cls: Any, definitions: Mapping[str, Any]) -> Rows:
 
 def schemes() -> str:
     """The schemes with their formulas and orders."""
-    head = ("scheme", "strong order", "with one noise", "weak order", "keeps")
+    head = ("scheme", "strong order", "with one noise", "weak order", "preserves")
     orders = {name: (r.strong_order, r.strong_order_commuting, r.weak_order) for name, r in SCHEMES.items()}
     rows = ((f"[`{n}`](#{n})", *map(fraction, orders[n]), row.preserves) for n, row in SCHEMES.items())
     text = SCHEMES_PAGE + table(head, rows)

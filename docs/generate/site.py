@@ -80,11 +80,12 @@ _SIGNS = [
         (r"(?<=[\d. ])\+- ?(?=[\d.])", "\N{PLUS-MINUS SIGN} "),
         (r"&lt;=", "\N{LESS-THAN OR EQUAL TO}"),
         (
-            r"(?<![\w^])(d?[^\W\d_]\u0302?|omega|sigma|lambda|sum|grad)_(\w{1,4}|\{[^{}]*\})(?!\w)",
+            r"(?<![\w^])(d?[^\W\d_]\u0302?|omega|sigma|lambda|delta|xi|term|sum|grad)_(\w{1,4}|\{[^{}]*\})(?!\w)",
             r"\1<sub>\2</sub>",
         ),
         (r"(?<=[\w)|\]>])\^(-?\w+(?:\.\d+)?)", r"<sup>\1</sup>"),
         (r"(?<=[\w)|\]>])\^\(([^()]*)\)", r"<sup>\1</sup>"),
+        (r"(?<=[\w)|\]>])\^\{([^{}]*)\}", r"<sup>\1</sup>"),
         (r"(<sup>)-", "\\1\N{MINUS SIGN}"),
         (r"(<su[bp]>)\{([^{}]*)\}", r"\1\2"),
     )
@@ -92,9 +93,13 @@ _SIGNS = [
 
 
 def on_page_content(html: str, page: Page, **_: Any) -> str:
-    """Called by MkDocs for each page, when it is HTML; pages of reference show what a reader types."""
+    """Called by MkDocs for each page, when it is HTML."""
     html = with_links(html)
-    return html if page.file.src_uri.startswith("reference/") else with_signs(html)
+    return html if page.file.src_uri in _TYPED else with_signs(html)
+
+
+#: Pages that show what a reader types, also outside of code.
+_TYPED = {f"reference/{name}.md" for name in ("commands", "experiments", "python", "results", "spec")}
 
 
 def on_post_build(config: MkDocsConfig) -> None:
