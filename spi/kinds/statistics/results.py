@@ -83,8 +83,8 @@ class Statistics(Stored):
 
     headline = ("mean", "variance", "quantile")
     measures = (
-        r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; of a first time, "
-        "the share is that of the paths on which it has come."
+        r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; the "
+        "mean of a first passage is the fraction of paths that have passed."
     )
     row_axes, row_columns = ("function", "t"), ("level", "other")
     tables = (
