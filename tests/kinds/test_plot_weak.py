@@ -126,7 +126,8 @@ def test_paths_that_blow_up():
     group.variables["resolved"][1][0, :2] = False
     fig = views.figure(weak(group))
     (ax,) = fig.axes
-    assert 1 < ax.get_ylim()[1] < 1e3 and "paths diverged, or beyond the axis" in legend_texts(fig)
+    assert ax.get_ylim()[1] < 1  # what is beyond the axis does not widen it
+    assert "paths diverged, or beyond the axis" in legend_texts(fig)
     assert sorted(x for x, _ in edge(ax, CARETUP)) == [2**-4, 2**-3]
 
 
