@@ -21,6 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import yaml
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -103,6 +104,8 @@ EULER = {"vortex_merger_euler": "vortex_merger", "zeitlin_limit": "zeitlin_limit
 
 #: The entry of a PNG with the profile of its results.
 PROFILE = "Profile"
+#: A visible change of a colour, of 255, and the fraction of pixels that may change: less than a colour bar has.
+_VISIBLE, _CHANGED = 16, 2e-4
 
 
 def picture(results: Results, style: str = "screen") -> bytes:
@@ -114,12 +117,15 @@ def picture(results: Results, style: str = "screen") -> bytes:
 
 
 def small(png: bytes, profile: str) -> bytes:
-    """A PNG of at most 256 colours, which takes a third of the bytes."""
+    """A PNG of at most 256 colours, which takes a third of the bytes, unless that changes colours visibly."""
     content, facts = io.BytesIO(), PngInfo()
     facts.add_text(PROFILE, profile)
     with Image.open(io.BytesIO(png)) as drawn:
-        few = drawn.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        few.save(content, "png", optimize=True, pnginfo=facts)
+        whole = drawn.convert("RGB")
+    few = whole.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    off = np.abs(np.asarray(few.convert("RGB"), int) - np.asarray(whole, int)).max(axis=-1) > _VISIBLE
+    chosen = whole if off.mean() > _CHANGED else few
+    chosen.save(content, "png", optimize=True, pnginfo=facts)
     return content.getvalue()
 
 

@@ -171,7 +171,7 @@ Every model is a stochastic Poisson system in Stratonovich form,
 ```
 
 with independent Wiener processes W₁, ..., Wₘ. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
-The parameters are the keys under `model` beside `name`, as in
+The parameters are the keys under `model` next to `name`, as in
 `model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}`. They are pure numbers. Any model may have
 linear [damping](../damping.md); custom systems are written [in YAML](../own_systems.md) or
 [in Python](../own_models.md).
@@ -187,7 +187,7 @@ def _parameters(cls: Any, definitions: Mapping[str, Any]) -> Rows:
 
 def schemes() -> str:
     """The schemes with their formulas and orders."""
-    head = ("scheme", "strong order", "with one noise", "weak order", "keeps")
+    head = ("scheme", "strong order", "with one noise", "weak order", "preserves")
     orders = {name: (r.strong_order, r.strong_order_commuting, r.weak_order) for name, r in SCHEMES.items()}
     rows = ((f"[`{n}`](#{n})", *map(fraction, orders[n]), row.preserves) for n, row in SCHEMES.items())
     text = SCHEMES_PAGE + table(head, rows)
@@ -211,7 +211,7 @@ def _conditions(row: Any) -> str:
         "Needs `truncate_noise: true`.": row.needs_truncation,
         "For the [multiscale system](../multiscale.md): needs `eps`.": row.multiscale,
         "`eps` must not be 0.": row.needs_eps,
-        f"Of the built-in models for {_able(row)}.": row.needs is not None,
+        f"Of the built-in models for {_able(row)}.": row.needs is not None and bool(_able(row)),
         "Also for the model `zeitlin`.": row.for_large_models,
         "Its expectations can be computed without sampling.": row.solvable_without_sampling,
     }

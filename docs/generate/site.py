@@ -13,6 +13,7 @@ from typing import Any
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 from pygments.formatters import HtmlFormatter
 
 sys.path.append(str(Path(__file__).parent))
@@ -27,9 +28,20 @@ def with_formulas(text: str) -> str:
 
 
 def _mathml(latex: str) -> str:
-    """Lines that end with two backslashes are lines of the formula, each on its own."""
+    """Lines that end with two backslashes are lines of the formula; parts with wide space between break on a phone."""
     lines = [" ".join(line.split()) for line in latex.split(r"\\")]
-    return "".join(convert(line, display="block") for line in lines if line)
+    return "".join(f"<div>{' '.join(map(_part, _parts(line)))}</div>" for line in lines if line)
+
+
+def _parts(line: str) -> list[str]:
+    """What stands between wide spaces; the whole line where one is within braces."""
+    parts = [part.strip() for part in line.split(r"\qquad")]
+    whole = all(part and part.count("{") == part.count("}") for part in parts)
+    return parts if whole else [line]
+
+
+def _part(latex: str) -> str:
+    return convert(latex, display="block")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -47,9 +59,47 @@ def with_links(html: str) -> str:
 _PICTURE = re.compile(r'(<a [^>]*>\s*<img [^>]*>\s*</a>)|(<img [^>]*src="([^"]*)"[^>]*>)')
 
 
-def on_page_content(html: str, **_: Any) -> str:
+def with_signs(html: str) -> str:
+    """A page in HTML whose formulas in sentences, such as y_3^2 or 2*10^5, have indices, exponents and signs."""
+    parts, within = re.split(r"(<[^>]*>)", html), ""
+    for i, part in enumerate(parts):
+        tag = re.match(r"<(/?)(code|pre|math|script)\b", part)
+        if tag and (not within or within == tag[2]):
+            within = "" if tag[1] else tag[2]
+        elif not within and not part.startswith("<"):
+            for pattern, sign in _SIGNS:
+                part = pattern.sub(sign, part)
+            parts[i] = part
+    return "".join(parts)
+
+
+_SIGNS = [
+    (re.compile(pattern), sign)
+    for pattern, sign in (
+        (r"(?<=\d)\*(?=10\^)", " \N{MULTIPLICATION SIGN} "),
+        (r"(?<=[\d. ])\+- ?(?=[\d.])", "\N{PLUS-MINUS SIGN} "),
+        (r"&lt;=", "\N{LESS-THAN OR EQUAL TO}"),
+        (
+            r"(?<![\w^])(d?[^\W\d_]\u0302?|omega|sigma|lambda|delta|xi|term|sum|grad)_(\w{1,4}|\{[^{}]*\})(?!\w)",
+            r"\1<sub>\2</sub>",
+        ),
+        (r"(?<=[\w)|\]>])\^(-?\w+(?:\.\d+)?)", r"<sup>\1</sup>"),
+        (r"(?<=[\w)|\]>])\^\(([^()]*)\)", r"<sup>\1</sup>"),
+        (r"(?<=[\w)|\]>])\^\{([^{}]*)\}", r"<sup>\1</sup>"),
+        (r"(<sup>)-", "\\1\N{MINUS SIGN}"),
+        (r"(<su[bp]>)\{([^{}]*)\}", r"\1\2"),
+    )
+]
+
+
+def on_page_content(html: str, page: Page, **_: Any) -> str:
     """Called by MkDocs for each page, when it is HTML."""
-    return with_links(html)
+    html = with_links(html)
+    return html if page.file.src_uri in _TYPED else with_signs(html)
+
+
+#: Pages that show what a reader types, also outside of code.
+_TYPED = {f"reference/{name}.md" for name in ("commands", "experiments", "python", "results", "spec")}
 
 
 def on_post_build(config: MkDocsConfig) -> None:

@@ -23,7 +23,7 @@ def page() -> str:
 PAGE = """# What a results file holds
 
 A results file is HDF5: a group `/<case>/<scheme>`, or `/<case>/<scheme>/<estimator>`, for each scheme of each case,
-with arrays that have dimension scales, so that xarray and MATLAB open it. Beside each array stand its `long_name`,
+with arrays that have dimension scales, so that xarray and MATLAB open it. Each array has its `long_name`,
 and its `formula` and `units` if it has any. The columns of `spi show --format csv` and `json` have the same names.
 
 Kinds: {kinds}.

@@ -54,7 +54,7 @@ def expectations(
     diverged paths (NaN or infinity), with which the means are not finite.  For weak errors with their orders, for
     multilevel estimates and for expectations without sampling see experiments of kind weak.
 
-    Raises SpecError if anything is wrong with what is asked for.
+    Raises SpecError with a line for each mistake in the arguments.
     """
     count = whole("samples", samples, 2)
     keys = {"initial": initial, "final_time": final_time, "seed": seed} | options
@@ -193,15 +193,15 @@ def answer(
     `functions` is phi, or a mapping of names: expressions or Python functions, as for :func:`spi.expectations`.  With
     a Python function among them, whose range is not known, all are sampled.  The program chooses:
     no sampling where a solution is known, else scheme, steps, extrapolation and samples, from a pilot; it checks
-    the bias by one step finer, and goes on if the check fails.  `options` are further keys of an experiment of kind
+    the bias by one step finer, and continues if the check fails.  `options` are further keys of an experiment of kind
     answer: schemes, extrapolate, sampling, seconds, damping.  `model`, `initial`, `final_time` and `seed` are as for
     :func:`spi.trajectory`.
 
     The result has ``value``, ``half``, ``bias`` and ``stderr`` (function), whether the accuracy was ``reached``,
-    ``warnings``, and ``chosen``; printed it says all of it in words.  What cannot be had is not refused here but said
-    by ``reached`` and ``warnings``.
+    ``warnings``, and ``chosen``; printing it shows all of them in words.  An accuracy that cannot be reached is no
+    error: ``reached`` and ``warnings`` report it.
 
-    Raises SpecError if anything is wrong with what is asked for.
+    Raises SpecError with a line for each mistake in the arguments.
     """
     keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
     named = _by_name(functions)

@@ -80,7 +80,7 @@ class Integrator:
     which of "areas" and "coins" it needs besides increments; ``area_terms``, of how many terms drawn areas are, -1
     where they are Gaussian.
 
-    Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
+    Raises SpecError with a line for each mistake in the arguments.
     """
 
     def __init__(

@@ -66,13 +66,13 @@ def trajectory(
     (t, casimir).  With `samples` there are those of the numbers 0, ..., samples - 1, and a first axis ``path``.  The
     same seed, number and step give the same Brownian path with every scheme, and the same numbers as ``spi.run``.
 
-    `observe` keeps something else in place of the states, so that memory does not bound the number of samples: it is
+    `observe` stores something else instead of the states, so that memory does not bound the number of samples: it is
     called with the times (times,) and the states (paths, times, components) of some paths at a time, and returns an
     array whose first axis is that of the paths, or a mapping of names and such arrays; the variables of the result are
     these, or ``observed``.  A second axis as long as the times is the axis ``t``, unless there are as many components.
     It is given 64 paths at least, so that these at all times must find room in memory.
 
-    Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
+    Raises SpecError with a line for each mistake in the arguments.
     """
     count = None if samples is None else whole("samples", samples, 1)
     if observe is not None and count is None:

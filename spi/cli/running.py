@@ -130,10 +130,10 @@ def verify(
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
-    All numbers in the file are derived again from the sums over paths, if those lie beside it, or with --all from the
+    All numbers in the file are derived again from the sums over paths, if these are next to it, or with --all from the
     paths.  The claims stored with the results are judged as well.  Exit code 4 if anything is different.
 
-    Python code in the file, of a model that is not built in, is run only if an equal file lies at the path that the
+    Python code in the file, of a model that is not built in, is run only if an equal file exists at the path that the
     spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
@@ -254,7 +254,7 @@ def answer(
     ] = None,
     time: Annotated[str | None, typer.Option(help="Final time (default: that of the experiment).")] = None,
     accuracy: Annotated[str | None, typer.Option(help="Half the width of the 95 % interval, e.g. 1e-5.")] = None,
-    seconds: Annotated[str | None, typer.Option(help="At most so many seconds of one thread (default: 3600).")] = None,
+    seconds: Annotated[str | None, typer.Option(help="Largest work, in seconds of one thread (default: 3600).")] = None,
     dry: Annotated[bool, typer.Option("--dry", help="Run the pilot only, and predict.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
     threads: Threads = None,

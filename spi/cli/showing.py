@@ -64,7 +64,7 @@ def show(
 def plot(
     sources: Several = None,
     results: ResultsFolder = RESULTS,
-    out: Annotated[Path | None, typer.Option(help="Folder of figures (default: beside the results).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of figures (default: that of the results).")] = None,
     style: Annotated[
         Literal["screen", "paper"],
         typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),

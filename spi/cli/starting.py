@@ -22,7 +22,7 @@ _DIGEST = re.compile("[0-9a-f]{16}")
 def cache(
     clear_old: Annotated[bool, typer.Option("--clear-old", help="Remove the kernels of other sources.")] = False,
 ) -> None:
-    """Say what is kept of compiled kernels, and remove old ones."""
+    """Count the compiled kernels in the cache, and remove old ones."""
     parent = kernels_folder().parent
     folders = sorted(parent.iterdir()) if parent.is_dir() else []
     ours = [path for path in folders if _DIGEST.fullmatch(path.name) and path.is_dir() and not path.is_symlink()]

@@ -26,6 +26,7 @@ _NAMES = 1.6  # inches for the names of lines at their ends
 _AROUND = 0.8  # inches above and below the frame of a panel
 _MARGIN = 0.5  # inches to the left of a panel, for its vertical axis
 _WIDER = 0.6  # inches more, where the label of that axis has two lines
+_HIGHER = 1.25  # height of a line with formulas, in lines
 _BESIDE = 0.45  # inches of a handle of the legend and the room around it
 
 Case = tuple[list[str], list[list[plots.Plot]]]  #: the heading of a case, and groups of panels
@@ -164,8 +165,11 @@ class _Titles:
         is_long = style.inches(label, "axes.labelsize") > room
         above = _wrapped(heading, self.reach.get(id(plot), self.width) - _MARGIN - _WIDER * is_long)
         under = _wrapped(own, self.width - _MARGIN) or [""]
-        # empty lines make room for the heading, which may reach over other panels and so takes no part in the layout
-        ax.set_title("\n" * len(above) + letter + "\n".join(under), loc="left", pad=6 if ax.axison else 15)
+        # empty lines make room for the heading, which may reach over other panels and so takes no part in the layout;
+        # lines with formulas are higher
+        ax.set_title(
+            "\n" * round(_HIGHER * len(above)) + letter + "\n".join(under), loc="left", pad=6 if ax.axison else 15
+        )
         size = page.points("axes.titlesize")
         rise = ((6 if ax.axison else 15) + 1.3 * size * len(under)) / 72
         place: Any = ax.transAxes + ScaledTranslation(0, rise, ax.figure.dpi_scale_trans)
@@ -174,7 +178,7 @@ class _Titles:
             draw(0, 1, "\n".join(above), transform=place, va="bottom", fontsize=size, in_layout=False)
         if is_long:
             ax.set_ylabel(label.replace("  ", "\n"))
-        return len(above) + len(under)
+        return round(_HIGHER * len(above)) + len(under)
 
 
 def _wrapped(texts: Sequence[str], width: float) -> list[str]:
@@ -197,7 +201,9 @@ def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]])
 def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Entry]:
     """The entries of all panels, each text once: schemes, other lines, marks."""
     by_text = {text: handle for handle, text in reversed(entries)}
-    merged = [(by_text[text], text) for text in dict.fromkeys(text for _, text in entries)]
+    texts = dict.fromkeys(text for _, text in entries)
+    both = {text for text in texts if any(other.endswith(f", or {text}") for other in texts)}  # of two kinds of panels
+    merged = [(by_text[text], text) for text in texts if text not in both]
     dashes = {text: getattr(handle, "get_linestyle", lambda: "-")() for handle, text in merged}
     return sorted(merged, key=lambda entry: (entry[1] not in schemes, dashes[entry[1]] == "None"))
 

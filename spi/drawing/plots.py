@@ -35,6 +35,7 @@ _SHORT = 30.0  # ratio of the ends of a logarithmic axis on which powers of ten 
 _LINEAR = 20.0  # ratio of the values of a parameter up to which their axis is linear
 _SLOPES = ((0, (5, 2)), (0, (1, 1.5)), "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _ARROW = Path([(0, 0), (0, -1), (-0.14, -0.72), (0, -1), (0.14, -0.72)], [1, 2, 1, 2, 2])
+_BELOW = Path([(-0.5, 0.4), (0, -0.4), (0.5, 0.4)])  # as a caret, in the middle of a line of text
 _ARROW_SIZE = 26.0  # points, twice the length of the arrow
 
 
@@ -161,12 +162,12 @@ class Plot(NamedTuple):
         if any((~_good(line) & (line.y <= top) & (line.y > 0 if self.log else True)).any() for line in self.series):
             entries.append(mark("o", "pale: not resolved", alpha=PALE, markerfacecolor="none"))
         if any(np.isinf(line.y).any() for line in self.series):
-            entries.append(mark(CARETUP, "paths diverged, or beyond the axis"))
+            entries.append(mark("^", "paths diverged, or beyond the axis"))
         elif any((line.y > top).any() for line in self.series):
-            entries.append(mark(CARETUP, "beyond the axis"))
+            entries.append(mark("^", "beyond the axis"))
         if any((line.y < bottom).any() for line in self.series):
             entries.append(
-                mark(CARETDOWN, "0, or below the axis" if self.log else "below the axis", markerfacecolor="none")
+                mark(_BELOW, "0, or below the axis" if self.log else "below the axis", markerfacecolor="none")
             )
         return entries
 
@@ -282,7 +283,7 @@ def log_limits(lines: Sequence[Series], top: float = HUGE) -> tuple[float, float
         floor = np.fmax(line.y, half)[~good]
         floors.append(floor[(floor > 0) & (floor < top)])
     values, others = np.concatenate(resolved), np.concatenate(floors)
-    shown = np.concatenate([values, np.minimum(others, _FAR * values.max()) if len(values) else others])
+    shown = np.concatenate([values, others[others <= _FAR * values.max()] if len(values) else others])
     return limits(shown) if len(shown) else None
 
 

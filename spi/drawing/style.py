@@ -96,8 +96,14 @@ def label(about: Description, with_eps: bool = True) -> str:
 
 
 def symbol(name: str) -> str:
-    """The symbol of a parameter in mathtext; empty if it has none."""
-    return SYMBOLS.get(name, name if len(name) == 1 else "")
+    """The symbol of a parameter in mathtext, with an index where its name has one; empty if it has none."""
+    return SYMBOLS.get(name) or (name if len(name) == 1 else _indexed(name))
+
+
+def _indexed(name: str) -> str:
+    """A letter with its index in mathtext: `w0`, `Jx`, `y_2`, `x(1)` and `h(1,0)`; empty for another name."""
+    found = re.fullmatch(r"([A-Za-z])(?:_?(\d+|[xyz])|\(([\d,]+)\))", name)
+    return f"{found[1]}_{{{found[2] or found[3]}}}" if found else ""
 
 
 def word(name: str) -> str:
@@ -122,7 +128,7 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
         return
     titles = wrapped(plain(title).split(), " ", "figure.titlesize", width)
     lines = wrapped(parameters, ",  ", "legend.fontsize", width)
-    top = 0.1 + 0.22 * len(titles) + 0.18 * len(lines)
+    top = 0.16 + 0.22 * len(titles) + 0.18 * len(lines)
     height += top
     fig.set_size_inches(width, height)
     fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top / height), w_pad=0.08, h_pad=0.06))
@@ -182,17 +188,18 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             texts["model_noise"] = plain(f"noise: {value}") if value else "no noise"
         elif not isinstance(value, str | bool) and name not in _HIDDEN:
-            symbol = SYMBOLS.get(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
-            texts[f"model_{name}"] = f"${symbol}={number(value)}$"
+            named = "N" if (about.model, name) == ("zeitlin", "n") else symbol(name)
+            named = named or r"\mathrm{" + name.replace("_", r"\ ") + "}"
+            texts[f"model_{name}"] = f"${named}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         texts["initial"] = f"${initial_value(about)}$"
     if about.initial_law is not None:
         texts["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
         texts["final_time"] = f"$T={number(about.final_time)}$"
-    for name, symbol in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
+    for name, named in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
         if own.get(name) is not None:
-            texts[name] = f"${symbol}={number(own[name], steps=True)}$"
+            texts[name] = f"${named}={number(own[name], steps=True)}$"
     if own.get("reference_scheme"):
         name = own["reference_scheme"]
         texts["reference_scheme"] = plain(f"reference: {SCHEMES[name].label if name in SCHEMES else name}")
@@ -225,11 +232,11 @@ def initial_value(about: Description) -> str:
 def component_names(about: Description, count: int) -> list[str]:
     """The names of the components of the state, in mathtext."""
     if about.variables:
-        return [plain(name) for name in about.variables]
+        return [f"${symbol(name)}$" if symbol(name) else plain(name) for name in about.variables]
     if about.model not in COMPLEX:
         return [f"$y_{{{i + 1}}}$" for i in range(count)]
-    symbol, modes = COMPLEX[about.model]
-    return [rf"${part}\,{symbol}_{{{mode}}}$" for mode in modes for part in (r"\mathrm{Re}", r"\mathrm{Im}")][:count]
+    letter, modes = COMPLEX[about.model]
+    return [rf"${part}\,{letter}_{{{mode}}}$" for mode in modes for part in (r"\mathrm{Re}", r"\mathrm{Im}")][:count]
 
 
 def number(value: float | tuple[float | None, ...] | list[float | None] | None, steps: bool = False) -> str:
@@ -321,10 +328,9 @@ def _component(number: int, variables: tuple[str, ...]) -> str:
     if number > len(variables):
         return f"y_{{{number}}}"
     name = variables[number - 1]
-    indexed = re.fullmatch(r"([A-Za-z])_?(\d+)", name)
-    if indexed:
-        return f"{indexed[1]}_{{{indexed[2]}}}"
-    return name if len(name) == 1 else r"\mathrm{" + name.replace("_", r"\_") + "}"
+    if len(name) == 1:
+        return name
+    return _indexed(name) or r"\mathrm{" + name.replace("_", r"\_") + "}"
 
 
 def _constant(value: float) -> str:

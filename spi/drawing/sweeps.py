@@ -1,5 +1,6 @@
 """The figures of swept parameters: each quantity over the values of one, or as a map over those of two."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -102,7 +103,15 @@ def _over(
         if first.function
         else ""
     )
-    return plots.Plot(lines, title, style.word(first.word), label, at.scale, is_log, own=at.dress)
+    return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=at.dress)
+
+
+def _parameter(curve: Curve) -> str:
+    """The label of the horizontal axis: the parameter, and that it is 1/T where it is."""
+    temperatures = [point.about.parameters.get("temperature") for point in curve.points]
+    pairs = zip(curve.values.tolist(), temperatures, strict=False)
+    is_inverse = bool(curve.points) and all(isinstance(T, float) and math.isclose(K * T, 1.0) for K, T in pairs)
+    return f"${style.symbol(curve.word)}=1/T$" if is_inverse and style.symbol(curve.word) else style.word(curve.word)
 
 
 def _smooth(x: plots.Array, y: plots.Array, scale: str) -> tuple[plots.Array, plots.Array]:

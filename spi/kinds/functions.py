@@ -28,7 +28,7 @@ FUNCTIONALS = {
     "minimum": "the smallest value until t",
     "integral": "the integral from 0 to t, by the trapezoidal rule",
     "passage": "1 once a condition such as y1 > 0.5 has been seen, 0 before: its mean is the law of the first time",
-    "start": "the value at t = 0, whose covariance with others tells how they remember it",
+    "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
 _INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")

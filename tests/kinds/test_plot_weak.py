@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers import printed
-from matplotlib.markers import CARETDOWN
+from matplotlib.markers import CARETDOWN, CARETUP
 from view_helpers import edge, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
@@ -73,6 +73,18 @@ def test_seconds_without_the_other_estimators(tmp_path):
     plain.variables["prefix_error_stderr"][1][:] = 0.0
     plain.variables["error_stderr"][1][:] = np.inf
     save(weak(plain), tmp_path, "seconds")
+
+
+def test_paths_that_blow_up():
+    group = weak_group("splitting", "plain", functions=1)
+    group.variables["error"][1][0, :2] = 1e30, np.inf
+    group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
+    group.variables["resolved"][1][0, :2] = False
+    fig = views.figure(weak(group))
+    (ax,) = fig.axes
+    assert ax.get_ylim()[1] < 1  # what is beyond the axis does not widen it
+    assert "paths diverged, or beyond the axis" in legend_texts(fig)
+    assert sorted(x for x, _ in edge(ax, CARETUP)) == [2**-4, 2**-3]
 
 
 def test_no_bar_for_one_path_and_for_errors_of_0():

@@ -17,7 +17,8 @@ import search
 from formulas import FORMULAS
 
 #: The hooks of MkDocs, in a file that has the name of a module of Python.
-with_links = runpy.run_path(str(ROOT / "docs" / "generate" / "site.py"))["with_links"]
+HOOKS = runpy.run_path(str(ROOT / "docs" / "generate" / "site.py"))
+with_links, with_signs, mathml = HOOKS["with_links"], HOOKS["with_signs"], HOOKS["_mathml"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -223,3 +224,21 @@ def test_a_broken_link_is_noticed(tmp_path):
     done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode != 0
     assert "no_such_page.md" in done.stderr
+
+
+def test_formulas_in_sentences_have_indices_and_exponents():
+    html = '<p>y_3^2/4 and h^(1/2) at 2^-4, 2*10^5 paths, dW_k; <code>y_3^2</code> <a href="a_b^2">10^-3 +- 1</a></p>'
+    shown = (
+        "<p>y<sub>3</sub><sup>2</sup>/4 and h<sup>1/2</sup> at 2<sup>\N{MINUS SIGN}4</sup>, 2 × 10<sup>5</sup> paths, "
+    )
+    shown += 'dW<sub>k</sub>; <code>y_3^2</code> <a href="a_b^2">10<sup>\N{MINUS SIGN}3</sup> ± 1</a></p>'
+    assert with_signs(html) == shown
+    assert with_signs("h^2. At 2^-4.5") == "h<sup>2</sup>. At 2<sup>\N{MINUS SIGN}4.5</sup>"
+    kept = "<p>noise_flow, some_name and a^b in <pre>x^2</pre></p>"
+    assert with_signs(kept) == kept.replace("a^b", "a<sup>b</sup>")
+
+
+def test_parts_of_a_formula_may_stand_below_each_other():
+    assert mathml(r"a = b, \qquad c = d").count("<math ") == 2
+    assert mathml(r"\qquad - a").count("<math ") == 1 == mathml(r"\left\{ a \qquad b \right\}").count("<math ")
+    assert mathml("a \\\\\nb").count("<div>") == 2

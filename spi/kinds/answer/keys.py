@@ -44,7 +44,7 @@ class Case(FunctionKeys, BaseCase):
     steps: key_of(
         Steps | None, "steps to choose from, two or more of final_time / 1, 2, 4, ...; default: all", "time"
     ) = None
-    samples: key_of(Annotated[int, Ge(PILOT_SAMPLES)] | None, "at most so many paths of the largest step") = None
+    samples: key_of(Annotated[int, Ge(PILOT_SAMPLES)] | None, "the largest number of paths of the largest step") = None
     reference_scheme: key_of(
         SchemeName | None, "another scheme that checks the bias on the same noise, as roessler_rs2 or midpoint rules do"
     ) = None

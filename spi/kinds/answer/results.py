@@ -45,7 +45,7 @@ class Compared(Described):
     difference: Array = array("function", "mean difference from the scheme that checks", "value")
     left: Array = array("function", "what is left of it as the step tends to 0", "value")
     stderr: Array = array("function", "standard error of what is left", "value", name="left_stderr")
-    agrees: bool = fact("whether nothing is left but for errors")
+    agrees: bool = fact("whether the rest vanishes up to its errors")
 
 
 class Answer(Stored):
@@ -68,7 +68,7 @@ class Answer(Stored):
     )
     bias: Array = array("function", "of it the bias at most, or the numerical error", "value")
     stderr: Array = array("function", "standard error of sampling", "value")
-    accuracy: float = fact("half the width that was asked for", "value", column=True)
+    accuracy: float = fact("requested half width", "value", column=True)
     aim: float = fact("half the width that was aimed at, larger where time does not allow more", "value")
     reached: bool = fact("whether the interval is as narrow as was aimed at, and the check passed", column=True)
     why: str = fact("what else might have been chosen, and what it would have taken")

@@ -37,7 +37,7 @@ class Case(BaseCase):
     step_count: key_of(
         StepCount | None, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}; or final_time"
     ) = None
-    final_time: key_of(Positive | None, "in place of step_count: time until which every step size runs", "time") = None
+    final_time: key_of(Positive | None, "instead of step_count: time until which every step size runs", "time") = None
     schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
     functions: key_of(
@@ -127,7 +127,7 @@ class Case(BaseCase):
         if not self.final_time:
             given = {"functions": self.functions, "burn_in": self.burn_in, "spacing": self.spacing}
             for key in [key for key, value in given.items() if value]:
-                raise wrong("is for means over time", "give final_time in place of step_count", key)
+                raise wrong("is for means over time", "give final_time instead of step_count", key)
             return self
         if not self.functions and answers(frozen, undamped(self.model)):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
@@ -161,7 +161,7 @@ class Case(BaseCase):
     def _check_reference(self) -> Self:
         """The case with the reference of each function by its name."""
         if self.reference and not self.functions:
-            raise wrong("is for means over time", "give final_time in place of step_count", "reference")
+            raise wrong("is for means over time", "give final_time instead of step_count", "reference")
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
         for name, text in reference.items():

@@ -100,7 +100,7 @@ class Case(StepCase):
     ) = pydantic.Field(default_factory=dict)
     statistics: key_of(Quantities, f"what is found of them, some of {', '.join(QUANTITIES)}") = ("mean",)
     every: key_of(Annotated[int, Ge(1)], "statistics after every n-th step") = 1
-    times: key_of(Times, "in place of every: the times of the statistics, multiples of the step", "time") = ()
+    times: key_of(Times, "instead of every: the times of the statistics, multiples of the step", "time") = ()
     quantiles: key_of(Levels, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
     bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of a histogram") = 64
     density: key_of(Maps | None, "maps of the density on the sphere or of two functions") = None

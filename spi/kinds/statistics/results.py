@@ -83,8 +83,8 @@ class Statistics(Stored):
 
     headline = ("mean", "variance", "quantile")
     measures = (
-        r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; of a first time, "
-        "the share is that of the paths on which it has come."
+        r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; the "
+        "mean of a first passage is the fraction of paths that have passed."
     )
     row_axes, row_columns = ("function", "t"), ("level", "other")
     tables = (
@@ -110,7 +110,7 @@ class Statistics(Stored):
         "function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")
     )
     mean_stderr: Array = array("function t", "standard error of the mean; NaN where it is not known")
-    band: Array = array("function", "so many standard errors are a band that holds all means at once with 95 %")
+    band: Array = array("function", "standard errors in half the width of a band that holds all means with 95 %")
     mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
     mean_high: Array | None = array("function t", "upper end of the 95 % interval of the mean", default=None)
     finite: Array | None = array("function t", "share of the paths whose value is finite", default=None)

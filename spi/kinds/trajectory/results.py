@@ -51,14 +51,14 @@ class Trajectory(Stored):
     casimirs: Array = array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")
     damped_changes: Array | None = array(
         "t casimir",
-        "changes of the Casimirs but for damping",
+        "changes of the Casimirs without damping",
         "",
         "exp(k gamma t) C(y_n) - C(y_0)",
         "casimir_changes",
         default=None,
     )
     casimir_drift: tuple[float, ...] = fact(
-        "largest changes of the Casimirs, but for damping",
+        "largest changes of the Casimirs, without damping",
         axes="casimir",
         claim=Claimed("at most", infinite=True),
     )
@@ -80,7 +80,7 @@ class Trajectory(Stored):
             return np.searchsorted(self.t, [t - self.t[1] / 2 for t in self.times]).tolist()
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
 
-    @derived("t casimir", "changes of the Casimirs but for damping")
+    @derived("t casimir", "changes of the Casimirs without damping")
     def changes(self) -> Array:
         """(N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)."""
         if self.damped_changes is not None:

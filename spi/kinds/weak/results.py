@@ -289,7 +289,7 @@ class WeakErrors(Stored):
     reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
     reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
     panels: tuple[str, ...] = fact("what the figure shows", default=("errors",))
-    accuracy: float | None = fact("numerical error that was asked for", "value", default=None)
+    accuracy: float | None = fact("requested numerical error", "value", default=None)
     left_out: tuple[str, ...] = fact("schemes of the case that the estimator cannot do", default=())
 
     def __post_init__(self) -> None:
