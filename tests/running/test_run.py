@@ -13,7 +13,6 @@ from helpers import COMPILED, compiled_only
 
 from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
-from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
@@ -27,12 +26,6 @@ MANY = 1000 if COMPILED else 300  # enough for several batches
 SCHEMES = ("euler_maruyama", "splitting")
 #: What a stopwatch says; all other numbers must repeat to the last bit.
 TIMES = ("seconds", "ns_per_step")
-
-
-@pytest.fixture(autouse=True)
-def _no_stopwatch_without_the_compiler(monkeypatch):
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 @pytest.fixture
@@ -299,10 +292,7 @@ def test_results_of_a_spec_file(tmp_path):
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     """The numbers of a run that nobody disturbs."""
-    with pytest.MonkeyPatch.context() as patch:
-        if not COMPILED:
-            patch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
-        return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
+    return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
 
 
 @pytest.mark.parametrize(("scheme", "after"), [("euler_maruyama", 1), ("splitting", 2)])

@@ -370,7 +370,7 @@ class LyapunovPlan(BlocksPlan):
             "change": float(np.exp(sums.change)),
             "nonfinite": int(sums.nonfinite),
             "panels": self.case.panels or PANELS,
-            "ns_per_step": 1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
+            "ns_per_step": self.ns_per_step(sums),
         }
 
 
