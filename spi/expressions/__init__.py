@@ -5,8 +5,7 @@ expression is a tree of records; parts without y are one constant: ``2*pi*y1`` i
 arrays of states.  Overflow gives inf and undefined values are NaN, but there is never an exception.
 """
 
-from .ranges import is_step, range_of
-from .trees import Constant, as_numpy, canonical, functions_of, is_constant, parse_expression
+from .trees import Constant, as_numpy, canonical, functions_of, is_constant, is_step, parse_expression, range_of
 
 __all__ = [
     "Constant",

@@ -16,7 +16,7 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.plans import Plan, State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from ..storage.sums import SUFFIX, VERSION
+from ..storage.results import SUFFIX, VERSION
 from .load import name_of, plans
 from .workers import WorkersLost
 

@@ -2,8 +2,7 @@
 
 from .files import StorageError, check_writable, contents, remove_leftovers, write_all
 from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
-from .results import read, write
-from .sums import about_sums, read_sums, write_sums
+from .results import about_sums, read, read_sums, write, write_sums
 
 __all__ = [
     "StorageError",

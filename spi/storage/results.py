@@ -1,4 +1,6 @@
-"""Results files: HDF5 with one group ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>`` per part.
+"""Files of results, and of sums over paths.
+
+Results are HDF5 with one group ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>`` per part.
 
 Every axis has a dimension scale, so that xarray and MATLAB open a file as it is.
 
@@ -8,6 +10,7 @@ an attribute that is None is left out, and a None inside a tuple of numbers (a n
 """
 
 import contextlib
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -220,3 +223,77 @@ def _version(file: h5py.File) -> int | None:
     """The version of the layout; None if the file is not of ours."""
     version = np.asarray(file.attrs.get(MARK))
     return int(version) if version.shape == () and version.dtype.kind in "iu" else None
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Files of sums over paths, from which results are made and unfinished runs are continued.
+#
+# HDF5 with the checksum of results files: the texts ``about`` and ``parts``, JSON in which arrays stand as numbers, and
+# the group ``arrays`` with each of them by its number.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+#: Increased where the layout changes, or the division into chunks: runs continue with chunks of the same size only.
+SUMS_VERSION = 6
+
+#: The ending of the files.
+SUFFIX = ".sums"
+
+#: The errors that reading a damaged file, or one of another layout, may raise.
+_DAMAGE = (*DAMAGE, ArithmeticError, MemoryError)
+
+
+def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None:
+    """Write `parts`, name -> dicts, lists, arrays, numbers and texts, and `about`, which can be read without them."""
+    with aside(path) as temporary, create(temporary) as file:
+        arrays = file.create_group("arrays")
+
+        def reference(value: Any) -> Any:
+            """The JSON for what JSON has not: the number of an array, or of NumPy a number."""
+            if isinstance(value, np.generic):
+                return value.item()
+            number = str(len(arrays))
+            arrays[number] = value
+            return {"array": number}
+
+        file["about"] = json.dumps({"version": SUMS_VERSION, **about})
+        file["parts"] = json.dumps(parts, default=reference)
+
+
+def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """(about, parts) of the file; None if there is no such file or it is damaged."""
+    with contextlib.suppress(*_DAMAGE), _opened(path) as file:
+
+        def value(entry: dict[str, Any]) -> Any:
+            return read_array(file["arrays"][entry["array"]]) if set(entry) == {"array"} else entry
+
+        return _about(file), json.loads(file["parts"].asstr()[()], object_hook=value)
+    return None
+
+
+def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
+    """The attributes ``about`` the sums, read without these; None if there is no such file or it is damaged.
+
+    A file of another version of the layout counts as damaged, unless any version will do.
+    """
+    with contextlib.suppress(*_DAMAGE), _opened(path) as file:
+        return _about(file, any_version)
+    return None
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """The file, open for reading; ValueError if its checksum is wrong."""
+    data = contents(path, MOST_BYTES)
+    if not checksum_holds(data):
+        raise ValueError("damaged")
+    with opened(data) as file:
+        yield file
+
+
+def _about(file: h5py.File, any_version: bool = False) -> dict[str, Any]:
+    """The attributes ``about`` the sums; ValueError if their layout is that of another version."""
+    about = dict(json.loads(file["about"].asstr()[()]))
+    if about["version"] != SUMS_VERSION and not any_version:
+        raise ValueError(f"written in version {about['version']}")
+    return about

@@ -11,7 +11,7 @@ import pytest
 from helpers import by_quadrature, composed
 from scipy.integrate import solve_ivp
 
-from spi.exact.kolmogorov import cylinder, expectations, grids, sphere
+from spi.exact.kolmogorov import cylinder, expectations, sphere
 from spi.exact.kolmogorov.harmonics import CLASSES, Harmonics, shifted
 from spi.exact.kolmogorov.operators import Step, factors, semigroup
 from spi.models import MaxwellBloch, RigidBody
@@ -73,8 +73,7 @@ def _each_limit_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sphere, "semigroup", remembered)
-        for module in (cylinder, grids):
-            patch.setattr(module, "Grid", cache(grids.Grid))
+        patch.setattr(cylinder, "Grid", cache(cylinder.Grid))
         yield
 
 

@@ -10,8 +10,7 @@ from helpers import printed
 from work_cases import answers
 from work_results import H, work_group, work_results
 
-from spi.kinds.work_precision.results import WorkPrecision, requested
-from spi.kinds.work_precision.work_points import interval_of_median
+from spi.kinds.work_precision.results import WorkPrecision, interval_of_median, requested
 from spi.printing.text import duration
 from spi.storage.records import Results
 

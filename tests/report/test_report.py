@@ -21,8 +21,8 @@ from spi import storage
 from spi.cli import app
 from spi.kinds.strong.results import StrongErrors
 from spi.report import page, sections
-from spi.report.equation import equation
 from spi.report.page import files, views
+from spi.report.sections import equation
 from spi.running.load import load_answer
 from spi.statistics import claims
 from spi.storage.records import Results

@@ -368,7 +368,7 @@ def test_sums_that_are_no_use(tmp_path, monkeypatch):
     path.rmdir()
     path.write_bytes(whole)
     assert storage.read_sums(path) is not None
-    monkeypatch.setattr(storage.sums, "VERSION", 99)  # written by another version of the program
+    monkeypatch.setattr(storage.results, "SUMS_VERSION", 99)  # written by another version of the program
     assert storage.read_sums(path) is None and storage.about_sums(path) is None
 
 

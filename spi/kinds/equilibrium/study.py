@@ -40,8 +40,7 @@ from spi.statistics.estimators import GROUPS
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
-from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
-from .means import COLUMNS, Recorder, averages, bins_around
+from .means import COLUMNS, OF_PATHS, Paths, Recorder, averages, bins_around, casimir_errors, law_of_states
 from .results import BATCHES, Equilibrium
 
 #: About the number of snapshots of each path.
