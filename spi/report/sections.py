@@ -13,8 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..kinds import KINDS
-from ..printing import claims as printed_claims
-from ..printing import sweeps
+from ..printing import sweeps, tables
 from ..printing.tables import Cell, Grid, unbroken
 from ..printing.text import fraction, human_time, short
 from ..running import shipped
@@ -245,7 +244,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         asks=attributes.get("asks", ""),
         answers=_answers(read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
-        complaints=printed_claims.complaints(judged),
+        complaints=tables.complaints(judged),
         orders=_orders(by_case(read)),
         items=list(_items(results)),
         cost=list(_cost(read)),
@@ -259,7 +258,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 def _items(results: Results) -> Iterator[Titled | str]:
     """The tables and lines of `spi show`, those of claims among them."""
     for items, judged in views.by_cases(results):
-        for item in [*items, *[printed_claims.grid(judged)] * bool(judged)]:
+        for item in [*items, *[tables.grid(judged)] * bool(judged)]:
             yield Titled.of(item) if isinstance(item, Grid) else item.text
 
 

@@ -154,7 +154,7 @@ def edited(tmp_path, seed):
 
 def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatch):
     """Even after the file that would replace them was written aside: only its move into place is left."""
-    other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.files.write_bytes
+    other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.results.write_bytes
     path = runner.results_path(experiment("samples=5"), tmp_path)
 
     def meanwhile(temporary, data):
@@ -162,7 +162,7 @@ def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatc
         if temporary.parent == path.parent:
             path.write_bytes(other.read_bytes())
 
-    monkeypatch.setattr(storage.files, "write_bytes", meanwhile)
+    monkeypatch.setattr(storage.results, "write_bytes", meanwhile)
     with pytest.raises(StorageError, match="another spec"):
         runner.run(experiment("samples=5"), tmp_path)
     assert path.read_bytes() == other.read_bytes()
@@ -233,7 +233,7 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     wanted, news, reports = experiment("samples=5"), [], Reports()
     path = runner.run(wanted, tmp_path)
     before, there = path.read_bytes(), files(tmp_path)
-    half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
+    half = storage.results.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
     assert path.read_bytes() == before

@@ -165,7 +165,7 @@ def test_unwritable_folder(tmp_path, monkeypatch):
     def refuse(**_):  # the tests may run as root, who may write anywhere
         raise PermissionError(13, "no")
 
-    monkeypatch.setattr(storage.files.tempfile, "TemporaryFile", refuse)
+    monkeypatch.setattr(storage.results.tempfile, "TemporaryFile", refuse)
     assert "permission denied" in message(storage.check_writable, tmp_path / "new" / "r.h5")
 
 
@@ -173,7 +173,7 @@ def test_permission_denied(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise PermissionError(13, "Unable to create file (a long story)")
 
-    monkeypatch.setattr(storage.files.h5py, "File", refuse)
+    monkeypatch.setattr(storage.results.h5py, "File", refuse)
     assert "permission denied" in message(storage.write, tmp_path / "r.h5", results())
 
 
@@ -391,7 +391,7 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
         file.write_bytes(data[:100])
         raise fault
 
-    monkeypatch.setattr(storage.files, "write_bytes", interrupted)
+    monkeypatch.setattr(storage.results, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
         storage.write_sums(path, {"n": 2}, {})
     if fault is not KeyboardInterrupt:
