@@ -11,17 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..compiler.inlining import uncompiled
-from ..ensemble.protocol import (
-    decay_rates,
-    dimension,
-    drift_gradient,
-    frozen,
-    hamiltonian,
-    noise_gradient,
-    noise_indices,
-    strengths,
-    structure,
-)
+from ..ensemble import protocol
 from ..numerics.arrays import runge_kutta
 from .chains import Chain
 from .sphere_law import hermite, on_sphere
@@ -44,7 +34,7 @@ def law_of(model, initial, temperature):
     """
     if hasattr(initial, "law") and getattr(initial.law, "surface", None) is None:
         raise ValueError("paths begin on several surfaces")
-    if decay_rates(model):
+    if protocol.decay_rates(model):
         raise ValueError("its Casimir functions decay")
     if temperature == 0:
         raise ValueError("the temperature is 0")
@@ -59,13 +49,13 @@ def law_of(model, initial, temperature):
 
 def _energy(model):
     """H of states (d, n); ValueError where it depends on time."""
-    y = tuple(np.random.default_rng(8).uniform(0.5, 1.0, dimension(model)).tolist())
+    y = tuple(np.random.default_rng(8).uniform(0.5, 1.0, protocol.dimension(model)).tolist())
     with uncompiled():
-        if len({float(hamiltonian(frozen(model, t, 0.0), y)) for t in (0.0, 0.3, 1.1)}) > 1:
+        if len({float(protocol.hamiltonian(protocol.frozen(model, t, 0.0), y)) for t in (0.0, 0.3, 1.1)}) > 1:
             raise ValueError("H depends on time")
-    model = frozen(model, 0.0, 0.0)
+    model = protocol.frozen(model, 0.0, 0.0)
 
-    return partial(at_states, partial(hamiltonian, model))
+    return partial(at_states, partial(protocol.hamiltonian, model))
 
 
 class Quadrature:
@@ -251,10 +241,12 @@ def mean_divergence(model, temperature, point):
         return None
 
     def rate(y):
-        gradient = drift_gradient(model, y)
-        fields = [structure(model, y, noise_gradient(model, k, y)) for k in noise_indices(model)]
+        gradient = protocol.drift_gradient(model, y)
+        fields = [
+            protocol.structure(model, y, protocol.noise_gradient(model, k, y)) for k in protocol.noise_indices(model)
+        ]
         slopes = [sum(a * b for a, b in zip(gradient, field, strict=True)) for field in fields]
-        return sum((sigma * slope) ** 2 for sigma, slope in zip(strengths(model), slopes, strict=True))
+        return sum((sigma * slope) ** 2 for sigma, slope in zip(protocol.strengths(model), slopes, strict=True))
 
     try:
         return -law_of(model, point, temperature).expectation(partial(at_states, rate))[0] / (2 * temperature**2)
@@ -296,18 +288,21 @@ def reach(model, initial):
 
 
 def _acting(model):
-    return [k for k in noise_indices(model) if strengths(model)[k]]
+    return [k for k in protocol.noise_indices(model) if protocol.strengths(model)[k]]
 
 
 def _gradients(model, y):
     """(m + 1, d, n): grad H and all grad Ĥ_k at states (d, n)."""
-    methods = [partial(drift_gradient, model), *(partial(noise_gradient, model, k) for k in _acting(model))]
+    methods = [
+        partial(protocol.drift_gradient, model),
+        *(partial(protocol.noise_gradient, model, k) for k in _acting(model)),
+    ]
     return np.array([at_states(gradient, y) for gradient in methods])
 
 
 def _field(model, y, gradient):
     """B times a gradient, (d, n)."""
-    return at_states(partial(structure, model), y, gradient)
+    return at_states(partial(protocol.structure, model), y, gradient)
 
 
 def _noise_fields(model, y):
