@@ -20,20 +20,24 @@ from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from . import splitting
 from .algebras import algebra, known_casimirs
-from .brackets import Bracket, Given, Polynomial, checked, simplified
+from .brackets import (
+    Bracket,
+    Function,
+    Given,
+    Polynomial,
+    Symbolics,
+    checked,
+    degree_of,
+    merged_powers,
+    monomials,
+    shortened,
+    simplified,
+)
 from .casimirs import LARGEST_DENOMINATOR, counted, search
 from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
 from .splitting import merged
-from .symbolics import (
-    Function,
-    Symbolics,
-    degree_of,
-    merged_powers,
-    monomials,
-    shortened,
-)
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 

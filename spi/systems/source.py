@@ -10,13 +10,12 @@ import mpmath
 import sympy
 
 from . import flow_code
-from .brackets import DIGITS, Bracket, precise
+from .brackets import DIGITS, Bracket, Function, Symbolics, precise
 from .code import Formula, Numbers, as_tuple, case, signed, written_sum
 from .driving import Coefficients, Driving
 from .flow_code import motions
 from .spectrum import Inseparable
 from .splitting import Flow, commute
-from .symbolics import Function, Symbolics
 
 
 class System(NamedTuple):
