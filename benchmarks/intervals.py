@@ -26,7 +26,7 @@ from scipy.stats import beta, norm
 import spi
 from spi.exact import gibbs
 from spi.kinds.lyapunov.results import Exponents
-from spi.kinds.work_precision.work_points import WorkCurve, interval_of_median, work_for
+from spi.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
 from spi.running.load import load
 from spi.statistics.intervals import student_of_paths
 

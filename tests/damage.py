@@ -13,7 +13,7 @@ from filled_results import filled
 from spi import cli, storage
 from spi.kinds import KINDS
 from spi.storage import Results
-from spi.storage.files import with_checksum
+from spi.storage.results import with_checksum
 
 #: How many times as many random cases the tests of damage, mutations and kills try, for a search of an hour.
 MANY = int(os.environ.get("SPI_TEST_MANY", "1"))

@@ -220,9 +220,7 @@ def loop_in_python():
 
     replace(integrate, in_python)
     try:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("spi.kinds.strong.study._TIMED_STEPS", 1)
-            yield
+        yield
     finally:
         replace(in_python, integrate)
 

@@ -6,6 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from spi.ensemble import loop
 from spi.kinds import blocks
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.plans import State
@@ -30,7 +31,7 @@ def batches_of(most):
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(blocks, "in_batches", in_batches))
-        stack.enter_context(patch.object(equilibrium, "BATCH_SECONDS", 0.0))
+        stack.enter_context(patch.object(loop, "BATCH_SECONDS", 0.0))
         yield
 
 

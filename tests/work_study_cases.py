@@ -5,12 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import COMPILED
 from states import finished
 
 from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
-from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
 from spi.running.run import load
 
@@ -42,8 +40,6 @@ def spec(tmp_path, monkeypatch):
 def few_steps(monkeypatch):
     """A repetition is one block."""
     monkeypatch.setattr(work_precision, "_PATH_STEPS", 1)
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 def group_of(experiment, scheme):

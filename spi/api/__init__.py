@@ -4,9 +4,8 @@ import warnings
 
 from .. import CACHE_PROBLEM
 from ..running import shipped
-from .expecting import answer, expectations
 from .integrator import Integrator, increments
-from .paths import trajectory
+from .paths import answer, expectations, trajectory
 from .results import Results, load
 from .running import run
 

@@ -8,7 +8,7 @@ from typing import Any
 from .. import scratch_folder
 from ..ensemble.loop import limited_threads, thread_count
 from ..running import run as runs
-from ..running.clusters import workers_of
+from ..running.workers import workers_of
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load

@@ -1,4 +1,4 @@
-"""The generic checks of the methods of a model, in plain Python at some states.
+"""The generic checks of a model, in plain Python at some states: of its methods, flows and commuting noises.
 
 Derivatives are central differences of eighth order, compared with the sizes of their terms, so that rotations,
 exponentials and shears, with rates large or small, are all judged alike.
@@ -9,7 +9,9 @@ import hashlib
 import inspect
 import itertools
 import math
+from collections.abc import Callable
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,45 +19,263 @@ from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..compiler.inlining import is_compiling, uncompiled
-from ..ensemble.fields import cross_product, lie_poisson, noise_field
-from ..ensemble.protocol import (
-    bracket_factors,
-    casimirs,
-    conserved,
-    dimension,
-    drift_gradient,
-    drift_hessian,
-    frozen,
-    hamiltonian,
-    inexact_pieces,
-    lie_bracket,
-    noise_bracket_gradient,
-    noise_gradient,
-    noise_hessian,
-    noise_structure,
-    noise_structure_derivative,
-    noises,
-    piece_gradient,
-    piece_hessian,
-    populations,
-    structure,
-    structure_derivative,
-)
+from ..ensemble import protocol
+from ..ensemble.fields import cross_product, lie_poisson, noise_field, noise_field_derivative
 from ..numerics.arrays import runge_kutta
 from .compilable import obstacle
-from .flow_checks import (
-    DIFFERENCES,
-    EXACT,
-    commuting,
-    derivatives_along,
-    differ,
-    differ_from_derivative,
-    flows,
-    joint_flows,
-    matrix_of,
-    shown,
-    unit_vectors,
-)
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Derivatives by differences, and whether two results agree within the rounding errors of their terms.
+# ---------------------------------------------------------------------------------------------------------------------
+
+# Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
+STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+STEP = 0.01
+STEPS = STEP, STEP / 10, STEP / 100, STEP / 10**4, STEP / 10**6
+EXACT = 1e-9  #: relative tolerance for values that are equal but for rounding
+DIFFERENCES = 1e-6  #: relative tolerance for values computed by differences
+
+
+def derivative(f, step=STEP):
+    """f'(0) for a function of one real number, with values in tuples or floats."""
+    return sum(c * (np.asarray(f(j * step)) - np.asarray(f(-j * step))) for j, c in STENCIL.items()) / step
+
+
+def along(y, v):
+    """The line s -> y + s v."""
+    return lambda s: tuple((np.array(y) + s * np.array(v)).tolist())
+
+
+def differ(a, b, tolerance, *others):
+    """Whether two arrays differ by more than `tolerance` times the largest norm of a, b and `others`."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    size = max(float(np.linalg.norm(x)) for x in (a, b, *others))
+    return not np.linalg.norm(a - b) <= tolerance * size  # true for NaN
+
+
+def size_of(y):
+    """|y|, or 1 where y is 0."""
+    return float(np.linalg.norm(y)) or 1.0
+
+
+def derivatives_along(f, y, v):
+    """The derivative of f at y along v by steps from large to small, each with the size of its rounding errors.
+
+    Where f ends near y, as a logarithm does, bends there or oscillates fast, the smaller steps are right; else the
+    largest.
+    """
+    scale = size_of(y) / size_of(v)
+    line = along(y, v)
+    for step in STEPS:
+        largest = max(np.linalg.norm(f(y)), np.linalg.norm(f(line(max(STENCIL) * step * scale))))
+        yield derivative(lambda s: f(line(s * scale)), step) / scale, 1e-6 * largest / scale * (STEP / step)
+
+
+def differ_from_derivative(value, f, y, v, *others):
+    """Whether `value` differs from the derivative of f at y along v by all of the steps."""
+    return all(differ(value, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))
+
+
+def matrix_of(columns):
+    """The matrix with these columns."""
+    return np.array(columns, float).T
+
+
+def unit_vectors(d):
+    """e_1, ..., e_d."""
+    return [tuple(row) for row in np.eye(d).tolist()]
+
+
+def shown(y):
+    """A state in a message."""
+    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"
+
+
+_TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
+_ANGLES = 2.0**-6, 0.7, 30.0  # at which angle methods are compared: below each bound for cheaper sines, and above
+
+
+class NotedAngles(NamedTuple):
+    """Accepts every angle, and records the largest modulus in its one entry."""
+
+    largest: np.ndarray
+
+    def sin_versine(angles, x):
+        angles.largest[0] = max(angles.largest[0], abs(x))
+        return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
+
+    def adding_to_zero(angles, p0, p1, p2):
+        angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
+        return p0, p1, p2
+
+
+class _Flow(NamedTuple):
+    """The flow of one piece or noise, with its number."""
+
+    part: str
+    k: int
+    act: Callable  #: (t, y) -> the flow, which notes its angles
+    bound: Callable  #: (t, y) -> the bound of the angle method
+    noted: np.ndarray  #: (1,) the largest |angle| since :meth:`noting` was called
+
+    def noting(self, t, y):
+        """The largest |angle| whose sine the flow takes."""
+        self.noted[0] = 0.0
+        self.act(t, y)
+        return float(self.noted[0])
+
+    def rate(self, y, field):
+        """One over the time in which it moves a state by its own size or by an angle of 1; `field` is a guess."""
+        guess = size_of(field) / size_of(y)
+        t = 1e-3 / guess
+        moved = np.linalg.norm(np.subtract(self.act(t, y), y)) / size_of(y)
+        return max(guess, self.noting(t, y) / t, float(moved) / t)
+
+    def __str__(self):
+        return f"{self.part}_flow, k = {self.k},"
+
+
+#: part -> (number of flows, those that are not exact, flow, angle)
+_PARTS = {
+    "drift": (protocol.pieces, protocol.inexact_pieces, protocol.drift_flow, protocol.drift_angle),
+    "noise": (protocol.noises, protocol.inexact_noises, protocol.noise_flow, protocol.noise_angle),
+}
+
+
+def _flows_of(model, part):
+    """{k: flow} of the pieces or the noises that have an exact flow."""
+    count, lacking, act, bound = _PARTS[part]
+    flows = {}
+    for k in sorted({*range(count(model))} - {*lacking(model)}):
+        noted = np.zeros(1)
+
+        def acting(t, y, k=k, noted=noted):
+            return act(model, k, t, y, NotedAngles(noted))
+
+        flows[k] = _Flow(part, k, acting, partial(bound, model, k), noted)
+    return flows
+
+
+def flows(model, y):
+    """Yield complaints about the flows of pieces and noises at a state."""
+    field = protocol.structure(model, y, protocol.drift_gradient(model, y))
+    fields = (
+        protocol.structure(model, y, protocol.piece_gradient(model, k, y)) for k in protocol.inexact_pieces(model)
+    )
+    total = sum(map(np.array, fields), np.zeros(len(y)))
+    size = float(np.linalg.norm(total))
+    for flow in _flows_of(model, "drift").values():
+        rate = flow.rate(y, field)
+        total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
+        yield from _one_flow(model, flow, y, rate)
+    if differ(total, field, DIFFERENCES, 1e-6 * size):
+        yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
+    for flow in _flows_of(model, "noise").values():
+        field = protocol.structure(model, y, protocol.noise_gradient(model, flow.k, y))
+        rate = flow.rate(y, field)
+        if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
+            yield f"{flow} does not solve its equation: its derivative at t = 0 is not structure(noise_gradient)"
+        yield from _one_flow(model, flow, y, rate)
+
+
+def commuting(model, y):
+    """Yield complaints about noises that are declared to commute and whose fields do not, f_k' f_l = f_l' f_k."""
+    m = protocol.noises(model)
+    for pair in protocol.commuting_noises(model):
+        if pair not in itertools.combinations(range(m), 2):
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {m}"
+            continue
+        there, back = (noise_field_derivative(model, j, y, noise_field(model, k, y)) for j, k in (pair, pair[::-1]))
+        if differ(there, back, EXACT, y):
+            yield f"commuting_noises has {pair}, but their fields do not commute"
+
+
+def joint_flows(model, y):
+    """Yield complaints about joint flows: each is that of a piece and then of its noises, in either order."""
+    groups, listed = protocol.joint_noises(model), sum(protocol.joint_noises(model), ())
+    if not groups:
+        return
+    if (
+        len(groups) > protocol.pieces(model)
+        or len(set(listed)) < len(listed)
+        or not set(listed) <= set(range(protocol.noises(model)))
+    ):
+        yield f"joint_noises is {groups}, which must be a tuple of numbers of noises for each piece, no noise twice"
+        return
+    if not (answers(protocol.joint_flow, model) and answers(protocol.joint_angle, model)):
+        yield "joint_noises needs the methods joint_flow and joint_angle"
+        return
+    drift, noise = _flows_of(model, "drift"), _flows_of(model, "noise")
+    for k, group in enumerate(groups):
+        if group:
+            flows = [drift[k], *(noise[j] for j in group)]
+            fields = [protocol.drift_gradient(model, y), *(protocol.noise_gradient(model, j, y) for j in group)]
+            rates = [
+                flow.rate(y, protocol.structure(model, y, field)) for flow, field in zip(flows, fields, strict=True)
+            ]
+            yield from _joint(model, k, y, flows, [_TIMES[i % 2] / rate for i, rate in enumerate(rates)])
+
+
+def _joint(model, k, y, flows, times):
+    """Yield complaints about one joint flow."""
+    there = back = y
+    for flow, t in zip(flows, times, strict=True):
+        there = flow.act(t, there)
+    for flow, t in zip(reversed(flows), reversed(times), strict=True):
+        back = flow.act(t, back)
+    rest = protocol.most_joined(model) - len(times) + 1
+    t, s, noted = times[0], (*times[1:], *[0.0] * rest), np.zeros(1)
+    moved = protocol.joint_flow(model, k, t, s, y, NotedAngles(noted))
+    if differ(moved, there, EXACT, y) or differ(moved, back, EXACT, y):
+        yield f"joint_flow, k = {k}, is not the flow of the piece with those of its noises, in either order"
+    if not noted[0] <= (said := protocol.joint_angle(model, k, t, s, y)) * (1.0 + 1e-9) and math.isfinite(noted[0]):
+        problem = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
+        yield f"joint_angle, k = {k}, {problem}"
+
+
+def _velocity(flow, y, rate):
+    return derivative(lambda s: flow.act(s / rate, y)) * rate
+
+
+def _one_flow(model, flow, y, rate):
+    """Yield complaints about the angle method of a flow, and, if flows are exact, about the flow itself."""
+    per_time = flow.noting(1e-3 / rate, y) * 1e3 * rate
+    for t in [sign * angle / (per_time or rate) for angle in _ANGLES for sign in (1.0, -1.0)]:
+        largest, said = flow.noting(t, y), flow.bound(t, y)
+        if not largest <= said * (1.0 + 1e-9) and math.isfinite(largest):
+            name = f"{flow.part}_angle, k = {flow.k},"
+            yield f"{name} is {said:.3g} where {flow.part}_flow takes the sine of {largest:.3g}; it must be no less"
+            break
+    if protocol.exact_flows(model):
+        yield from _exactness(model, flow, y, rate)
+
+
+def _exactness(model, flow, y, rate):
+    if differ(flow.act(0.0, y), y, EXACT):
+        yield f"{flow} at t = 0 does not leave the state as it is"
+    s, t = (time / rate for time in _TIMES)
+    there = flow.act(t, y)
+    if not all(map(math.isfinite, there)):
+        yield f"{flow} is not finite at t = {t:.3g}, y = {shown(y)}"
+        return
+    if differ(flow.act(s, there), flow.act(s + t, y), EXACT, there, y):
+        yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
+        return
+    units = unit_vectors(len(y))
+    before, after = (matrix_of([protocol.structure(model, z, e) for e in units]) for z in (y, there))
+    columns = zip(*(derivatives_along(lambda z: flow.act(t, z), y, e) for e in units), strict=True)
+    if all(_changes(np.array([changed for changed, _ in both]).T, before, after) for both in columns):
+        yield f"{flow} is not a Poisson map: it changes the structure"
+    sizes = [protocol.casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
+    for c, (was, now) in enumerate(zip(protocol.casimirs(model, y), protocol.casimirs(model, there), strict=True)):
+        if differ(was, now, EXACT, *(size[c] for size in sizes)):
+            yield f"{flow} does not keep casimirs, number {c}"
+
+
+def _changes(jacobian, before, after):
+    """Whether a map with this Jacobian matrix does not take the structure matrix `before` to `after`."""
+    return differ(jacobian @ before @ jacobian.T, after, DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before)
+
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The states at which a model is checked.
@@ -73,7 +293,7 @@ def states_around(y, model, count=2):
     size = np.sqrt(np.mean(y * y)) or 1.0
     for _ in range(count):
         z = generator.choice([-1.0, 1.0], y.size) * generator.uniform(0.2, 0.6, y.size)
-        yield tuple((y * np.exp(z) if populations(model) else y + size * z).tolist())
+        yield tuple((y * np.exp(z) if protocol.populations(model) else y + size * z).tolist())
 
 
 def states_on_surface(y, model, count=2):
@@ -96,7 +316,7 @@ def _keep_their_sign(y, model):
     keeps = []
     for e in unit_vectors(len(y)):
         without = tuple(np.where(e, 0.0, y).tolist())
-        keeps.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, e)))
+        keeps.append(np.dot(e, y) != 0.0 and not np.any(protocol.structure(model, without, e)))
     return keeps
 
 
@@ -106,7 +326,7 @@ def _moved(y, model, gradients, least):
     Components have the sign of those of y, and are at least as large as `least`.
     """
     start = np.array(y, float)
-    if not any(np.any(structure(model, y, tuple(g.tolist()))) for g in gradients):
+    if not any(np.any(protocol.structure(model, y, tuple(g.tolist()))) for g in gradients):
         return
     for halvings in range(_HALVINGS):
         z = start
@@ -124,9 +344,9 @@ def _along(y, model, gradient, part):
     gradient = tuple(gradient.tolist())
 
     def field(z):
-        return np.array(structure(model, tuple(z.tolist()), gradient))
+        return np.array(protocol.structure(model, tuple(z.tolist()), gradient))
 
-    slopes = [structure_derivative(model, tuple(y.tolist()), e, gradient) for e in unit_vectors(len(y))]
+    slopes = [protocol.structure_derivative(model, tuple(y.tolist()), e, gradient) for e in unit_vectors(len(y))]
     size = np.linalg.norm(y)
     # near a rest point the steps stay stable
     speed = max(np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS)
@@ -166,35 +386,42 @@ def _complaints(model, y, all_checks=None):
 
 
 def _shapes(model, y):
-    if (count := len(casimirs(model, y))) != conserved(model):
-        yield f"casimirs has {count} functions and conserved is {conserved(model)}; they must agree"
-    if not all(map(math.isfinite, (*structure(model, y, y), *drift_gradient(model, y), hamiltonian(model, y)))):
+    if (count := len(protocol.casimirs(model, y))) != protocol.conserved(model):
+        yield f"casimirs has {count} functions and conserved is {protocol.conserved(model)}; they must agree"
+    if not all(
+        map(
+            math.isfinite,
+            (*protocol.structure(model, y, y), *protocol.drift_gradient(model, y), protocol.hamiltonian(model, y)),
+        )
+    ):
         yield f"structure, drift_gradient or hamiltonian is not finite at y = {shown(y)}"
-    for k in range(noises(model)):
-        if not all(map(math.isfinite, noise_gradient(model, k, y))):
+    for k in range(protocol.noises(model)):
+        if not all(map(math.isfinite, protocol.noise_gradient(model, k, y))):
             yield f"noise_gradient, k = {k}, is not finite at y = {shown(y)}"
 
 
 def _structure(model, y):
     units = unit_vectors(len(y))
-    B = matrix_of([structure(model, y, e) for e in units])
+    B = matrix_of([protocol.structure(model, y, e) for e in units])
     if differ(B, -B.T, EXACT):
         yield "structure is not skew: v . B(y) w must be -w . B(y) v"
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    if differ(structure(model, y, v), B @ v, EXACT, B @ np.abs(v)):
+    if differ(protocol.structure(model, y, v), B @ v, EXACT, B @ np.abs(v)):
         yield "structure is not linear in v"
-    if cross_product(model) and differ(structure(model, y, v), np.cross(y, v), EXACT, B @ np.abs(v)):
+    if cross_product(model) and differ(protocol.structure(model, y, v), np.cross(y, v), EXACT, B @ np.abs(v)):
         yield "structure is not y x v, as structure_is_cross_product or axis_inertias says"
-    derivatives = np.array([matrix_of([structure_derivative(model, y, e, w) for w in units]) for e in units])
+    derivatives = np.array([matrix_of([protocol.structure_derivative(model, y, e, w) for w in units]) for e in units])
     for i, e in enumerate(units):
-        if differ_from_derivative(derivatives[i], lambda z: matrix_of([structure(model, z, w) for w in units]), y, e):
+        if differ_from_derivative(
+            derivatives[i], lambda z: matrix_of([protocol.structure(model, z, w) for w in units]), y, e
+        ):
             yield "structure_derivative is not the derivative of structure along u"
             return
     terms = np.einsum("il,ljk->ijk", B, derivatives)  # sum_l B_il d_l B_jk
     if differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), EXACT, terms):
         yield "structure violates Jacobi's identity"
-    for c in range(conserved(model)):
-        slopes = (derivatives_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units)
+    for c in range(protocol.conserved(model)):
+        slopes = (derivatives_along(lambda z, c=c: protocol.casimirs(model, z)[c], y, e) for e in units)
         if all(_moves(B, both) for both in zip(*slopes, strict=True)):
             yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
 
@@ -206,23 +433,25 @@ def _moves(B, slopes):
 
 
 def _gradients(model, y):
-    for e, slope in zip(unit_vectors(len(y)), drift_gradient(model, y), strict=True):
-        if differ_from_derivative(slope, partial(hamiltonian, model), y, e, drift_gradient(model, y)):
+    for e, slope in zip(unit_vectors(len(y)), protocol.drift_gradient(model, y), strict=True):
+        if differ_from_derivative(slope, partial(protocol.hamiltonian, model), y, e, protocol.drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    yield from _hessian("drift", "", partial(drift_gradient, model), partial(drift_hessian, model), y, v)
-    for k in inexact_pieces(model):
-        gradient, hessian = partial(piece_gradient, model, k), partial(piece_hessian, model, k)
+    yield from _hessian(
+        "drift", "", partial(protocol.drift_gradient, model), partial(protocol.drift_hessian, model), y, v
+    )
+    for k in protocol.inexact_pieces(model):
+        gradient, hessian = partial(protocol.piece_gradient, model, k), partial(protocol.piece_hessian, model, k)
         yield from _hessian("piece", f", k = {k},", gradient, hessian, y, v)
-    for k in range(noises(model)):
-        gradient, hessian = partial(noise_gradient, model, k), partial(noise_hessian, model, k)
+    for k in range(protocol.noises(model)):
+        gradient, hessian = partial(protocol.noise_gradient, model, k), partial(protocol.noise_hessian, model, k)
         yield from _hessian("noise", f", k = {k},", gradient, hessian, y, v)
         for w in (gradient(y), hessian(y, v)):
-            if differ(noise_structure(model, k, y, w), structure(model, y, w), EXACT):
+            if differ(protocol.noise_structure(model, k, y, w), protocol.structure(model, y, w), EXACT):
                 yield f"noise_structure, k = {k}, differs from structure for a gradient of the noise"
-            changed = structure_derivative(model, y, v, w)
-            if differ(noise_structure_derivative(model, k, y, v, w), changed, EXACT):
+            changed = protocol.structure_derivative(model, y, v, w)
+            if differ(protocol.noise_structure_derivative(model, k, y, v, w), changed, EXACT):
                 yield f"noise_structure_derivative, k = {k}, differs from structure_derivative for such a gradient"
 
 
@@ -239,17 +468,23 @@ def _hessian(part, number, gradient, hessian, y, v):
 def check_brackets(model, y):
     """Yield complaints about the brackets of a model at a state, where it has methods for them."""
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    if answers(lie_bracket, model):
-        moved = np.array([structure(model, e, v) for e in unit_vectors(len(y))])
-        if not lie_poisson(model) or differ(lie_bracket(model, v, y), moved @ y, 1e-9, moved):
+    if answers(protocol.lie_bracket, model):
+        moved = np.array([protocol.structure(model, e, v) for e in unit_vectors(len(y))])
+        if not lie_poisson(model) or differ(protocol.lie_bracket(model, v, y), moved @ y, 1e-9, moved):
             yield "lie_bracket is not the gradient of w . structure(y, v), a function that is linear in y"
-    for k, j in itertools.combinations(range(noises(model)), 2) if answers(noise_bracket_gradient, model) else ():
-        slope = np.dot(v, noise_bracket_gradient(model, j, k, y))
+    for k, j in (
+        itertools.combinations(range(protocol.noises(model)), 2)
+        if answers(protocol.noise_bracket_gradient, model)
+        else ()
+    ):
+        slope = np.dot(v, protocol.noise_bracket_gradient(model, j, k, y))
         if differ_from_derivative(slope, partial(_bracket, model, j, k), y, v, *_sizes(model, j, k, y)):
             yield f"noise_bracket_gradient, j = {j}, k = {k}, is not the gradient of grad Ĥ_j . B grad Ĥ_k"
 
-    if answers(bracket_factors, model):
-        numbers = dict(zip(itertools.combinations(range(noises(model)), 2), bracket_factors(model), strict=True))
+    if answers(protocol.bracket_factors, model):
+        numbers = dict(
+            zip(itertools.combinations(range(protocol.noises(model)), 2), protocol.bracket_factors(model), strict=True)
+        )
         for first, second in itertools.combinations(numbers, 2):
             a, b = (_bracket(model, j, k, y) for k, j in (first, second))
             sizes = (np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y))
@@ -259,12 +494,12 @@ def check_brackets(model, y):
 
 def _bracket(model, j, k, y):
     """{Ĥ_j, Ĥ_k}."""
-    return np.dot(noise_gradient(model, j, y), noise_field(model, k, y))
+    return np.dot(protocol.noise_gradient(model, j, y), noise_field(model, k, y))
 
 
 def _sizes(model, j, k, y):
     """Vectors as large as the terms of the derivative of :func:`_bracket`."""
-    return noise_gradient(model, j, y), noise_field(model, k, y)
+    return protocol.noise_gradient(model, j, y), noise_field(model, k, y)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -294,7 +529,7 @@ def check_once(record, initial):
     passed = _passed(path) if modules.digest(cls) else set()
     if key in passed:
         return []
-    count = 2 if dimension(record) <= 12 else 1
+    count = 2 if protocol.dimension(record) <= 12 else 1
     own = modules.system_of(cls) is not None
     states = (states_on_surface if own else states_around)(initial, record, count)
     complaints = check_model(
@@ -312,10 +547,10 @@ def check_once(record, initial):
 
 def _moving(record):
     """A generated model at a time at which none of its functions of time vanishes, as one may at the beginning."""
-    if not answers(frozen, record):
+    if not answers(protocol.frozen, record):
         return record
     with uncompiled(), np.errstate(all="ignore"):
-        at = [frozen(record, begin, 0.0) for begin in (0.618, 1.7, 2.9, 0.1)]
+        at = [protocol.frozen(record, begin, 0.0) for begin in (0.618, 1.7, 2.9, 0.1)]
     return max(at, key=lambda model: min(map(abs, model.driving), default=0.0))
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from . import listing, running, showing, starting
+from . import running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, RunOptions, Specs, load, run_options
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -106,7 +106,7 @@ _EXAMPLES = {
     ),
 }
 _PANELS: dict[str, dict[str, Any]] = {
-    "Begin": {"list": listing.list_, "new": starting.new, "doctor": starting.doctor},
+    "Begin": {"list": showing.list_, "new": starting.new, "doctor": starting.doctor},
     "Compute": {"check": check, "run": running.run, "answer": running.answer, "merge": running.merge},
     "Look at results": {
         "show": showing.show,

@@ -187,7 +187,7 @@ def _seconds(option: str, text: str) -> float:
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
     from .. import DISTRIBUTION
-    from ..running.clusters import workers_of
+    from ..running.workers import workers_of
 
     with ExitStack() as stack:
         try:
@@ -201,7 +201,7 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
 
 def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
     """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
-    from ..printing.claims import remarks
+    from ..printing.tables import remarks
     from ..report import views
     from ..statistics.claims import CONFIRMED, CONTRADICTED
 

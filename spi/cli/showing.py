@@ -1,14 +1,14 @@
-"""The commands that show stored results: show, plot, and as a page report."""
+"""The commands that show stored results, and what there is: show, plot, report as a page, and list."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer.core import TyperCommand
 
-from .listing import print_results
 from .options import (
     FAILED,
     INVALID,
@@ -24,6 +24,9 @@ from .options import (
 from .terminal import STOP, takes_all_characters, tell
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ..specs.experiment import Heading
     from ..storage.records import Results
 
 
@@ -207,3 +210,197 @@ def _about(path: Path) -> Iterator[None]:
         end(INVALID, f"{path}: {error}")
     except ValueError as error:
         end(FAILED, f"{path}: {error}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The command `spi list`: what there is, by groups on a terminal, and one record a line elsewhere.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+#: The groups of experiments, and those in them.
+GROUPS = {
+    "paper": "the figures of the paper, 1 to 17",
+    "errors": "strong and weak errors of schemes, and work against precision",
+    "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
+    "stability": "large steps, strong noise, fast processes",
+    "systems": "systems written in YAML",
+    "fluids": "the sine-Euler equations and their limit",
+    "yours": "those in the folder --experiments",
+}
+WORDS = ("experiments", *GROUPS, "models", "schemes", "kinds", "results")
+
+
+def word(text: str) -> str:
+    """A word of the command line; BadParameter if it is none of these.
+
+    A ``Literal`` would have all of them in one line of the help text.
+    """
+    if text not in WORDS:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(WORDS)}.")
+    return text
+
+
+class Part(NamedTuple):
+    """A part of the list: records of one sort, the first column their names and the last one texts."""
+
+    word: str  #: by which it is asked for
+    title: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def list_(
+    only: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="WORD",
+            parser=word,
+            help="experiments, or a group of them: paper, errors, dynamics, stability, systems, fluids, yours; "
+            "models, schemes, kinds or results.",
+        ),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
+    results: ResultsFolder = RESULTS,
+) -> None:
+    """List experiments, models, schemes, kinds of experiment and results.
+
+    Without a word, on a terminal, the groups.  The experiments are those that come with spi, and those in ./experiments
+    if that folder exists.  Elsewhere than on a terminal each record is one line, with its whole title.
+    """
+    from ..printing.text import new_console
+
+    problems: list[str] = []
+    console = new_console(None)
+    if only == "results":
+        print_results(results, not console.is_terminal)
+        return
+    parts = [part for part in _parts(only, folder, problems) if only in (None, "experiments", part.word)]
+    if not console.is_terminal:
+        _print_lines(console, parts)
+    elif only is None:
+        _print_groups(console, parts)
+    else:
+        for part in parts:
+            _print_table(console, part)
+    for problem in problems:
+        tell(f"spi: {problem}")
+    if problems:
+        raise typer.Exit(INVALID)
+
+
+def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part]:
+    """The parts of the list, at least that which is asked for; adds the mistakes in experiments to `problems`."""
+    if only in (None, "experiments", *GROUPS):
+        yield from _experiments(folder, problems)
+    if only in (None, "models"):
+        from ..models import MODELS
+
+        docs = {name: " ".join((cls.__doc__ or "").split("\n\n")[0].split()) for name, cls in MODELS.items()}
+        fields = {name: f"parameters: {', '.join(getattr(cls, '_fields', ()))}" for name, cls in MODELS.items()}
+        rows = [(name, f"{text.rstrip('.')}; {fields[name]}") for name, text in docs.items()]
+        yield Part("models", "models", ["name", "equations and parameters"], rows)
+    if only in (None, "schemes"):
+        from ..printing.text import fraction
+        from ..schemes import SCHEMES
+
+        orders = {
+            name: map(fraction, (row.strong_order, row.strong_order_commuting, row.weak_order))
+            for name, row in SCHEMES.items()
+        }
+        schemes = [(name, *orders[name], f"{row.label}; preserves {row.preserves}") for name, row in SCHEMES.items()]
+        yield Part("schemes", "schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], schemes)
+    if only in (None, "kinds"):
+        from ..kinds import KINDS
+
+        kinds = [(name, (kind.keys.Case.__doc__ or "").split("\n\n")[0]) for name, kind in KINDS.items()]
+        yield Part("kinds", "kinds of experiment", ["name", "results"], kinds)
+
+
+def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
+    """The experiments that come with spi and those in a folder, by group."""
+    from ..running import shipped
+    from ..running.load import headings
+
+    rows: dict[str, list[tuple[str, str, str]]] = {group: [] for group in GROUPS}
+    for path, heading in headings(map(shipped.path_of, shipped.names()))[0].items():
+        rows[_group(heading)].append((path.stem, str(heading.figure or "-"), heading.title))
+    rows["paper"].sort(key=lambda row: int(row[1]))
+    if folder.is_dir() and not folder.samefile(shipped.folder()):
+        others, mistakes = headings(sorted(folder.glob("*.yaml")))
+        rows["yours"] = [(str(path), str(heading.figure or "-"), heading.title) for path, heading in others.items()]
+        problems += mistakes
+    for group, members in rows.items():
+        if members:
+            yield Part(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
+
+
+def _group(heading: "Heading") -> str:
+    """The group of an experiment that comes with spi."""
+    if heading.figure:
+        return "paper"
+    if "system" in heading.model:
+        return "systems"
+    if heading.model.get("name") in ("sine_euler", "zeitlin"):
+        return "fluids"
+    if heading.kind == "stability":
+        return "stability"
+    return "errors" if heading.kind in ("strong", "weak", "work_precision") else "dynamics"
+
+
+def print_results(folder: Path, one_line: bool = False) -> None:
+    """Print the list of results in a folder, each in a few lines or in one."""
+    from ..printing import print_safely, result_lines
+    from ..running.finding import listed
+
+    results, problems = listed(folder)
+    if not results and not problems:
+        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
+    lines = result_lines(results)
+    if one_line:
+        lines = (re.sub(r"\n +", "  ", "\n".join(result_lines([result]))) for result in results)
+    print_safely(lines)
+    for problem in problems:
+        tell(f"spi: {problem}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# On a terminal and elsewhere
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _print_lines(console: "Console", parts: Sequence[Part]) -> None:
+    """One record a line, behind the word for its part."""
+    from ..printing.text import print_lines, printable
+
+    for part in parts:
+        widths = [max(map(len, column)) for column in zip(*part.rows, strict=True)]
+        for row in part.rows:
+            cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
+            print_lines(console, ["  ".join([f"{part.word:<9}", *map(printable, cells)]).rstrip()])
+
+
+def _print_groups(console: "Console", parts: Sequence[Part]) -> None:
+    """A line for each group of experiments, the names of all else, and what shows more."""
+    from ..printing.text import print_lines, printable, wrapped
+
+    groups = [part for part in parts if part.word in GROUPS]
+    print_lines(console, ["experiments: `spi run NAME` runs one, `spi list paper` lists a group"])
+    print_lines(console, (f"  {part.word:<10}{len(part.rows):>3}  {GROUPS[part.word]}" for part in groups))
+    for part in parts[len(groups) :]:
+        names = ", ".join(row[0] for row in part.rows)
+        print_lines(console, [wrapped(printable(f"{part.title}: {names}"), console.width)])
+    print_lines(console, ["`spi list WORD` tells more: experiments, paper, ..., models, schemes, kinds, results"])
+
+
+def _print_table(console: "Console", part: Part) -> None:
+    """A table as wide as the terminal, whose last column wraps."""
+    from rich.text import Text
+
+    from ..printing.text import new_table
+
+    table: Any = new_table(part.title, part.headings, left=1)
+    table.columns[-1].justify, table.columns[-1].no_wrap = "left", False
+    for row in part.rows:
+        table.add_row(*map(Text, row))
+    console.print(table)
+    console.print()

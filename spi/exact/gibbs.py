@@ -11,20 +11,11 @@ from functools import partial
 import numpy as np
 
 from ..compiler.inlining import uncompiled
-from ..ensemble.protocol import (
-    decay_rates,
-    dimension,
-    drift_gradient,
-    frozen,
-    hamiltonian,
-    noise_gradient,
-    noise_indices,
-    strengths,
-    structure,
-)
+from ..ensemble import protocol
+from ..numerics.arrays import runge_kutta
 from .chains import Chain
 from .sphere_law import hermite, on_sphere
-from .surfaces import at_states, leaf, spheres
+from .surfaces import at_states, leaf, spheres, structure_matrix
 
 LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a sphere
 MOST = 5_000_000  #: points of a level
@@ -43,7 +34,7 @@ def law_of(model, initial, temperature):
     """
     if hasattr(initial, "law") and getattr(initial.law, "surface", None) is None:
         raise ValueError("paths begin on several surfaces")
-    if decay_rates(model):
+    if protocol.decay_rates(model):
         raise ValueError("its Casimir functions decay")
     if temperature == 0:
         raise ValueError("the temperature is 0")
@@ -58,13 +49,13 @@ def law_of(model, initial, temperature):
 
 def _energy(model):
     """H of states (d, n); ValueError where it depends on time."""
-    y = tuple(np.random.default_rng(8).uniform(0.5, 1.0, dimension(model)).tolist())
+    y = tuple(np.random.default_rng(8).uniform(0.5, 1.0, protocol.dimension(model)).tolist())
     with uncompiled():
-        if len({float(hamiltonian(frozen(model, t, 0.0), y)) for t in (0.0, 0.3, 1.1)}) > 1:
+        if len({float(protocol.hamiltonian(protocol.frozen(model, t, 0.0), y)) for t in (0.0, 0.3, 1.1)}) > 1:
             raise ValueError("H depends on time")
-    model = frozen(model, 0.0, 0.0)
+    model = protocol.frozen(model, 0.0, 0.0)
 
-    return partial(at_states, partial(hamiltonian, model))
+    return partial(at_states, partial(protocol.hamiltonian, model))
 
 
 class Quadrature:
@@ -250,12 +241,86 @@ def mean_divergence(model, temperature, point):
         return None
 
     def rate(y):
-        gradient = drift_gradient(model, y)
-        fields = [structure(model, y, noise_gradient(model, k, y)) for k in noise_indices(model)]
+        gradient = protocol.drift_gradient(model, y)
+        fields = [
+            protocol.structure(model, y, protocol.noise_gradient(model, k, y)) for k in protocol.noise_indices(model)
+        ]
         slopes = [sum(a * b for a, b in zip(gradient, field, strict=True)) for field in fields]
-        return sum((sigma * slope) ** 2 for sigma, slope in zip(strengths(model), slopes, strict=True))
+        return sum((sigma * slope) ** 2 for sigma, slope in zip(protocol.strengths(model), slopes, strict=True))
 
     try:
         return -law_of(model, point, temperature).expectation(partial(at_states, rate))[0] / (2 * temperature**2)
     except ValueError:
         return None
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The states that noises and drift can reach: whether a law on the Casimir surface can be the only stationary one.
+#
+# The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y
+# the same space as the vectors (D Phi)^-1 X_k(Phi(y)), Phi being flows of random combinations of all these fields
+# (fields are analytic).  Friction along the noises changes nothing in this.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+_STEPS = 32  #: of a flow by Runge and Kutta
+_NUDGE, _FLAT, _CLOSE = 1e-5, 1e-4, 1e-6
+
+
+@np.errstate(all="ignore")
+def reach(model, initial):
+    """(dimension of the set of states that noises and drift reach from a state, that of its Casimir surface)."""
+    start, rng = np.array(initial, float), np.random.default_rng(3)
+    with uncompiled():
+        surface = int(np.linalg.matrix_rank(structure_matrix(model, start), tol=_CLOSE * np.abs(start).max()))
+        count = 1 + len(_acting(model))
+        y = _flow(model, start[:, np.newaxis], rng.standard_normal(count))
+        vectors = _noise_fields(model, y)
+        around = y + _NUDGE * np.hstack([np.zeros((len(y), 1)), np.eye(len(y)), -np.eye(len(y))])
+        for _ in range(2 * surface):
+            if _rank(vectors) >= surface:
+                break
+            moved = _flow(model, _flow(model, around, rng.standard_normal(count)), rng.standard_normal(count))
+            derivative = (moved[:, 1 : len(y) + 1] - moved[:, len(y) + 1 :]) / (2 * _NUDGE)
+            if np.isfinite(moved).all():
+                vectors += list(np.linalg.lstsq(derivative, np.array(_noise_fields(model, moved[:, :1])).T)[0].T)
+    return min(_rank(vectors), surface), surface
+
+
+def _acting(model):
+    return [k for k in protocol.noise_indices(model) if protocol.strengths(model)[k]]
+
+
+def _gradients(model, y):
+    """(m + 1, d, n): grad H and all grad Ĥ_k at states (d, n)."""
+    methods = [
+        partial(protocol.drift_gradient, model),
+        *(partial(protocol.noise_gradient, model, k) for k in _acting(model)),
+    ]
+    return np.array([at_states(gradient, y) for gradient in methods])
+
+
+def _field(model, y, gradient):
+    """B times a gradient, (d, n)."""
+    return at_states(partial(protocol.structure, model), y, gradient)
+
+
+def _noise_fields(model, y):
+    """The fields of the noises at one state (d, 1)."""
+    return [_field(model, y, gradient)[:, 0] for gradient in _gradients(model, y)[1:]]
+
+
+def _rank(vectors):
+    sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return int(np.linalg.matrix_rank(vectors / np.where(sizes > 0, sizes, 1.0), tol=_FLAT))
+
+
+def _flow(model, y, weights):
+    """States moved along a combination of the fields for the time 1 over their size."""
+
+    def field(y):
+        return _field(model, y, np.tensordot(weights, _gradients(model, y), 1))
+
+    size = np.abs(field(y[:, :1])).max() / max(np.abs(y).max(), 1e-300)
+    h = 1.0 / (_STEPS * max(size, 1.0))
+    return runge_kutta(field, y, h, _STEPS)

@@ -13,18 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.inlining import uncompiled
-from ..ensemble.protocol import (
-    casimirs,
-    conserved,
-    dimension,
-    drift_gradient,
-    flow_places,
-    frozen,
-    hamiltonian,
-    large,
-    strengths,
-    structure,
-)
+from ..ensemble import protocol
+from ..ensemble.protocol import dimension
 from ..ensemble.random_states import Spheres
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -36,7 +26,7 @@ from ..ensemble.random_states import Spheres
 
 def by_place(model, compositions):
     """Compositions as ``schemes.stages.compositions`` gives them, with places instead of numbers of flows."""
-    if not (places := flow_places(model)):
+    if not (places := protocol.flow_places(model)):
         return compositions
     of = dict(zip(("drift", "noise"), places, strict=True))
     return tuple((p, tuple((part, of[part][k], share) for part, k, share in flows)) for p, flows in compositions)
@@ -44,9 +34,9 @@ def by_place(model, compositions):
 
 def strengths_by_place(model, count):
     """(sigma_1, ..., sigma_count) of the noises at these places, 0 where there is none."""
-    if not (places := flow_places(model)):
-        return strengths(model)
-    sigma = dict(zip(places[1], strengths(model), strict=True))
+    if not (places := protocol.flow_places(model)):
+        return protocol.strengths(model)
+    sigma = dict(zip(places[1], protocol.strengths(model), strict=True))
     return tuple(sigma.get(place, 0.0) for place in range(count))
 
 
@@ -59,7 +49,7 @@ def spheres(model, point):
 
     None if it is not, or if states are arrays.
     """
-    if large(model):
+    if protocol.large(model):
         return None
     d = dimension(model)
     states = np.random.default_rng(0).standard_normal((_TRIALS, d))
@@ -104,7 +94,7 @@ def at_states(method, *arrays):
 def structure_matrix(model, y):
     """B(y), of a state as an array."""
     unit = np.eye(len(y))
-    return np.array([structure(model, tuple(y.tolist()), tuple(column)) for column in unit.tolist()], float).T
+    return np.array([protocol.structure(model, tuple(y.tolist()), tuple(column)) for column in unit.tolist()], float).T
 
 
 def _triples(matrix):
@@ -148,15 +138,15 @@ def value_of(c, b, A, y):
 
 def quadratic(model):
     """(c, b, A) of H = c + b.y + y.Ay/2 at the initial time; None if H is no such function."""
-    d, model = dimension(model), frozen(model, getattr(model, "time", 0.0), 0.0)
+    d, model = dimension(model), protocol.frozen(model, getattr(model, "time", 0.0), 0.0)
     zero = (0.0,) * d
     try:
         with np.errstate(all="ignore"), uncompiled():
-            b = np.array(drift_gradient(model, zero), float)
-            columns = [np.array(drift_gradient(model, tuple(e)), float) - b for e in np.eye(d).tolist()]
-            c, matrix = float(hamiltonian(model, zero)), np.array(columns)
+            b = np.array(protocol.drift_gradient(model, zero), float)
+            columns = [np.array(protocol.drift_gradient(model, tuple(e)), float) - b for e in np.eye(d).tolist()]
+            c, matrix = float(protocol.hamiltonian(model, zero)), np.array(columns)
             y = np.random.default_rng(1).standard_normal((d, _TRIALS))
-            values = at_states(partial(hamiltonian, model), y)
+            values = at_states(partial(protocol.hamiltonian, model), y)
             size = value_of(abs(c), np.abs(b), np.abs(matrix), np.abs(y))
             if not (np.abs(values - value_of(c, b, matrix, y)) <= _CLOSE * size).all():
                 return None
@@ -265,12 +255,12 @@ class Leaf(NamedTuple):
 
 def leaf(model, point):
     """The :class:`Leaf` through a state; ValueError with the reason in a phrase where there is none."""
-    if large(model):
+    if protocol.large(model):
         raise ValueError("its states are arrays")
     point = np.array(point, float)
     with uncompiled():
         B = _bracket(model)
-        forms = [casimir_form(model, c) for c in range(conserved(model))]
+        forms = [casimir_form(model, c) for c in range(protocol.conserved(model))]
     d = len(point)
     # constant combinations of components, which a model need not state
     u, s, _ = np.linalg.svd(B.reshape(d, -1))
@@ -332,7 +322,7 @@ def _bracket(model):
 
 def casimir_form(model, c):
     """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant; ValueError if it is not quadratic."""
-    form = polynomial(partial(at_states, lambda y: casimirs(model, y)[c]), dimension(model))
+    form = polynomial(partial(at_states, lambda y: protocol.casimirs(model, y)[c]), dimension(model))
     if form is None:
         raise ValueError(f"Casimir function number {c + 1} is not quadratic")
     _, b, Q = (np.where(np.abs(part) > 1e-12, part, 0.0) for part in form)

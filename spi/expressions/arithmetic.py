@@ -8,7 +8,7 @@
 
 Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
 
-:class:`Numbers` defines the operations; ``trees.py`` gives the same grammar another meaning.
+:class:`Numbers` defines the operations; ``__init__.py`` gives the same grammar another meaning.
 """
 
 import cmath

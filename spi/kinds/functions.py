@@ -13,9 +13,8 @@ from spi.compiler.dispatch import answers
 from spi.ensemble.observer import energies, invariants_of
 from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large
 from spi.exact import gibbs
-from spi.expressions import as_numpy, canonical, parse_expression
+from spi.expressions import Component, as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.expressions.trees import Component
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 from spi.specs.keys import shown, wrong

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
-from ..printing import claims as printed_claims
-from ..printing import sweeps
+from ..printing import sweeps, tables
 from ..printing.rows import rows_of
 from ..printing.tables import Cell, Grid, printed, show_items
 from ..printing.text import new_console, printable
@@ -111,7 +110,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
     own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
     records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
-    return [record | printed_claims.columns(record, owners[record["case"]], judged) for record in records]
+    return [record | tables.columns(record, owners[record["case"]], judged) for record in records]
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
@@ -133,7 +132,7 @@ def show(results: Results, console: Any) -> None:
         console.print(printable(title), style="bold", markup=False)
     for items, judged in cases:
         show_items(console, items)
-        printed_claims.show(console, judged)
+        tables.show(console, judged)
 
 
 def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:

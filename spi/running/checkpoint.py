@@ -16,7 +16,7 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.plans import Plan, State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from ..storage.sums import SUFFIX, VERSION
+from ..storage.results import SUFFIX, SUMS_VERSION
 from .load import name_of, plans
 from .workers import WorkersLost
 
@@ -67,7 +67,7 @@ def sums_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None
 
     Other sources might go on with other numbers, so that their sums stand in a file of their own, which stays.
     """
-    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}"
+    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{SUMS_VERSION}"
     suffix = f".shard-{shard.number}-of-{shard.count}" if shard else ""
     return Path(out) / "sums" / f"{name}{suffix}{SUFFIX}"
 
@@ -235,7 +235,7 @@ class Checkpoint:
 
 
 def _same_sources(about: dict) -> bool:
-    return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST
+    return about["version"] == SUMS_VERSION and about.get("source_digest") == NUMBERS_DIGEST
 
 
 def label_of(plan: Plan, chunk: Chunk) -> str:

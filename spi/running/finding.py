@@ -12,8 +12,7 @@ from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
 from ..specs.naming import results_in
 from ..storage import StorageError
-from ..storage.results import read_root
-from ..storage.sums import SUFFIX
+from ..storage.results import SUFFIX, read_root
 from . import shipped
 from .load import STORED, load
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from .. import specs, storage
 from ..kinds import KINDS
-from ..kinds.answer.question import question
+from ..kinds.answer.keys import question
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
 from ..specs.document import Document, override, text_of

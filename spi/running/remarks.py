@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import specs, systems
 from ..ensemble.protocol import dimension, large, strengths
-from ..exact.reach import reach
+from ..exact.gibbs import reach
 from ..kinds import KINDS
 from ..models.delegation import undamped
 from ..models.zeitlin import fields

@@ -16,8 +16,8 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError
 from ..storage.records import Group, Results
+from ..storage.results import SUFFIX
 from ..storage.stored import gathered
-from ..storage.sums import SUFFIX
 from .checkpoint import digests_of, label_of
 from .load import load_stored, name_of, plans
 from .run import root_attributes

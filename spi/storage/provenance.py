@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from .files import StorageError
-from .results import read_root
+from .results import StorageError, read_root
 
 
 def provenance() -> dict[str, Any]:

@@ -11,9 +11,8 @@ import numpy as np
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import DIGITS, NOTHING, Bracket, Polynomial, precise
+from .brackets import DIGITS, NOTHING, Bracket, Function, Polynomial, Symbolics, degree_of, precise
 from .splitting import connected, echelon
-from .symbolics import Function, Symbolics, degree_of
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients

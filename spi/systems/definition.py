@@ -18,21 +18,26 @@ import sympy
 
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
+from . import splitting
 from .algebras import algebra, known_casimirs
-from .brackets import Bracket, Given, Polynomial, checked, simplified
-from .casimirs import LARGEST_DENOMINATOR, counted, search
-from .driving import TIME, Driving
-from .keys import KEYS, MOST, DefinitionError
-from .source import Generated, System, generate
-from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, by_quadratics, merged, single, split, without_flow
-from .symbolics import (
+from .brackets import (
+    Bracket,
     Function,
+    Given,
+    Polynomial,
     Symbolics,
+    checked,
     degree_of,
     merged_powers,
     monomials,
     shortened,
+    simplified,
 )
+from .casimirs import LARGEST_DENOMINATOR, counted, search
+from .driving import TIME, Driving
+from .keys import KEYS, MOST, DefinitionError
+from .source import Generated, System, generate
+from .splitting import merged
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 
@@ -86,7 +91,7 @@ class _Reader:
         world = Symbolics(bracket, symbols, values, driven.time)
         functions, searched = self.casimirs(world, formulas)
         world = world._replace(casimirs=tuple(function.expression for function in functions))
-        constants = Constants()
+        constants = splitting.Constants()
         flows = self.flows(world, driven, constants)
         noises = [self.flow(noise, world, driven, keys) for keys, _, noise in self.expressions("noises", driven)]
         if len(noises) > MOST:
@@ -237,7 +242,7 @@ class _Reader:
 
     # ---- Hamiltonians --------------------------------------------------------------------------------------------
 
-    def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
+    def flows(self, world: Symbolics, formulas: Symbols, constants: splitting.Constants) -> list[splitting.Flow]:
         """The flows of H: those of the given pieces, or of the pieces of the splitting."""
         if "pieces" in self.data:
             pieces = self.expressions("pieces", formulas)
@@ -251,8 +256,8 @@ class _Reader:
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                flows = split(parts, world, constants)
-            except NowhereFinite as error:
+                flows = splitting.split(parts, world, constants)
+            except splitting.NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(flows) > MOST:
             key = "pieces" if "pieces" in self.data else "hamiltonian"
@@ -269,28 +274,28 @@ class _Reader:
             raise DefinitionError("do not add up to the hamiltonian; correct one or leave hamiltonian out", "pieces")
         return total
 
-    def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
+    def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> splitting.Flow:
         """The one flow of a piece or a noise, which is exact where all of its terms commute."""
         text = shortened(world.name(function))
         if not world.used(function):
             raise DefinitionError(f"is '{text}', which moves nothing; leave it out", *keys)
         try:
-            return Flow((single(function, world),))
-        except NowhereFinite as error:
+            return splitting.Flow((splitting.single(function, world),))
+        except splitting.NowhereFinite as error:
             raise DefinitionError(f"is not finite: {error}; take others", *keys) from None
-        except NoExactFlow as error:
+        except splitting.NoExactFlow as error:
             reason = error
         try:
-            terms = [single(term, world) for term in sympy.Add.make_args(sympy.expand(function))]
-        except NoExactFlow:
+            terms = [splitting.single(term, world) for term in sympy.Add.make_args(sympy.expand(function))]
+        except splitting.NoExactFlow:
             terms = []
         flows = merged(terms, world.bracket)
         if len(flows) == 1:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = by_quadratics(function, world)
-        return Flow((term,)) if term else without_flow(function, str(reason), world)
+        term = splitting.by_quadratics(function, world)
+        return splitting.Flow((term,)) if term else splitting.without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
         """The dependence on time where H and the noises are `functions`; None if there is none.
@@ -421,7 +426,7 @@ def _casimirs(system: System) -> str:
     return f"{line}; sought were {kind}"
 
 
-def _terms(flow: Flow, system: System) -> str:
+def _terms(flow: splitting.Flow, system: System) -> str:
     values = {k: sympy.Float(v, 6) for k, v in system.constants.items()}
     count = len(sympy.Add.make_args(flow.expression))
     merged = f" ({count} terms merged)" if count > 1 else ""

@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import NOTHING, Bracket, Field, is_curved, summed
+from .brackets import NOTHING, Bracket, Field, Symbolics, is_curved, summed
 from .code import Formula, Numbers, as_tuple, case, forms, words_in, written_sum
 from .spectrum import Block, Space, blocks
 from .splitting import Flow, Series, constant_rates, form_text, reduced, series
-from .symbolics import Symbolics
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.

@@ -9,28 +9,13 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, Bracket, precise
+from . import flow_code
+from .brackets import DIGITS, Bracket, Function, Symbolics, precise
 from .code import Formula, Numbers, as_tuple, case, signed, written_sum
 from .driving import Coefficients, Driving
-from .flow_code import (
-    FROM,
-    Call,
-    Generator,
-    Motion,
-    Moving,
-    Tables,
-    Writer,
-    divided_words,
-    families,
-    generators,
-    motion,
-    motion_functions,
-    motions,
-    phases_of,
-)
+from .flow_code import motions
 from .spectrum import Inseparable
 from .splitting import Flow, commute
-from .symbolics import Function, Symbolics
 
 
 class System(NamedTuple):
@@ -265,7 +250,9 @@ class Generated(NamedTuple):
     text: str
     fields: tuple[tuple[str, str], ...]  #: (parameter, field)
     constants: tuple[float, ...]
-    motions: tuple[Motion | str, ...]  #: of the flows of H, then of those of the noises; or the reason for none
+    motions: tuple[
+        flow_code.Motion | str, ...
+    ]  #: of the flows of H, then of those of the noises; or the reason for none
     in_time: str | None  #: the treatment of time, for people; None if nothing depends on it
 
 
@@ -292,9 +279,9 @@ class _Generator:
         self.names |= {p: f"model.{self.fields[str(p)]}" for p in self.world.parameters}
         self.names |= {k: self.numbers.constant(value) for k, value in system.constants.items()}
         self.coefficients = Coefficients(self.names, system.driving.strengths) if system.driving else None
-        self.motions: dict[Any, tuple[str, Motion, list[Generator], bool]] = {}
-        self.writer = Writer(self.names, self.world, self.motions)
-        self.moving: dict[Any, Moving] = {}  # by the key of the motion
+        self.motions: dict[Any, tuple[str, flow_code.Motion, list[flow_code.Generator], bool]] = {}
+        self.writer = flow_code.Writer(self.names, self.world, self.motions)
+        self.moving: dict[Any, flow_code.Moving] = {}  # by the key of the motion
 
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
@@ -306,13 +293,15 @@ class _Generator:
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.joint_words()
-        tables = Tables(self.world, self.names, self.numbers)
+        tables = flow_code.Tables(self.world, self.names, self.numbers)
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided or self.tables(tables, drift, noise)
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
         body += solvable_lines(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
-        functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
+        functions = flow_code.motion_functions(
+            self.motions, self.bracket, flow_code.phases_of(self.motions) if divided else 0
+        )
         functions += tables.functions()
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
         parts = [head(kind, self.name, self.bracket.variables, self.system.sizes, self.inexact(lacking), self.numbers)]
@@ -352,13 +341,13 @@ class _Generator:
         """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or a reason why not."""
         if flow.lacking:
             return flow.lacking, []
-        parts = generators(flow, self.world)
+        parts = flow_code.generators(flow, self.world)
         key = tuple(part.key for part in parts)
         if key not in self.motions:
             before = len(self.numbers.constants)
             try:
                 self.moving[key] = motions(parts, self.bracket)
-                moved_by = motion(*self.moving[key], len(parts), self.numbers, flow.varying)
+                moved_by = flow_code.motion(*self.moving[key], len(parts), self.numbers, flow.varying)
             except Inseparable as error:
                 return str(error), []
             uses = len(self.numbers.constants) > before
@@ -372,16 +361,16 @@ class _Generator:
 
     def divided(self, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of long flows; none if one of them cannot be divided."""
-        if not (phases := phases_of(self.motions)):
+        if not (phases := flow_code.phases_of(self.motions)):
             return []
         calls = {"drift": _calls(self.system.flows, moved[0]), "noise": _calls(self.system.noises, moved[1])}
-        words = {part: divided_words(part, of, self.writer, phases) for part, of in calls.items()}
+        words = {part: flow_code.divided_words(part, of, self.writer, phases) for part, of in calls.items()}
         done = all(words[part] or not calls[part] for part in calls)
         return ["", f"phases = {phases}", *words["drift"], *words["noise"]] if done else []
 
-    def tables(self, tables: Tables, *moved: Sequence[Moved]) -> list[str]:
+    def tables(self, tables: flow_code.Tables, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of many components, whose flows are loops over tables."""
-        if self.bracket.dimension < FROM or self.coefficients:
+        if self.bracket.dimension < flow_code.FROM or self.coefficients:
             return []
         moving_tables = [
             [
@@ -396,14 +385,17 @@ class _Generator:
     def joint_words(self) -> list[str]:
         """The trait ``joint_noises`` and the methods ``joint_flow`` and ``joint_angle``, if there are joint flows."""
         flows, noises = self.system.flows, self.system.noises
-        grouped, calls = families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))), []
+        grouped, calls = (
+            flow_code.families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))),
+            [],
+        )
         for k, family in enumerate(grouped):
             if family.noises:
                 together, key = [flows[k], *(noises[n] for n in family.noises)], self.moved(family.leader)[0]
                 times = ["t", *(f"s[{n}]" for n in range(len(family.noises)))]
                 pivots = [part.key[0] for part in self.motions[key][2]]
                 rates = (self.frozen(self.world.derivative(f.expression, pivot) for pivot in pivots) for f in together)
-                calls.append(Call(k, key, list(zip(times, rates, strict=True)), together))
+                calls.append(flow_code.Call(k, key, list(zip(times, rates, strict=True)), together))
         groups = "".join(f"{family.noises!r}, " for family in grouped)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
@@ -456,7 +448,7 @@ class _Generator:
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
 
 
-def _calls(flows: Sequence[Flow], moved: Sequence[Moved]) -> list[Call]:
+def _calls(flows: Sequence[Flow], moved: Sequence[Moved]) -> list[flow_code.Call]:
     """The calls of flows, each by itself."""
     each = enumerate(zip(flows, moved, strict=True))
-    return [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
+    return [flow_code.Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]

@@ -16,16 +16,23 @@ import mpmath
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import DIGITS, NOTHING, Bracket, Field, Monomial, is_curved, precise, summed
-from .driving import split_in_time
-from .symbolics import (
+from .brackets import (
+    DIGITS,
+    NOTHING,
+    Bracket,
+    Field,
+    Monomial,
     Symbolics,
     degree_of,
+    is_curved,
     merged_powers,
     monomials,
     numeric,
+    precise,
     shortened,
+    summed,
 )
+from .driving import split_in_time
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Linear functions of the state, by the factors of components.

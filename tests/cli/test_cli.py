@@ -18,7 +18,6 @@ import pytest
 from helpers import COMPILED, compiled_only
 
 from spi import __version__, cli
-from spi.kinds.strong import study as strong
 from spi.specs.naming import results_name
 
 EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
@@ -35,8 +34,6 @@ def spi(tmp_path, monkeypatch, capfd):
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / EXPERIMENT.name).write_bytes(EXPERIMENT.read_bytes())
     monkeypatch.chdir(tmp_path)
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
     def call(*arguments):
         capfd.readouterr()

@@ -8,7 +8,7 @@ import pytest
 from filled_results import filled
 from rich.console import Console
 
-from spi.cli import listing, terminal
+from spi.cli import showing, terminal
 from spi.kinds import KINDS
 from spi.printing import text
 from spi.report import views
@@ -85,7 +85,7 @@ def listed(monkeypatch, tmp_path):
         output = io.StringIO()
         console = Console(file=output, width=80, force_terminal=True, color_system=None)
         monkeypatch.setattr(text, "new_console", lambda file: console)
-        listing.list_(*arguments)
+        showing.list_(*arguments)
         return output.getvalue()
 
     return of
@@ -96,7 +96,7 @@ def test_the_list_fits_a_screen_and_the_groups_have_all_experiments(listed):
     lines = overview.splitlines()
     assert len(lines) <= 24 and max(map(len, lines)) <= 80
     counts = dict(re.findall(r"^  ([a-z]+) +(\d+)  ", overview, re.MULTILINE))
-    assert set(counts) == set(listing.GROUPS) - {"yours"}
+    assert set(counts) == set(showing.GROUPS) - {"yours"}
     assert sum(map(int, counts.values())) == len(shipped.names())
     names = []
     for group, count in counts.items():

@@ -11,9 +11,9 @@ import pytest
 from helpers import by_quadrature, composed
 from scipy.integrate import solve_ivp
 
-from spi.exact.kolmogorov import cylinder, expectations, grids, sphere
+from spi.exact.kolmogorov import cylinder, expectations, sphere
 from spi.exact.kolmogorov.harmonics import CLASSES, Harmonics, shifted
-from spi.exact.kolmogorov.operators import Step, factors, semigroup
+from spi.exact.kolmogorov.sphere import Step, factors, semigroup
 from spi.models import MaxwellBloch, RigidBody
 
 INERTIA = (2.0, 1.0, 2.0 / 3.0)
@@ -73,8 +73,7 @@ def _each_limit_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sphere, "semigroup", remembered)
-        for module in (cylinder, grids):
-            patch.setattr(module, "Grid", cache(grids.Grid))
+        patch.setattr(cylinder, "Grid", cache(cylinder.Grid))
         yield
 
 
@@ -287,7 +286,7 @@ def test_powers_do_not_depend_on_the_way(c, monkeypatch):
     V = harmonics.project([mixed, sines], 1.0)[c]
     found = []
     for doublings in (None, 0, 3):
-        monkeypatch.setattr("spi.exact.kolmogorov.operators.cheapest", lambda *_, k=doublings: (0.0, k))
+        monkeypatch.setattr("spi.exact.kolmogorov.sphere.cheapest", lambda *_, k=doublings: (0.0, k))
         found.append(step.power(V, 37))
     for one, other in itertools.pairwise(found):
         np.testing.assert_allclose(one, other, atol=1e-13)

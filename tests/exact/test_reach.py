@@ -6,8 +6,7 @@ from helpers import INITIAL, RIGID_BODY
 from yaml_cases import made
 
 from spi.ensemble.protocol import hamiltonian
-from spi.exact.gibbs import law_of
-from spi.exact.reach import reach
+from spi.exact.gibbs import law_of, reach
 
 POINT = (0.6, 0.48, 0.64)
 SPHERE = "{{algebra: so(3), hamiltonian: '{}', noises: [{}]}}"

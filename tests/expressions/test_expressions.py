@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from spi import expressions
 from spi.expressions import (
     as_numpy,
     canonical,
     parse_expression,
-    trees,
 )
 from spi.expressions.arithmetic import NumberError
 from spi.numerics.rng import LANES
@@ -192,7 +192,7 @@ EACH = [
 
 def test_every_record_occurs_here():
     text = str([parse_expression(text, 3) for text in EACH])
-    assert all(cls.__name__ + "(" in text for cls in vars(trees).values() if hasattr(cls, "meaning"))
+    assert all(cls.__name__ + "(" in text for cls in vars(expressions).values() if hasattr(cls, "meaning"))
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 1e7])

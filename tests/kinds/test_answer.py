@@ -213,7 +213,7 @@ def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     (told,) = found.warnings
     assert told.startswith("heavy tails: the kurtosis of a level is ")
-    monkeypatch.setattr(study, "contradicted", lambda *what: 0.75)
+    monkeypatch.setattr(study.planner, "contradicted", lambda *what: 0.75)
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     assert found.warnings[0].startswith("the order found is 0.75, not 2 as assumed")
     assert (found.chosen.extrapolated, found.chosen.order) == (0, 0.75)

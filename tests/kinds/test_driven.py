@@ -47,7 +47,7 @@ def test_orders_are_those_of_the_driver(plan_of):
     order = [one.order.order for one in found.values()]
     assert [one.expected_order for one in found.values()] == pytest.approx([1.0, 0.9, 0.5])
     assert np.abs(np.array(order) - [1.0, 0.9, 0.5]).max() < 0.12
-    assert found[COLOURED].ns_per_step is None and found[COLOURED].about.driver == "Ornstein-Uhlenbeck, tau = 0.25"
+    assert found[COLOURED].about.driver == "Ornstein-Uhlenbeck, tau = 0.25"
 
 
 @pytest.mark.slow

@@ -15,12 +15,6 @@ from spi.statistics.estimators import GROUPS, group_counts
 from spi.storage import Part
 
 
-@pytest.fixture(autouse=True)
-def _no_stopwatch_without_the_compiler(monkeypatch):
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
-
-
 def group_of_paths(samples):
     return np.array([np.argmax(group_counts(p + 1) - group_counts(p)) for p in range(samples)])
 

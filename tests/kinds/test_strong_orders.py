@@ -4,8 +4,7 @@ import math
 import re
 
 import numpy as np
-import pytest
-from helpers import COMPILED, compiled_only
+from helpers import compiled_only
 from paths_by_hand import paths_by_hand
 from states import begun, finished
 from strong_cases import case_of, study
@@ -14,12 +13,6 @@ from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
 from spi.schemes import strong_order
 from spi.storage import Part
-
-
-@pytest.fixture(autouse=True)
-def _no_stopwatch_without_the_compiler(monkeypatch):
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 @compiled_only

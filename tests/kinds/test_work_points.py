@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from work_results import H
 
-from spi.kinds.work_precision.work_points import (
+from spi.kinds.work_precision.results import (
     WorkCurve,
     WorkPoint,
     cheapest,

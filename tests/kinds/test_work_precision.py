@@ -98,8 +98,6 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
     ):
         assert work_precision._targets(np.array(errors)) == pytest.approx(expected, rel=1e-15)
     monkeypatch.setattr(work_precision, "_seconds_per_path", lambda jobs: np.ones(len(jobs)))
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
     given = group_of(spec(STRONG + "targets: [0.02, 1/7]\n"), "splitting")
     assert given.attributes["targets"] == (0.02, 1 / 7)
     default = group_of(spec(STRONG), "splitting")
@@ -139,8 +137,6 @@ def test_whole_paths_are_timed_in_turns_on_one_thread(spec, monkeypatch, text):
 def test_quartiles_are_those_of_the_repetitions(spec, monkeypatch):
     case = spec(STRONG + "repeats: 5\n", overrides=["steps=[2^-2]"]).cases[0]
     Clock(monkeypatch, rates=(1000.0, 5.0, 1.0, 4.0, 2.0, 3.0))  # the first, which is slow, does not count
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
     plan = work_precision.plan(case, Part("splitting"))
     found = plan.results(finished(plan)).group().variables
     for name, rate in (("_low", 2.0), ("", 3.0), ("_high", 4.0)):
@@ -160,14 +156,12 @@ def test_the_number_of_threads_is_restored_when_something_fails(spec, monkeypatc
 def test_with_a_reference_scheme_the_scheme_itself_is_timed(spec, monkeypatch):
     """It would compile another kernel to do without; but no step is to be made by the reference scheme."""
     case = spec(STRONG + "reference_scheme: splitting\n", overrides=["schemes=[euler_maruyama]"]).cases[0]
-    part, clock = Part("euler_maruyama"), Clock(monkeypatch)
-    times_of(case, part)
-    monkeypatch.setattr(strong, "integrate", clock.integrate)
-    strong.plan(case, part).nanoseconds_per_step(2.0**-4)
+    clock = Clock(monkeypatch)
+    times_of(case, Part("euler_maruyama"))
     for call in clock.calls:
         assert call.scheme == SCHEMES["euler_maruyama"].record and call.grid.by_reference.tolist() == [0]
         assert call.grid.reference_scheme == SCHEMES["splitting"].record
-    assert len(clock.calls) == 3 * 16 + 3
+    assert len(clock.calls) == 3 * 16
 
 
 @pytest.mark.usefixtures("few_steps")

@@ -19,7 +19,7 @@ from helpers import (
 from model_cases import MODELS_UNDER_TEST, close
 from states import finished
 
-from spi.checks.flow_checks import along, derivative
+from spi.checks.model_checks import along, derivative
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import drift_field, step_field, step_field_derivative, step_gradient
 from spi.ensemble.observer import growth

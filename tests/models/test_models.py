@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from model_cases import MODELS_UNDER_TEST, close
 
-from spi.checks.flow_checks import along, derivative
+from spi.checks.model_checks import along, derivative
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
     dimension,

@@ -7,7 +7,7 @@ from helpers import LANES, RIGID_BODY, compiled_only
 from model_cases import MODELS_UNDER_TEST, close
 from states import finished
 
-from spi.checks.flow_checks import along, derivative
+from spi.checks.model_checks import along, derivative
 from spi.checks.scheme_checks import check_scheme
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import (

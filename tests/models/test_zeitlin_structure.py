@@ -19,7 +19,7 @@ from zeitlin_cases import (
     take,
 )
 
-from spi.checks.flow_checks import STENCIL
+from spi.checks.model_checks import STENCIL
 from spi.models import Zeitlin
 from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables

@@ -13,8 +13,7 @@ from work_results import work_results
 from spi import storage
 from spi.kinds import KINDS
 from spi.printing import sweeps
-from spi.report.equation import typeset
-from spi.report.sections import section
+from spi.report.sections import section, typeset
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve
 from spi.storage import Order

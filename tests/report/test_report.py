@@ -20,9 +20,9 @@ from trajectory_results import trajectories, trajectory_group
 from spi import storage
 from spi.cli import app
 from spi.kinds.strong.results import StrongErrors
-from spi.report import page, sections, views
-from spi.report.equation import equation
-from spi.report.page import files
+from spi.report import page, sections
+from spi.report.page import files, views
+from spi.report.sections import equation
 from spi.running.load import load_answer
 from spi.statistics import claims
 from spi.storage import Results

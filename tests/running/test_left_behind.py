@@ -17,8 +17,8 @@ import spi
 from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
-from spi.running import clusters, shards, workers
 from spi.running import run as runner
+from spi.running import shards, workers
 from spi.running.checkpoint import Shard
 from spi.running.run import Limits, Watch, load
 from spi.running.verify import verify
@@ -149,7 +149,7 @@ def test_a_scheduler_of_dask_that_is_gone_is_one_error(error):
     client = Mock(status="closed", **{"get_executor.return_value.submit.side_effect": error})
     pytest.importorskip("distributed")
     client.nthreads.side_effect = client.run.side_effect = error
-    dask, cancelled = clusters.Dask(client), Future()
+    dask, cancelled = workers.Dask(client), Future()
     cancelled.cancel()
     asked = lambda: dask.size, dask.machines, lambda: dask.submit(None, 0, None), dask.check
     for ask in (*asked, lambda: dask.result(cancelled)):
@@ -163,7 +163,7 @@ def test_a_chunk_that_ends_every_worker_of_dask_is_one_error():
     future, scheduler = Future(), pytest.importorskip("distributed.scheduler")
     future.set_exception(scheduler.KilledWorker("a chunk", None, 3))
     with pytest.raises(workers.WorkersLost, match="4 workers were lost over the same paths"):
-        clusters.Dask(Mock()).result(future)
+        workers.Dask(Mock()).result(future)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")

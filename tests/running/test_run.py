@@ -13,7 +13,6 @@ from helpers import COMPILED, compiled_only
 
 from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
-from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
@@ -27,12 +26,6 @@ MANY = 1000 if COMPILED else 300  # enough for several batches
 SCHEMES = ("euler_maruyama", "splitting")
 #: What a stopwatch says; all other numbers must repeat to the last bit.
 TIMES = ("seconds", "ns_per_step")
-
-
-@pytest.fixture(autouse=True)
-def _no_stopwatch_without_the_compiler(monkeypatch):
-    if not COMPILED:
-        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 @pytest.fixture
@@ -161,7 +154,7 @@ def edited(tmp_path, seed):
 
 def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatch):
     """Even after the file that would replace them was written aside: only its move into place is left."""
-    other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.files.write_bytes
+    other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.results.write_bytes
     path = runner.results_path(experiment("samples=5"), tmp_path)
 
     def meanwhile(temporary, data):
@@ -169,7 +162,7 @@ def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatc
         if temporary.parent == path.parent:
             path.write_bytes(other.read_bytes())
 
-    monkeypatch.setattr(storage.files, "write_bytes", meanwhile)
+    monkeypatch.setattr(storage.results, "write_bytes", meanwhile)
     with pytest.raises(StorageError, match="another spec"):
         runner.run(experiment("samples=5"), tmp_path)
     assert path.read_bytes() == other.read_bytes()
@@ -240,7 +233,7 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     wanted, news, reports = experiment("samples=5"), [], Reports()
     path = runner.run(wanted, tmp_path)
     before, there = path.read_bytes(), files(tmp_path)
-    half = storage.files.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
+    half = storage.results.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
     assert path.read_bytes() == before
@@ -299,10 +292,7 @@ def test_results_of_a_spec_file(tmp_path):
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     """The numbers of a run that nobody disturbs."""
-    with pytest.MonkeyPatch.context() as patch:
-        if not COMPILED:
-            patch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
-        return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
+    return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
 
 
 @pytest.mark.parametrize(("scheme", "after"), [("euler_maruyama", 1), ("splitting", 2)])

@@ -15,8 +15,8 @@ from helpers import COMPILED
 from spi import storage
 from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
-from spi.running import clusters, shards, workers
 from spi.running import run as runner
+from spi.running import shards, workers
 from spi.running.checkpoint import Checkpoint, Shard
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
@@ -227,7 +227,7 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for(tmp_path):
 
 @pytest.mark.slow
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
-    with clusters.connected("local:2") as pool:
+    with workers.connected("local:2") as pool:
         assert pool.size == 2 and pool.machines() == {storage.machine()}
         with pytest.raises(urllib.error.HTTPError, match="404"):  # no dashboard is opened
             urllib.request.urlopen(pool.client.dashboard_link, timeout=10)

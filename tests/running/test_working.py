@@ -15,8 +15,8 @@ from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak import kolmogorov as study
-from spi.running import clusters, workers
 from spi.running import run as runner
+from spi.running import workers
 from spi.running.run import Limits, Stopped, Watch, predictions
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
@@ -75,7 +75,7 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
     "pool",
     [
         pytest.param(lambda: workers.processes(1), id="process"),
-        pytest.param(lambda: clusters.connected("local:1"), id="dask", marks=pytest.mark.slow),
+        pytest.param(lambda: workers.connected("local:1"), id="dask", marks=pytest.mark.slow),
     ],
 )
 def test_workers_tell_how_far_they_solve(spec, tmp_path, pool):

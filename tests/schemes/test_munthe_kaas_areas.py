@@ -10,8 +10,7 @@ from scheme_cases import relative
 from scipy.linalg import expm
 from yaml_cases import made
 
-from spi.checks.flow_checks import derivative
-from spi.checks.model_checks import check_brackets
+from spi.checks.model_checks import check_brackets, derivative
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import add_lie_bracket, add_noise_bracket_gradient
 from spi.ensemble.protocol import (

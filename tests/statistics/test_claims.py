@@ -17,8 +17,7 @@ from spi import storage
 from spi.kinds import KINDS
 from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.statistics.results import Quantiles, Statistics
-from spi.printing import as_csv, as_json
-from spi.printing import claims as printed_claims
+from spi.printing import as_csv, as_json, tables
 from spi.report import views
 from spi.running import run as runs
 from spi.specs import SpecError
@@ -419,9 +418,9 @@ def test_what_is_finite_may_contradict_a_claim_all_the_same():
     assert [one.verdict for one in judge([claim(1.0, AT_MOST)], quantities[:1])] == [CONTRADICTED]
     assert [one.verdict for one in judge([claim(3.0, AT_MOST)], quantities[:1])] == [INCONCLUSIVE]
     (found,) = judge([claim(3.0, AT_MOST)], quantities[:1])
-    assert printed_claims.came_out(found) == "2 (not finite: 1 of 3 times)"
+    assert tables.came_out(found) == "2 (not finite: 1 of 3 times)"
     (found,) = judge([claim(3.0, AT_MOST)], quantities[1:])
-    assert printed_claims.came_out(found) == "not resolved (not finite: 1 of 3 times)"
+    assert tables.came_out(found) == "not resolved (not finite: 1 of 3 times)"
 
 
 def test_the_largest_deviation_is_that_of_all_times():

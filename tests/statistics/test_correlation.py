@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from spi.numerics.rng import LANES
-from spi.statistics.correlation import by_group, integrated, lagged_products, lagged_sums, of_means
-from spi.statistics.estimators import GROUPS, group_counts
+from spi.statistics.estimators import GROUPS, by_group, group_counts, integrated, lagged_products, lagged_sums, of_means
 
 
 def test_groups_are_those_of_the_jackknife():

@@ -60,9 +60,9 @@ def test_what_is_kept_as_0_and_1_is_nothing_else(whole, tmp_path, where):
 
 def test_every_flipped_bit_is_noticed(whole):
     data, draw = whole["trajectory"], random.Random(2)
-    assert damage.storage.files.checksum_holds(data)
+    assert damage.storage.results.checksum_holds(data)
     for _ in range(300):
-        assert not damage.storage.files.checksum_holds(damage.flip_bits(draw, data))
+        assert not damage.storage.results.checksum_holds(damage.flip_bits(draw, data))
 
 
 def test_a_file_of_ours_that_lacks_what_its_kind_needs_is_refused_in_one_line(whole, tmp_path):

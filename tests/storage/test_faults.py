@@ -16,7 +16,7 @@ from strong_results import strong, strong_group
 
 from spi import storage
 from spi.report import views
-from spi.storage.files import aside, temporary_beside
+from spi.storage.results import aside, temporary_beside
 
 posix_only = pytest.mark.skipif(os.name != "posix", reason="there are no such limits and process numbers here")
 
@@ -62,8 +62,8 @@ def test_of_a_figure_both_files_are_written_or_none(tmp_path, monkeypatch):
             raise OSError(28, "no space left on device")
         whole(path, data)
 
-    whole = storage.files.write_bytes
-    monkeypatch.setattr(storage.files, "write_bytes", full_at_the_second)
+    whole = storage.results.write_bytes
+    monkeypatch.setattr(storage.results, "write_bytes", full_at_the_second)
     with pytest.raises(storage.StorageError, match=r"cannot write .*r\.png: no space left on device"):
         views.save(figure, tmp_path, "r")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == older
@@ -99,7 +99,9 @@ def test_what_killed_programs_left_is_removed_at_the_next_write(tmp_path):
 def test_what_a_check_saw_holds_until_the_file_is_moved(tmp_path, monkeypatch):
     """Of several that write at once, each only if there is no file, one does."""
     path = tmp_path / "r.h5"
-    monkeypatch.setattr(storage.files, "temporary_beside", lambda path: path.with_name(f"{threading.get_ident()}.tmp"))
+    monkeypatch.setattr(
+        storage.results, "temporary_beside", lambda path: path.with_name(f"{threading.get_ident()}.tmp")
+    )
 
     def only_new():
         there = path.exists()

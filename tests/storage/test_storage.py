@@ -165,7 +165,7 @@ def test_unwritable_folder(tmp_path, monkeypatch):
     def refuse(**_):  # the tests may run as root, who may write anywhere
         raise PermissionError(13, "no")
 
-    monkeypatch.setattr(storage.files.tempfile, "TemporaryFile", refuse)
+    monkeypatch.setattr(storage.results.tempfile, "TemporaryFile", refuse)
     assert "permission denied" in message(storage.check_writable, tmp_path / "new" / "r.h5")
 
 
@@ -360,7 +360,7 @@ def test_sums_that_are_no_use(tmp_path, monkeypatch):
     path.rmdir()
     path.write_bytes(whole)
     assert storage.read_sums(path) is not None
-    monkeypatch.setattr(storage.sums, "VERSION", 99)  # written by another version of the program
+    monkeypatch.setattr(storage.results, "SUMS_VERSION", 99)  # written by another version of the program
     assert storage.read_sums(path) is None and storage.about_sums(path) is None
 
 
@@ -383,7 +383,7 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
         file.write_bytes(data[:100])
         raise fault
 
-    monkeypatch.setattr(storage.files, "write_bytes", interrupted)
+    monkeypatch.setattr(storage.results, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
         storage.write_sums(path, {"n": 2}, {})
     if fault is not KeyboardInterrupt:

@@ -17,8 +17,8 @@ from spi.ensemble.protocol import (
     structure_is_kept,
 )
 from spi.specs import SpecError
+from spi.systems.brackets import merged_powers
 from spi.systems.definition import make
-from spi.systems.symbolics import merged_powers
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"
 CANONICAL = f"algebra: heisenberg(n), variables: [{Q}, {P}, z]"

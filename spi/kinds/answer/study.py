@@ -45,23 +45,8 @@ from spi.statistics.estimators import ROUND, weights
 from spi.statistics.tallies import Chunk
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Part
 
+from . import planner
 from .keys import FINEST, PILOT_LEVELS, PILOT_SAMPLES, ROUNDING
-from .planner import (
-    BIAS_SHARE,
-    CHECK_SHARE,
-    Choice,
-    Measured,
-    Spread,
-    Term,
-    allocation,
-    bound,
-    changed,
-    choose,
-    contradicted,
-    order_of,
-    sampling_error,
-    shares,
-)
 from .results import Answer, Chosen, Compared, Levels
 
 LEVELS = FINEST + 1  #: levels 0, ..., FINEST
@@ -111,14 +96,14 @@ class Totals(Sums):
 class Best(NamedTuple):
     """The best choice of levels of a scheme, from the estimates of its levels."""
 
-    choice: Choice
-    measured: Measured
+    choice: planner.Choice
+    measured: planner.Measured
     exponents: tuple[float, ...]  #: powers of h in the weak error
     order: float  #: of the means, where it is not that of theory; NaN else
 
     def samples(self, accuracy: float, bias: float | None = None, factor: float = INTERVAL) -> np.ndarray:
         """The samples of differences and values that an answer to an accuracy wants, see :func:`allocation`."""
-        return allocation(self.measured, self.exponents, self.choice, accuracy, bias, factor)
+        return planner.allocation(self.measured, self.exponents, self.choice, accuracy, bias, factor)
 
 
 class Decisions(NamedTuple):
@@ -437,7 +422,7 @@ class AnswerPlan(SamplesPlan):
         """The sums over all path sets of a scheme."""
         return [state.so_far(scheme * SETS + i) for i in range(SETS)]
 
-    def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> Spread:
+    def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> planner.Spread:
         """The moments of a quantity of a path set.
 
         Differences are no larger than the range of values, or, where that is infinite, are taken to be no larger than
@@ -445,12 +430,12 @@ class AnswerPlan(SamplesPlan):
         """
         sums, span, paths = totals.sums[:, quantity], self.spans, totals.paths
         if quantity == DIFFERENCE:
-            seen = Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
+            seen = planner.Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
             with np.errstate(all="ignore"):
                 span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
-        return Spread.of(sums, paths, span, along)
+        return planner.Spread.of(sums, paths, span, along)
 
-    def measured(self, state: State, scheme: int) -> Measured:
+    def measured(self, state: State, scheme: int) -> planner.Measured:
         """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
         totals = self.totals(state, scheme)
         differences = [self.spread(each) for each in totals[:LEVELS]]
@@ -459,10 +444,10 @@ class AnswerPlan(SamplesPlan):
         along = [self.spread(each, -1, True) for each in totals[ALONG:AGAINST]]
         ways = zip(along, alone, beside, strict=True)
         values = [next((spread for spread in way if not np.isnan(spread.mean).all()), way[-1]) for way in ways]
-        return Measured.of(
-            Spread.together(differences),
+        return planner.Measured.of(
+            planner.Spread.together(differences),
             np.array([each.paths for each in totals[:LEVELS]], float),
-            Spread.together(values),
+            planner.Spread.together(values),
             self.costs[scheme * SETS : scheme * SETS + ALONG],
             [each.paths for each in totals[ALONG:AGAINST]],
         )
@@ -549,10 +534,10 @@ class AnswerPlan(SamplesPlan):
         """The best choice of levels of a scheme; with `bases` one of these is the level of the largest step."""
         measured, exponents = self.measured(state, scheme), self.exponents(scheme)
         allowed = self.case.extrapolate if exponents else (0,)
-        order = contradicted(measured, exponents, bases[0] if bases else 0, accuracy)
+        order = planner.contradicted(measured, exponents, bases[0] if bases else 0, accuracy)
         if order is not None:
             exponents, allowed = (order,), (0,)
-        choice = choose(measured, exponents, allowed, accuracy, self.case.step_levels, bases)
+        choice = planner.choose(measured, exponents, allowed, accuracy, self.case.step_levels, bases)
         return Best(choice, measured, exponents, math.nan if order is None else order)
 
     def _allocated(self, state: State, extra: Decisions, stage: int) -> Decisions:
@@ -638,7 +623,7 @@ class AnswerPlan(SamplesPlan):
             finest = max(choice.finest, above[0] if finer and above else extra.finest)
             choice = choice._replace(levels=extra.levels if math.isnan(best.order) else 0, finest=finest)
         best = best._replace(choice=choice)
-        bias = min(float(outcome.bias.max()), _ROOM * extra.aim) if not finer else BIAS_SHARE * extra.aim
+        bias = min(float(outcome.bias.max()), _ROOM * extra.aim) if not finer else planner.BIAS_SHARE * extra.aim
         samples = best.samples(_MARGIN * extra.aim, bias, outcome.factor)
         wanted = self._raised(extra, samples)
         if (wanted == extra.wanted).all():
@@ -661,7 +646,7 @@ class AnswerPlan(SamplesPlan):
         if extra.compared:
             stderr = float(np.nan_to_num(self.compared(state).stderr.max()))  # of as many paths as in a pilot
             most = max(self.seconds_left(extra) - float(self.costs @ wanted), 0.0) / self.cost_of(number)
-            needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
+            needed = PILOT_SAMPLES * (stderr / (planner.CHECK_SHARE * extra.aim)) ** 2
             wanted[number] = max(whole_blocks(np.array(min(needed, most))), 2 * PILOT_SAMPLES)
         return extra._replace(wanted=wanted, compared=level)
 
@@ -776,20 +761,20 @@ class AnswerPlan(SamplesPlan):
         if not math.isnan(extra.order):
             exponents = (extra.order,)
         w, finest = weights(exponents[: extra.levels]), extra.finest
-        share = shares(w, extra.base, finest, LEVELS)
+        share = planner.shares(w, extra.base, finest, LEVELS)
         used, totals = np.flatnonzero(share), self.totals(state, extra.scheme)
         base = totals[extra.set_of_base]
         of_base = self.spread(base, -1, bool(extra.points))
         value = of_base.mean + (share[used, np.newaxis] * measured.mean[used]).sum(axis=0)
-        terms = [Term(1.0, of_base, base.paths, bool(extra.points))]
-        terms += [Term(float(share[level]), self.spread(totals[level]), totals[level].paths) for level in used]
-        (stderr, sampling), q = sampling_error(terms), order_of(exponents, extra.levels)
+        terms = [planner.Term(1.0, of_base, base.paths, bool(extra.points))]
+        terms += [planner.Term(float(share[level]), self.spread(totals[level]), totals[level].paths) for level in used]
+        (stderr, sampling), q = planner.sampling_error(terms), planner.order_of(exponents, extra.levels)
         constant = self.ranges[:, 0] == self.ranges[:, 1]  # by the formula
         rounding = np.where(constant, 0.0, ROUNDING * np.abs(value))
-        bias = np.maximum(bound(measured, exponents, extra.levels, finest, extra.base), rounding)
+        bias = np.maximum(planner.bound(measured, exponents, extra.levels, finest, extra.base), rounding)
         unresolved = np.any([term.spread.unknown for term in terms], axis=0)
         half = np.where(unresolved, np.inf, bias + sampling)
-        check, check_stderr = changed(measured, w, finest + 1)
+        check, check_stderr = planner.changed(measured, w, finest + 1)
         passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _CHECK_WIDTH * check_stderr).all())
         return Outcome(value, half, bias, stderr, q, check, check_stderr, passed, share, unresolved)
 

@@ -1,29 +1,116 @@
-"""Means over time: records of functions along long paths, sums over jackknife groups, and estimates with errors."""
+"""Means over time and growth of errors: sums over long paths, and the estimates that follow from them with errors."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from spi.exact.sphere_law import BINS, SphereLaw
 from spi.kinds.functions import PathFunction, evaluated, origin_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
-from spi.statistics.accumulators import Array
+from spi.statistics import estimators
+from spi.statistics.accumulators import Array, Sums, added, joined, of_first, reports
 from spi.statistics.cells import range_of
-from spi.statistics.correlation import by_group, lagged_products, lagged_sums, of_means
-from spi.statistics.estimators import (
-    fit_order,
-    group_counts,
-    is_resolved,
-    jackknife_stderr,
-    mean_over_paths,
-    student,
-)
 from spi.storage.records import Order
 
-from .growth import Paths
 from .references import known_laws
-from .results import BATCHES, LEAST_PATHS, Averages
+from .results import BATCHES, LEAST_PATHS, Averages, Law
+
+
+class Paths(Sums):
+    """Values of the paths of some blocks and sums over them, after `n` steps of one step size.
+
+    Until all steps are done no path is whole, and `paths` is 0.  Then no blocks of states are left.
+    """
+
+    n: Array = of_first(dtype=int)
+    y: Array = of_first("block state")
+    casimir: Array = joined("record casimir")  #: relative errors
+    report: Array = reports("level")
+    nonfinite: Array = added(dtype=int)  #: number of paths
+    snapshots: Array = of_first(dtype=int)  #: number that counts for the law
+    moments: Array = joined("moment")  #: sums over snapshots
+    counts: Array = joined("variable bin")
+    stretch: Array = of_first("function block lane stretch")  #: the last values of functions
+    batches: Array = of_first("function block lane batch")  #: sums of values over the batches of time
+    values: Array = added("column function group")  #: sums over paths, see :data:`COLUMNS`
+    lagged: Array = added("function lag group")  #: sums of products of values at each lag
+    ends: Array = added("function lag group")  #: sums of both values of all pairs at that lag
+    cells: Array = added("function cell group", int)  #: values below all bins or NaN, in each, and above all
+
+    def counted(self, law: SphereLaw, states: np.ndarray) -> Self:
+        """The record with one more snapshot, of states (d, paths), in the sums."""
+        counts, moments = self.counts.copy(), self.moments + law.moments_of(states)
+        law.count(states, counts)
+        return self._replace(moments=moments, counts=counts, snapshots=self.snapshots + 1)
+
+
+OF_PATHS = ("casimir", "moments", "counts")  #: the fields in which the paths stand along the last axis
+
+
+_FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit their growth
+
+
+def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
+    """Statistics over paths of the relative errors (levels, records, C, paths) of Casimirs after n (records,) steps.
+
+    Mean, root mean square and largest errors, those of path 0, the exponent with which they grow, with its 95 %
+    interval, and their bias in a step.
+    """
+    levels, _, conserved, _ = casimir.shape
+    growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
+    with np.errstate(all="ignore"):
+        for i, c in np.ndindex(levels, conserved):
+            growth[i, c], low[i, c], high[i, c] = _exponent(n, casimir[i, :, c])
+        in_a_step = casimir[:, -1] / n[-1]
+        return {
+            "casimir_mean": casimir.mean(axis=3),
+            "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
+            "casimir_worst": np.abs(casimir).max(axis=3, initial=0.0),
+            "casimir_one": casimir[..., 0],
+            "growth": growth,
+            "growth_low": low,
+            "growth_high": high,
+            "bias": in_a_step.mean(axis=2),
+            "bias_stderr": estimators.stderr_of_mean(in_a_step),
+        }
+
+
+def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
+    """p of (mean of error^2)^(1/2) = C n^p with its 95 % interval, from errors (records, paths)."""
+    paths = error.shape[1]
+    squares = (error**2).T
+    value = np.sqrt(squares.mean(axis=0))
+    use = (n >= _FIT_FROM) & np.isfinite(value) & (value > 0.0)
+    if paths < 2 or use.sum() < 3:
+        return np.nan, np.nan, np.nan
+    without = np.sqrt(np.maximum(squares.sum(axis=0) - squares, 0.0) / (paths - 1))
+    # in 1/n, because where the points bend, those of the largest steps are left out: here those of early times
+    order = estimators.fit_order(1.0 / n, value, without, np.ones(paths), use)
+    return -order.order, -order.high, -order.low
+
+
+def law_of_states(law: SphereLaw, totals: Sequence[Paths]) -> Law:
+    """Means and fractions in bins against their exact values, from the paths of each step size."""
+    snapshots = max(totals[0].snapshots, 1)
+    moments = np.array([paths.moments for paths in totals]) / snapshots
+    fractions = np.array([paths.counts for paths in totals]) / snapshots
+    below = np.cumsum(fractions, axis=2)[:, :, :-1]
+    away = np.abs(below.mean(axis=3) - np.arange(1, BINS) / BINS)
+    farthest = away.argmax(axis=2)[..., None]
+    return Law(
+        variables=tuple(law.variables),
+        moments=tuple(law.moments),
+        mean=moments.mean(axis=2),
+        mean_stderr=estimators.stderr_of_mean(moments),
+        mean_exact=np.array(list(law.moments.values())),
+        fraction=fractions.mean(axis=3),
+        fraction_stderr=estimators.stderr_of_mean(fractions),
+        distance=np.take_along_axis(away, farthest, 2)[..., 0],
+        distance_stderr=np.take_along_axis(estimators.stderr_of_mean(below), farthest, 2)[..., 0],
+    )
+
 
 _MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
@@ -135,16 +222,16 @@ class Recorder(NamedTuple):
         size = self.bins + 2
         places += size * np.arange(LANES)[:, np.newaxis]
         counts = np.array([np.bincount(row.ravel(), minlength=size * LANES) for row in places])
-        cells += by_group(counts.reshape(-1, LANES, size), first, end)
+        cells += estimators.by_group(counts.reshape(-1, LANES, size), first, end)
 
     def _correlate(self, paths: Paths, is_first: bool, first: int, end: int) -> None:
         """Add the products of a full stretch with itself and with the one before it, which it then replaces."""
         lags = self.series.lags
         for f, both in enumerate(paths.stretch):
-            spectrum = by_group(lagged_products(both[..., :lags], both[..., lags:]), first, end)
-            paths.lagged[f] += np.moveaxis(lagged_sums(np.moveaxis(spectrum, -1, 0)), 0, -1)
+            spectrum = estimators.by_group(estimators.lagged_products(both[..., :lags], both[..., lags:]), first, end)
+            paths.lagged[f] += np.moveaxis(estimators.lagged_sums(np.moveaxis(spectrum, -1, 0)), 0, -1)
             if is_first:
-                paths.ends[f, 1:] -= by_group(np.cumsum(both[..., lags : 2 * lags - 1], axis=-1), first, end)
+                paths.ends[f, 1:] -= estimators.by_group(np.cumsum(both[..., lags : 2 * lags - 1], axis=-1), first, end)
         paths.stretch[..., :lags] = paths.stretch[..., lags:]
         paths.stretch[..., lags:] = 0.0
 
@@ -163,9 +250,9 @@ class Recorder(NamedTuple):
         columns = mean, mean**2, drift, drift**2, (of_batches**2).sum(axis=-1)
         for f in range(len(self.functions)):
             ending = np.cumsum(last[f, ..., :0:-1], axis=-1)
-            paths.ends[f] += 2 * used * by_group(mean[f], first, end)
-            paths.ends[f, 1:] -= by_group(ending, first, end)
-        values = np.array([[by_group(each, first, end) for each in column] for column in columns])
+            paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
+            paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
+        values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
         return {"values": values, "lagged": paths.lagged, "ends": paths.ends}
 
 
@@ -219,27 +306,27 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
 def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
     samples, used, spacing = case.samples, recorder.series.used, case.between
-    counts, total = group_counts(samples), samples * used
+    counts, total = estimators.group_counts(samples), samples * used
     with np.errstate(all="ignore"):
-        (mean, square, drift, drift_square, batches), without = mean_over_paths(paths.values, counts)
+        (mean, square, drift, drift_square, batches), without = estimators.mean_over_paths(paths.values, counts)
         sizes = (used - np.arange(recorder.series.lags))[:, np.newaxis]
-        products, each_product = mean_over_paths(paths.lagged / sizes, counts)
-        ends, each_end = mean_over_paths(paths.ends / sizes, counts)
+        products, each_product = estimators.mean_over_paths(paths.lagged / sizes, counts)
+        ends, each_end = estimators.mean_over_paths(paths.ends / sizes, counts)
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
         left_out = each_product - m * each_end + m**2
-        covariance, correlation = of_means(covariance, total)
+        covariance, correlation = estimators.of_means(covariance, total)
         tau, enough = np.maximum(correlation.tau, 0), samples >= LEAST_PATHS
         of_tau = np.sqrt(2 * tau * covariance[:, 0] / total)
         of_paths = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)) if enough else np.full_like(mean, np.nan)
         freedom = samples - 1 if enough else total / (2 * correlation.window + 1)
         spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_tau
         scale = used * recorder.width[:, np.newaxis]
-        density, density_without = mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
+        density, density_without = estimators.mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
         return {
             "average": mean + recorder.origins,
-            "average_half": student(freedom) * (of_paths if enough else of_tau),
+            "average_half": estimators.student(freedom) * (of_paths if enough else of_tau),
             "without": without[:, 0] + recorder.origins,
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
@@ -249,13 +336,13 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "tau_stderr": spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
             "window": np.where(correlation.closed, spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
+            "variance_stderr": estimators.jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
             "correlation": rho,
-            "correlation_stderr": jackknife_stderr(rho, rho_without, counts),
+            "correlation_stderr": estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
             "cell_width": recorder.width,
             "density": density,
-            "density_stderr": jackknife_stderr(density, density_without, counts),
+            "density_stderr": estimators.jackknife_stderr(density, density_without, counts),
         }
 
 
@@ -270,11 +357,11 @@ def _order(case: Any, own: bool, reference: float, average: Array, without: Arra
         return none
     h, bias, error = np.array(case.steps)[:left], (average - reference)[:left], error[:left]
     value, left_out = np.abs(bias), np.abs(without - (without[:, -1:] if own else reference))[:, :left]
-    resolved = is_resolved(value, error)
-    lacking, fit, counts = np.ones_like(value), none[0], group_counts(case.samples)
+    resolved = estimators.is_resolved(value, error)
+    lacking, fit, counts = np.ones_like(value), none[0], estimators.group_counts(case.samples)
     with np.errstate(all="ignore"):
         for _ in range(4 if own else 1):  # C (h^p - h_0^p) in place of C h^p
-            fit = fit_order(h, value / lacking, left_out / lacking, counts, resolved, stderr=error / lacking)
+            fit = estimators.fit_order(h, value / lacking, left_out / lacking, counts, resolved, stderr=error / lacking)
             if not math.isfinite(fit.order):
                 return fit, np.nan
             lacking = 1 - (case.steps[-1] / h) ** max(fit.order, 0.1) if own else lacking

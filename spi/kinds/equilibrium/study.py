@@ -17,17 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from spi.ensemble import loop
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import (
-    BATCH_SECONDS,
-    add_reports,
-    grid,
-    integrated,
-    limited_threads,
-    paths_of,
-    states_at,
-    thread_count,
-)
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
@@ -40,8 +31,7 @@ from spi.statistics.estimators import GROUPS
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
-from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
-from .means import COLUMNS, Recorder, averages, bins_around
+from . import means
 from .results import BATCHES, Equilibrium
 
 #: About the number of snapshots of each path.
@@ -83,11 +73,11 @@ class EquilibriumPlan(Plan):
         return STEPS_PER_TOSS << max(0, round(np.log2(self.case.counts[0] / STEPS_PER_TOSS / SNAPSHOTS)))
 
     @functools.cached_property
-    def recorders(self) -> tuple[Recorder, ...]:
+    def recorders(self) -> tuple[means.Recorder, ...]:
         """The recorder of functions at each step size; none without functions."""
         if not self.case.functions:
             return ()
-        return tuple(Recorder.of(self.case, i, self._bins(i)) for i in range(len(self.case.steps)))
+        return tuple(means.Recorder.of(self.case, i, self._bins(i)) for i in range(len(self.case.steps)))
 
     def _bins(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """(low, width), (F,) each, of the bins of the functions, from values of the first block."""
@@ -95,13 +85,13 @@ class EquilibriumPlan(Plan):
         y, _, _ = self._integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
         states = np.moveaxis(y.reshape(y.shape[1], -1, LANES)[y.shape[1] // 2 :], 1, 0)
         values = evaluated(self.case.path_functions, states)
-        return bins_around(values.reshape(len(values), -1), self.case.bins)
+        return means.bins_around(values.reshape(len(values), -1), self.case.bins)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         blocks = -(-self.case.samples // LANES)
         steps = sum(self.case.counts) * blocks * LANES
-        idle = thread_count() / min(thread_count(), blocks)  # a block cannot be shared by threads
+        idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared by threads
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         bare = replace(self, case=self.case.model_copy(update={"functions": {}}))
         of_a_block = sum(np.asarray(values).nbytes for values in bare.empty(0, 1))
@@ -119,43 +109,45 @@ class EquilibriumPlan(Plan):
         """All paths of each step size."""
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
-    def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
+    def empty(self, number: int, blocks: int = 0, first: int = 0) -> means.Paths:
         """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
         law, y = self.law, self._begun(number, blocks, first)
         lags = {"function": 0, "lag": 0, "cell": 0} | (self.recorders[number].lengths if self.recorders else {})
-        sums = Paths.empty(
+        sums = means.Paths.empty(
             lags
             | {"block": blocks, "lane": LANES, "state": y.shape[1], "level": 1, "record": len(self.records)}
-            | {"casimir": len(casimirs(self.model, self.initial)), "column": COLUMNS, "group": GROUPS}
+            | {"casimir": len(casimirs(self.model, self.initial)), "column": means.COLUMNS, "group": GROUPS}
             | {"moment": len(law.moments) if law else 0, "variable": len(law.variables) if law else 0, "bin": BINS}
             | {"stretch": 2 * lags["lag"], "batch": BATCHES if self.recorders else 0}
         )
-        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in OF_PATHS}
+        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in means.OF_PATHS}
         begun["casimir"][:] = np.nan
         return sums._replace(y=y, **begun)
 
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
         """The states of `blocks` blocks before their first step."""
-        times = grid(self.case.steps[number], 1)
-        return states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
+        times = loop.grid(self.case.steps[number], 1)
+        return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block."""
-        return self.calls_of_a_step(grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
+        return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
 
-    def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+    def advance(
+        self, chunks: Sequence[Chunk], started: means.Paths | None
+    ) -> Iterator[list[tuple[Chunk, means.Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
             begun = started and len(started.y) == chunk.blocks
             paths: Any = started if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
             started = None
-            with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
-                until = time.perf_counter() + BATCH_SECONDS
+            with loop.limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
+                until = time.perf_counter() + loop.BATCH_SECONDS
                 while not paths.paths:
                     paths = self._advanced(chunk, paths)
                     if time.perf_counter() > until or paths.paths:
                         yield [(chunk, paths)]
-                        until = time.perf_counter() + BATCH_SECONDS
+                        until = time.perf_counter() + loop.BATCH_SECONDS
 
     def next_stop(self, n: int, number: int = 0) -> int:
         """The number of steps at which paths that have done n steps stop next."""
@@ -176,15 +168,17 @@ class EquilibriumPlan(Plan):
         """
         h, case = self.case.steps[number], self.case
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = grid(h, steps, truncate=case.truncate_noise, area_terms=terms, first_step=n)
+        times = loop.grid(h, steps, truncate=case.truncate_noise, area_terms=terms, first_step=n)
         count = 1 + (n + steps) // every - n // every if every else 0
         stored = np.empty((len(y), count, len(self.initial) * LANES))
         observer = (state_recorder(times, stored, every),) if every else ()
         states = y[:, np.newaxis]
-        rows, report = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end, *observer)
+        rows, report = loop.integrated(
+            self.scheme, self.model, states, times, self.stream, first, len(y), end, *observer
+        )
         return stored, rows, report
 
-    def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
+    def _advanced(self, chunk: Chunk, paths: means.Paths) -> means.Paths:
         """The paths of a chunk at the next snapshot."""
         number, count = chunk.path_set, self.case.counts[chunk.path_set]
         began, before = time.perf_counter(), int(paths.n)
@@ -193,8 +187,8 @@ class EquilibriumPlan(Plan):
         recording = recorder is not None and stop > recorder.series.first * recorder.series.stride
         every = recorder.series.stride if recorder and recording else 0
         stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
-        y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
-        paths = paths._replace(n=stop, y=y, report=add_reports(paths.report, report))
+        y, (states,) = rows[:, 0], loop.paths_of(rows, len(self.initial))
+        paths = paths._replace(n=stop, y=y, report=loop.add_reports(paths.report, report))
         with np.errstate(all="ignore"):
             if recorder and recording:
                 paths = recorder.recorded(paths, recorder.values(stored, before), before, chunk.first, chunk.end)
@@ -207,7 +201,7 @@ class EquilibriumPlan(Plan):
                 paths = self._ended(chunk, paths, states)
         return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
 
-    def _ended(self, chunk: Chunk, paths: Paths, states: np.ndarray) -> Paths:
+    def _ended(self, chunk: Chunk, paths: means.Paths, states: np.ndarray) -> means.Paths:
         """The paths of a chunk after all steps."""
         summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end) if self.recorders else {}
         return paths._replace(
@@ -216,7 +210,7 @@ class EquilibriumPlan(Plan):
             stretch=paths.stretch[:, :0],
             batches=paths.batches[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
-            **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
+            **{name: getattr(paths, name)[..., : chunk.paths] for name in means.OF_PATHS},
             **summed,
         )
 
@@ -246,11 +240,11 @@ class EquilibriumPlan(Plan):
         estimated = {
             "h": np.array(case.steps),
             "n": self.records,
-            **casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
+            **means.casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
             "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
             **reported(np.array([paths.report[0] for paths in totals])),
-            "law": law_of_states(self.law, totals) if self.law else None,
-            "averages": averages(self.recorders, case, totals) if self.recorders else None,
+            "law": means.law_of_states(self.law, totals) if self.law else None,
+            "averages": means.averages(self.recorders, case, totals) if self.recorders else None,
             "steps_each": int(self.records[-1]),
             "snapshots": int(totals[0].snapshots),
         }

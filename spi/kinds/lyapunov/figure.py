@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.drawing import maps, panels, plots
+from spi.drawing import panels, plots
 
 _FEW = 16  # cells with states that get a circle, since they could not be seen
 
@@ -16,9 +16,9 @@ def _picture(ax: plots.Axes, reading: Any, i: Any, readings: Any) -> list[plots.
     least, most = (
         end([end(one.pictures.density[one.pictures.count > 0]) for one in readings]) for end in (np.min, np.max)
     )
-    edges = maps.cell_edges(pictures, i)
+    edges = plots.cell_edges(pictures, i)
     cells = (edges[1], edges[0], shown) if pictures.is_sphere else (*edges, shown.T)
-    maps.draw_cells(ax, reading.about, pictures, cells, maps.log_colours(least, most))
+    plots.draw_cells(ax, reading.about, pictures, cells, plots.log_colours(least, most))
     few = np.argwhere(pictures.count[i] > 0)
     if not 0 < len(few) <= _FEW:
         return []

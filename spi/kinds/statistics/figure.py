@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.drawing import maps, panels, plots, style
+from spi.drawing import panels, plots, style
 
 from .results import Statistics
 
@@ -68,9 +68,9 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
     values = density_map.law if m is None else density_map.density[m]
     highest = max(float(one.density_map.density[at].max()) for one in readings if one.density_map) or 1.0
     density = np.where(values > 0, values, np.nan)
-    edges = maps.cell_edges(density_map, at)
-    cells = maps.on_sphere(density_map, at, density) if density_map.is_sphere else (*edges, density.T)
-    maps.draw_cells(ax, reading.about, density_map, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
+    edges = plots.cell_edges(density_map, at)
+    cells = plots.on_sphere(density_map, at, density) if density_map.is_sphere else (*edges, density.T)
+    plots.draw_cells(ax, reading.about, density_map, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
     used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
     if not density_map.is_sphere and used[0].size:  # as far as there are paths
         xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))

@@ -222,7 +222,7 @@ class StatisticsPlan(BlocksPlan):
             "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             "panels": case.panels or PANELS,
             "nonfinite": int(sums.nonfinite),
-            "ns_per_step": 1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
+            "ns_per_step": self.ns_per_step(sums),
         }
 
     def _counted(self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray) -> dict[str, Any]:

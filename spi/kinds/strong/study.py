@@ -6,21 +6,19 @@ value at the final time is stored as well.  The reference is the scheme itself, 
 """
 
 import math
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, integrate, limited_threads
+from spi.ensemble.loop import Grid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
 from spi.kinds.plans import Done, State, each_scheme, reference_grid
 from spi.numerics.rng import LANES
-from spi.schemes import strong_order, typical_ns
+from spi.schemes import strong_order
 from spi.statistics.accumulators import Array, Sums, by_group, counted, largest, reports
 from spi.statistics.estimators import (
     fit_order,
@@ -34,7 +32,6 @@ from spi.statistics.estimators import (
 from .results import StrongErrors
 
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
-_TIMED_STEPS = 2048  # of one block, for the time of a step
 
 parts = each_scheme
 
@@ -46,13 +43,6 @@ class StrongSums(Sums):
     drift: Array = largest("level casimir")
     nonfinite: Array = counted("level")
     report: Array = reports("level")
-
-
-class Times(NamedTuple):
-    """The times measured once all paths are done."""
-
-    seconds: float = 0.0  #: wall clock
-    ns_per_step: Array = np.zeros(0)  #: (S,) of a step of one path on one thread; none until they are measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +62,6 @@ class StrongPlan(BlocksPlan):
         levels, conserved = len(self.steps), len(casimirs(self.model, self.initial))
         return {"point": int(self.steps[:-1].sum()), "level": levels, "casimir": conserved}
 
-    def initial_extra(self) -> Times:
-        """No time has been measured."""
-        return Times()
-
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, squares=True)
@@ -85,25 +71,6 @@ class StrongPlan(BlocksPlan):
         drift = np.where(idle, 0.0, np.nan_to_num(observer.extremes, nan=np.inf, posinf=np.inf)).max(axis=-1)
         lost = np.logical_not(np.isfinite(lanes_of(states, len(self.initial))).all(axis=2))
         return {"squares": observer.rows, "drift": drift, "nonfinite": lost, "report": report}
-
-    def finalise(self, state: State) -> Iterator[Times]:
-        """Measure the time of a step at each step size, unless drivers are made beside the loop over time."""
-        if self.case.noise is None and not len(state.extra.ns_per_step):
-            began = time.perf_counter()
-            times = np.array([self.nanoseconds_per_step(h) for h in self.case.steps])
-            yield Times(time.perf_counter() - began, times)
-
-    def nanoseconds_per_step(self, h: float) -> float:
-        """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
-        most = 2e8 / (LANES * typical_ns(self.row, self.model))  # about 0.2 s
-        steps, seconds = max(1, min(_TIMED_STEPS, int(most))), []
-        with limited_threads(1):
-            for _ in range(3):
-                arguments = self.arguments_of_steps(h, steps, 1)
-                began = time.perf_counter()
-                integrate(*arguments)
-                seconds.append(time.perf_counter() - began)
-        return 1e9 * min(seconds) / (steps * LANES)
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
@@ -115,12 +82,6 @@ class StrongPlan(BlocksPlan):
         counts = group_counts(tally.paths)
         value, without = root_mean_square(squares, counts)
         return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
-
-    def whole(self, state: State) -> dict[str, Any]:
-        """Also the times of steps, where they were measured."""
-        times = state.extra.ns_per_step
-        seconds = times * 1e-9 * self.steps[: len(times)] * self.samples
-        return super().whole(state) | ({"seconds": seconds, "ns_per_step": times} if len(times) else {})
 
     def estimates(self, sums: StrongSums) -> dict[str, Any]:
         """The errors, their order, and the extremes along the paths.
@@ -138,6 +99,7 @@ class StrongPlan(BlocksPlan):
         resolved = is_resolved(error, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
         fitted = resolved & (error <= _LOST * (math.hypot(*case.initial) or math.inf))
+        ns = self.ns_per_step(sums)
         own_reference = case.reference_step if case.reference_scheme in (None, self.part.scheme) else 0.0
         return {
             "h": h,
@@ -149,6 +111,8 @@ class StrongPlan(BlocksPlan):
             "casimir_drift": sums.drift[:-1],
             "nonfinite": sums.nonfinite[:-1],
             "resolved": resolved,
+            "seconds": 1e-9 * ns * steps * sums.paths,
+            "ns_per_step": np.full(len(h), ns),
             **reported(sums.report[:-1]),
             "order": fit_order(h, error, without[:, farthest], counts, fitted, own_reference),
             "expected_order": strong_order(self.row, case.model, case.initial, case.noise),

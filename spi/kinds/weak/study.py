@@ -13,9 +13,8 @@ from spi.storage.records import Part
 
 from .kolmogorov import KolmogorovPlan
 from .multilevel import MultilevelPlan
-from .plain import PlainPlan
+from .plain import PlainPlan, QuasiPlan
 from .plans import WeakPlan
-from .quasi import QuasiPlan
 from .results import cannot_do
 
 #: name in a spec file -> estimator
