@@ -269,6 +269,16 @@ def at_temperature(model, temperature):
 
 
 @method(optional=True)
+def state_fault(model, y):
+    """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
+
+
+@method(optional=True)
+def observables(model):
+    """{name: function of states (d, ...)} besides H and the Casimir functions.  Called in Python only."""
+
+
+@method(optional=True)
 def lie_bracket(model, v, w):
     """[v, w] where B is linear in y: the gradient of w . B(y) v, a function that is linear in y.
 

@@ -10,9 +10,11 @@ import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
+from ..compiler.dispatch import answers
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
+    at_temperature,
     casimir_degrees,
     conserved,
     dimension,
@@ -212,7 +214,9 @@ class BaseCase(Keys):
         model = undamped(self.model)
         values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
         for key, value in values.items():
-            if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
+            if hasattr(value, "_fields"):
+                values[key] = str(value)
+            elif isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
                 values[key] = "; ".join(map(str, value))
         damping = {"damping": self.damping} if self.damping else {}
         return values | damping | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
@@ -413,9 +417,10 @@ def _thermal(case: Any) -> Any:
     if described(case.noise):
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
-    if not noise_indices(model):
-        fault = "is given to a model without noise, which nothing would bring to it"
-        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
+    with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
+    if with_bath is None or not noise_indices(with_bath):
+        fault, key = "is given to a model without noise, which nothing would bring to it", "alpha" if with_bath is None else "sigma"
+        raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")

@@ -9,17 +9,25 @@ processes a spin, for which exp(-H/T) is stationary.  The signs are those of the
 """
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
 from ...ensemble.protocol import dimension, noises, pieces
 from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
+from .observables import observables_of
 from .tables import tables
 
 Vector = tuple[float, float, float]
 _MOST_SITES = 2**24  # channels of the random numbers
+
+
+def in_words(record: Any) -> str:
+    """The fields of a record that are not as by default."""
+    fields = record._asdict().items()
+    return ", ".join(f"{key} {value}" for key, value in fields if value != record._field_defaults.get(key))
 
 
 class Terms(NamedTuple):
@@ -29,6 +37,8 @@ class Terms(NamedTuple):
     dm: Annotated[float | Vector, "the Dzyaloshinskii-Moriya vector D, or its length along the bond"] = 0.0
     types: Annotated[tuple[int, ...], "numbers of bonds of the cell, from 0 on; default: all"] = ()
 
+    __str__ = in_words
+
 
 class Anisotropy(NamedTuple):
     """The anisotropy of all sites."""
@@ -37,12 +47,16 @@ class Anisotropy(NamedTuple):
     axis: Annotated[Vector, "its axis a"] = (0.0, 0.0, 1.0)
     cubic: Annotated[float, "K_4 of -K_4 / 2 (s_x^4 + s_y^4 + s_z^4)"] = 0.0
 
+    __str__ = in_words
+
 
 class Transport(NamedTuple):
     """Noise without a temperature: every spin turns at random."""
 
     sigma: Annotated[float, Gt(0), "its strength"]
     axis: Annotated[Vector | None, "the axis about which spins turn; default: any, by three Wiener processes"] = None
+
+    __str__ = in_words
 
 
 class Spins(NamedTuple):
@@ -94,16 +108,30 @@ class Spins(NamedTuple):
     def fault(model):
         return _fault(model)
 
+    def state_fault(model, y):
+        lengths = np.linalg.norm(np.reshape(y, (-1, 3)), axis=1)
+        if abs(lengths - 1).max() < 1e-9:
+            return None
+        worst = int(np.argmax(abs(lengths - 1)))
+        return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
+
+    def observables(model):
+        return observables_of(model)
+
     @property
     def cell(model) -> Cell:
         """The cell that repeats."""
         return LATTICES[model.lattice] if isinstance(model.lattice, str) else model.lattice
 
     @property
+    def is_periodic(model) -> bool:
+        """Whether bonds go around."""
+        return (model.boundary or ("open" if model.lattice == "chain" else "periodic")) == "periodic"
+
+    @property
     def sites(model) -> Lattice:
         """The sites and bonds."""
-        boundary = model.boundary or ("open" if model.lattice == "chain" else "periodic")
-        return lattice(model.cell, model.size, boundary == "periodic")
+        return lattice(model.cell, model.size, model.is_periodic)
 
 
 @answering_as_inner()

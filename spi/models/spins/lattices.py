@@ -28,6 +28,9 @@ class Cell(NamedTuple):
         tuple[Pair, ...], Len(1), "bonds such as [0, 1, [1, 0, 0]]: site 0 here with site 1 of the cell one further"
     ]
 
+    def __str__(cell):
+        return f"{len(cell.sites)} sites, {len(cell.bonds)} bonds a cell"
+
     def direction(cell, bond):
         """The unit vector along a bond."""
         first, second, shift = cell.bonds[bond]

@@ -162,7 +162,7 @@ def tables(model: Any, temperature: float) -> SpinTables:
         moment=moment,
         strength=sigma,
         noise_axis=axis,
-        alpha=float(model.alpha),
+        alpha=math.copysign(model.alpha, temperature),
         temperature=float(temperature),
         sigma=np.repeat(sigma, 1 if len(axis) else 3) if sigma.any() else np.zeros(0),
         d=3 * lattice.sites,
@@ -179,7 +179,7 @@ def unit(vector: Any) -> np.ndarray:
 def strengths_of(model: Any, temperature: float, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(sigma of each site, the axis of the noise or nothing): sqrt(2 alpha T / mu) at a temperature."""
     if math.isfinite(temperature):
-        return np.sqrt(2 * model.alpha * temperature / moment), np.zeros(0)
+        return np.sqrt(2 * model.alpha * abs(temperature) / moment), np.zeros(0)
     if model.noise is None:
         return np.zeros(len(moment)), np.zeros(0)
     axis = np.zeros(0) if model.noise.axis is None else unit(model.noise.axis)
