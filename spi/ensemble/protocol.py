@@ -380,6 +380,11 @@ def block_friction_flow(array_state_model, backwards, t, width, y, work):
 
 
 @method(optional=True)
+def block_energy_flow(array_state_model, k, t, width, y, work):
+    """``block_drift_flow`` without friction, where that is a part of it."""
+
+
+@method(optional=True)
 def block_energies(array_state_model, y, energies, work):
     """Put H of all lanes into `energies`, of a model whose flows are in place."""
 

@@ -16,6 +16,7 @@ from ..ensemble.protocol import (
     add_block_noises,
     block_drift_flow,
     block_energies,
+    block_energy_flow,
     block_friction_flow,
     block_friction_times,
     block_judged_noises,
@@ -292,8 +293,10 @@ def _judged_in_place(model, paths, h, dW, uniforms, y, work, report):
             for i in range(n):
                 proposed[i] = y[i]
             t = h if side == 0 else -h
-            angle = drift_stage(model, False, True, t, LANES, proposed, scratch)
-            largest = max(largest, angle)
+            for i in range(2 * pieces(model) - 1):
+                k = min(i, 2 * pieces(model) - 2 - i)
+                share = t if k == pieces(model) - 1 else 0.5 * t
+                largest = max(largest, block_energy_flow(model, k, share, LANES, proposed, scratch))
             block_energies(model, proposed, after, scratch)
             for lane in range(LANES):  # where it is not accepted the next drift goes the other way
                 yes = uniforms[m * LANES + lane] - 1.0 < expm1((before[lane] - after[lane]) / model.temperature)

@@ -69,6 +69,7 @@ class Lattice(NamedTuple):
     places: np.ndarray  #: (sites, 3)
     bonds: np.ndarray  #: (bonds, 2) the sites of a bond, bonds of one type together
     types: np.ndarray  #: (bonds,) the number of the bond in the cell
+    around: np.ndarray  #: (bonds, 3) how often the bond goes around the lattice along each vector
     bond_colours: np.ndarray  #: (bonds,) from 0 on: no two bonds of one colour share a site
     site_colours: np.ndarray  #: (sites,) from 0 on: no bond joins two sites of one colour
 
@@ -83,7 +84,7 @@ def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
     vectors = np.zeros((3, 3))
     vectors[: len(cell.vectors)] = cell.vectors
     places = ((cells @ vectors)[:, np.newaxis] + np.array(cell.sites)).reshape(-1, 3)
-    bonds, types = [], []
+    bonds, types, around = [], [], []
     for kind, (first, second, shift) in enumerate(cell.bonds):
         ends = cells + np.array(shift)
         inside = ((ends >= 0) & (ends < lengths)).all(axis=1)
@@ -91,7 +92,8 @@ def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
         there = number[tuple((ends % lengths)[whole].T)]
         bonds.append(np.stack([number.ravel()[whole] * per_cell + first, there * per_cell + second], axis=1))
         types.append(np.full(len(there), kind))
-    bonds, types = np.concatenate(bonds), np.concatenate(types)
+        around.append((ends // lengths)[whole])
+    bonds, types, around = np.concatenate(bonds), np.concatenate(types), np.concatenate(around)
     sites = len(cells) * per_cell
     if (bonds[:, 0] == bonds[:, 1]).any():
         raise ValueError("joins a site to itself")
@@ -101,7 +103,7 @@ def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
     first, others, _ = neighbours(sites, bonds)
     colour_sites(first, others, site_colours)
     of_cell = np.tile(np.arange(per_cell), len(cells))
-    return Lattice(sites, of_cell, places, bonds, types, bond_colours, site_colours)
+    return Lattice(sites, of_cell, places, bonds, types, around, bond_colours, site_colours)
 
 
 def neighbours(sites, bonds):

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...numerics.rng import LANES
 from .kernels import (
     AXES,
     CUBES,
@@ -70,10 +71,13 @@ class Pieces:
         self.rates: list[np.ndarray] = []
         self.frames: list[np.ndarray] = []
         self.rows: list[np.ndarray] = []
+        self.lanes: list[np.ndarray] = []
         self.fastest: list[float] = []
 
-    def add(self, form: int, member: np.ndarray, rate: Any, frame: np.ndarray, fastest: float) -> None:
-        """A piece with members (n,) or (n, 2), their rates and their frames, one for all or (n, 9)."""
+    def add(
+        self, form: int, member: np.ndarray, rate: Any, frame: np.ndarray, fastest: float, lanes: Any = 0
+    ) -> None:
+        """A piece with members (n,) or (n, 2), their rates, frames and lanes, one for all or one for each."""
         if not len(member):
             return
         count = len(member)
@@ -84,6 +88,7 @@ class Pieces:
         first = sum(map(len, self.frames))
         self.rows.append(np.broadcast_to(first + which.ravel(), (count,)))
         self.frames.append(different)
+        self.lanes.append(np.broadcast_to(np.asarray(lanes, np.int64), (count,)))
         self.fastest.append(fastest)
 
 
@@ -106,9 +111,27 @@ def _frame(axis: np.ndarray) -> np.ndarray:
     return np.concatenate([axis, np.zeros(6)])
 
 
+def lanes_of(around: np.ndarray, parts: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(row of each bond, rows of lanes): the lane in which the neighbour stands of a site in each lane.
+
+    The lanes are parts of a lattice, `parts` along each vector, and a bond that goes around one part leads to the next.
+    Without parts every lane is a lattice of its own.
+    """
+    if math.prod(parts) == 1:
+        return np.zeros(len(around), np.int64), np.arange(LANES)[np.newaxis]
+    shifts = around % parts
+    different, rows = np.unique(np.concatenate([np.zeros((1, 3), np.int64), shifts]), axis=0, return_inverse=True)
+    lane = np.stack(np.unravel_index(np.arange(LANES), parts), axis=1)
+    moved = (lane + different[:, np.newaxis]) % parts
+    return rows.ravel()[1:], np.ravel_multi_index(tuple(np.moveaxis(moved, -1, 0)), parts)
+
+
 @functools.lru_cache(8)
-def tables(model: Any, temperature: float) -> SpinTables:
-    """The record of a :class:`~spi.models.spins.Spins` at a temperature, infinite without one."""
+def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 1, 1)) -> SpinTables:
+    """The record of a :class:`~spi.models.spins.Spins` at a temperature, infinite without one.
+
+    With `parts_of` the lanes are parts of one lattice, of which the model is one part.
+    """
     lattice, matrices = model.sites, bond_matrices(model)
     sites = np.arange(lattice.sites)
     moment = np.asarray(np.broadcast_to(np.array(model.mu, float), (len(model.cell.sites),)))[lattice.of_cell]
@@ -119,8 +142,9 @@ def tables(model: Any, temperature: float) -> SpinTables:
     size = np.linalg.norm(matrices, axis=(1, 2), ord=2)[lattice.types]
     fields = np.bincount(lattice.bonds.ravel(), np.repeat(size, 2), lattice.sites) + np.linalg.norm(field, axis=1)
     parts, colours = Pieces(), [sites[lattice.site_colours == c] for c in range(lattice.site_colours.max() + 1)]
+    lanes_there, lanes = lanes_of(np.concatenate([lattice.around, -lattice.around]), parts_of)
     if model.by == "bonds":
-        _add_bonds(parts, lattice, matrices, moment)
+        _add_bonds(parts, lattice, matrices, moment, lanes_there)
         for direction in [np.array(model.field, float)] if any(model.field) else []:
             strength = np.linalg.norm(direction)
             parts.add(FIELDS, sites, strength * moment, _frame(direction / strength), strength)
@@ -134,7 +158,7 @@ def tables(model: Any, temperature: float) -> SpinTables:
         parts.add(FIELDS, sites, 0.0, _frame(axes[0]), 0.0)
     pieces = len(parts.forms)
     if model.alpha > 0:
-        for colour in colours if fields.any() else ():
+        for colour in colours if fields.any() and model.by == "bonds" else ():
             parts.add(DAMPED_SITES, colour, 1.0, np.zeros(9), 0.0)
         for _, form, strength, along in own:
             for axis in along if strength else ():
@@ -142,17 +166,21 @@ def tables(model: Any, temperature: float) -> SpinTables:
     sigma, axis = strengths_of(model, temperature, moment)
     couplings = np.stack([matrices, matrices.transpose(0, 2, 1)], axis=1).reshape(-1, 9)
     scalar = [[np.array_equal(a, a[0, 0] * np.eye(3))] * 2 for a in matrices]
+    member = np.concatenate(parts.members)
     return SpinTables(
         form=np.array(parts.forms, np.int64),
         first=np.cumsum([0, *map(len, parts.members)]),
-        member=np.concatenate(parts.members),
+        member=member,
         rate=np.concatenate(parts.rates),
         frame=np.concatenate(parts.rows),
+        member_lanes=np.concatenate(parts.lanes),
         frames=np.concatenate(parts.frames),
         fastest=np.array(parts.fastest, float),
         neighbours=first,
         other=other,
         coupling=2 * lattice.types[of_bond // 2] + of_bond % 2,
+        other_lanes=lanes_there.reshape(2, -1)[of_bond % 2, of_bond // 2],
+        lane_table=np.ascontiguousarray(lanes).ravel(),
         couplings=couplings,
         isotropic=np.array(scalar, bool).ravel(),
         field=field,
@@ -186,7 +214,7 @@ def strengths_of(model: Any, temperature: float, moment: np.ndarray) -> tuple[np
     return np.full(len(moment), float(model.noise.sigma)), axis
 
 
-def _add_bonds(parts: Pieces, lattice: Any, matrices: np.ndarray, moment: np.ndarray) -> None:
+def _add_bonds(parts: Pieces, lattice: Any, matrices: np.ndarray, moment: np.ndarray, lanes: np.ndarray) -> None:
     """A piece for each colour of bonds and each move of theirs; equal forms of different bonds go together."""
     of_type = [moves(matrix) for matrix in matrices]
     for colour in range(lattice.bond_colours.max(initial=-1) + 1):
@@ -201,7 +229,7 @@ def _add_bonds(parts: Pieces, lattice: Any, matrices: np.ndarray, moment: np.nda
                 pair, strength = lattice.bonds[some], np.array([move.strength for move in those])
                 frame, mu = np.array([move.frame for move in those]), moment[pair]
                 if form == PRODUCTS:
-                    parts.add(form, pair, strength, frame, float((abs(strength) / mu.min(axis=1)).max()))
+                    parts.add(form, pair, strength, frame, float((abs(strength) / mu.min(axis=1)).max()), lanes[some])
                 else:
                     rate = strength / mu.prod(axis=1)
-                    parts.add(form, pair, rate, frame, float((abs(rate) * mu.sum(axis=1)).max()))
+                    parts.add(form, pair, rate, frame, float((abs(rate) * mu.sum(axis=1)).max()), lanes[some])
