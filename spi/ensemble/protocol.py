@@ -269,6 +269,15 @@ def at_temperature(model, temperature):
 
 
 @method(optional=True)
+def one_path(model, scheme, h):
+    """A mover of one path of an array-state model in parts that threads share, None if there is none for the scheme.
+
+    It has ``moved(states (d,), first, steps, every, seed, path)``, the states (stored, d) after each `every` steps from
+    t = 0 on and the last state.  Called in Python only.
+    """
+
+
+@method(optional=True)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
 

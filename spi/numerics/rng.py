@@ -30,6 +30,9 @@ ANSWERS = 512  # increments of path set number j of an answer: ANSWERS + 2 j
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
 DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
+#: The largest number of Wiener processes of paths, so that their channels and those of bridges are apart.
+MOST_NOISES = 4096
+
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64
 #: The number of parts of the lanes, lane mod PARTS, with separate sums over paths.

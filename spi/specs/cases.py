@@ -22,6 +22,7 @@ from ..ensemble.protocol import (
     has_friction,
     large,
     noise_indices,
+    noises,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
@@ -30,6 +31,7 @@ from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
+from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -258,9 +260,17 @@ class BaseCase(Keys):
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
 
+    @property
+    def in_parts(self) -> bool:
+        """Whether there is one path only, whose state threads share."""
+        return False
+
     @condition
     def _check_needs(self) -> None:
         """The facts that schemes need hold for the model."""
+        if noises(self.model) > MOST_NOISES and not self.in_parts:
+            right = f"paths have at most {MOST_NOISES}; larger lattices of spins need kind equilibrium with samples: 1"
+            raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             needs = self.row(name).needs
             if large(self.model) and not self.row(name).for_large_models:

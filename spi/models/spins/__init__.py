@@ -19,6 +19,7 @@ from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
+from .whole import Whole
 
 Vector = tuple[float, float, float]
 _MOST_SITES = 2**24  # channels of the random numbers
@@ -105,6 +106,9 @@ class Spins(NamedTuple):
     def at_temperature(model, temperature):
         return ThermalSpins(model, temperature) if model.alpha > 0 else None
 
+    def one_path(model, scheme, h):
+        return Whole.of(model, math.inf, scheme, h)
+
     def fault(model):
         return _fault(model)
 
@@ -151,6 +155,9 @@ class ThermalSpins(NamedTuple):
 
     def in_kernels(model):
         return tables(model.model, model.temperature)
+
+    def one_path(model, scheme, h):
+        return Whole.of(model.model, model.temperature, scheme, h)
 
 
 def _fault(model):

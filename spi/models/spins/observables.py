@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...ensemble.protocol import hamiltonian
 from .tables import tables
 
 Array = np.ndarray
@@ -45,6 +46,11 @@ def fields(model: Any, states: Array) -> Array:
     return out
 
 
+def _energy(record: Any, states: Array) -> Any:
+    rows = np.ascontiguousarray(np.reshape(states, (len(states), -1)).T)
+    return np.reshape([hamiltonian(record, row) for row in rows], np.shape(states)[1:])
+
+
 def _spin_temperature(model: Any, states: Array) -> Any:
     s, b = _components(states), fields(model, states)
     turning = np.cross(s, b, axis=1)
@@ -68,5 +74,6 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
         whole = slice(None) if model.is_periodic else slice(0, size[0] - r)
         ends = np.stack([cells[whole].ravel(), there[whole].ravel()], axis=1)
         named[f"corr{r}"] = functools.partial(_correlation, ends)
+    named["H"] = functools.partial(_energy, tables(model, np.inf))
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named

@@ -15,6 +15,7 @@ import numpy as np
 from numba import get_num_threads, prange
 
 from ...compiler.dispatch import device, kernel
+from ...ensemble.scheme_protocol import judges
 from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair
 from .kernels import SITES as BY_SITES
 from .kernels import SPIN, add_field, judge_turns, move_members, spin_of, take_away_roundings, turn_at_random
@@ -23,7 +24,7 @@ from .tables import tables
 #: The kinds of rows of a program: flows of a piece, of friction, of the noise, judged noise of a colour of sites.
 FLOW, NOISE, JUDGED, ROUNDINGS = range(4)
 _MOST_SITES = 2**16  # channels of the random numbers, sites of a part
-_MOST_PARTS = 64  # into which sites are divided among threads
+_MOST_SHARES = 64  # into which sites are divided among threads
 
 
 class Program(NamedTuple):
@@ -66,20 +67,19 @@ class Whole(NamedTuple):
     model: Any  #: the record of a part for kernels
     sites: np.ndarray  #: (sites of a part, LANES): the number of each site in the lattice
     program: Program
-    h: float
 
     @classmethod
-    def of(cls, model: Any, temperature: float, stages: Any, h: float) -> "Whole | None":
-        """The program of a composition with these stages, of judged flows for None; None if there is none."""
-        parts = parts_of(model)
-        if parts is None:
+    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "Whole | None":
+        """The program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
+        parts, stages = parts_of(model), getattr(scheme, "stages", None)
+        if parts is None or not (stages or judges(scheme)):
             return None
         part = _part(model, parts)
         record = tables(part, temperature, parts)
-        program = judged_program(record, h) if stages is None else program_of(stages, record, h)
+        program = program_of(stages, record, h) if stages else judged_program(record, h)
         if program is None or len(record.moment) > _MOST_SITES:
             return None
-        return cls(record, _places(model, part, parts), program, h)
+        return cls(record, _places(model, part, parts), program)
 
     def block(self, state: np.ndarray) -> np.ndarray:
         """The parts of a state (3 sites,)."""
@@ -91,11 +91,30 @@ class Whole(NamedTuple):
         state[self.sites] = block.reshape(-1, 3, LANES).transpose(0, 2, 1)
         return state.ravel()
 
+    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any]:
+        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state)."""
+        y, n, end, stored = self.block(state), first, first + steps, []
+        while n < end:
+            stop = min(end, (n // every + 1) * every) if every else end
+            self.move(y, n, stop - n, seed, path)
+            n = stop
+            if every and n % every == 0:
+                stored.append(self.state(y))
+        return np.reshape(stored, (-1, len(state))), self.state(y)
+
+    @property
+    def call(self) -> tuple[Any, tuple[Any, ...]]:
+        """The kernel and the arguments of a call of no steps, which only has it compiled."""
+        return move_lattice, self._arguments(self.block(np.zeros(3 * self.sites.size)), 0, 0, 0, 0)
+
+    def _arguments(self, y: np.ndarray, first: int, steps: int, seed: int, path: int) -> tuple[Any, ...]:
+        threads = get_num_threads()
+        shares = 1 if threads == 1 else min(_MOST_SHARES, 4 * threads)
+        return self.model, self.program, y, first, steps, np.uint64(seed), np.uint64(path), shares
+
     def move(self, y: np.ndarray, first: int, steps: int, seed: int, path: int = 0) -> None:
         """Move the parts `y` on in place, by `steps` steps from number `first` on."""
-        threads = get_num_threads()
-        shares = 1 if threads == 1 else min(_MOST_PARTS, 4 * threads)
-        move_lattice(self.model, self.program, self.h, y, first, steps, np.uint64(seed), np.uint64(path), shares)
+        move_lattice(*self._arguments(y, first, steps, seed, path))
 
 
 def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
@@ -157,7 +176,7 @@ def _program(rows: list[tuple[int, int, float]], draws: int, alpha: float) -> Pr
 
 
 @kernel(parallel=True)
-def move_lattice(model, program, h, y, first, steps, seed, path, shares):
+def move_lattice(model, program, y, first, steps, seed, path, shares):
     """Move a lattice in parts on in place.
 
     The sites of a flow do not touch each other and go in `shares` to threads: the bits are the same for any number.
