@@ -136,7 +136,9 @@ def _(array, i, places, first):
         addresses = builder.inttoptr(addresses, ir.VectorType(ir.DoubleType().as_pointer(), WIDTH))
         kind = ir.FunctionType(_DOUBLES, [addresses.type, ir.IntType(32), _MASK, _DOUBLES])
         function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.masked.gather.v{WIDTH}f64.v{WIDTH}p0")
-        return builder.call(function, [addresses, _ALIGNED, ir.Constant(_MASK, [1] * WIDTH), ir.Constant(_DOUBLES, [0.0] * WIDTH)])
+        return builder.call(
+            function, [addresses, _ALIGNED, ir.Constant(_MASK, [1] * WIDTH), ir.Constant(_DOUBLES, [0.0] * WIDTH)]
+        )
 
     return VECTOR(array, types.int64, places, types.int64), code
 

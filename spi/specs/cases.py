@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic
 
+from ..compiler.dispatch import answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
-from ..compiler.dispatch import answers
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
@@ -429,7 +429,8 @@ def _thermal(case: Any) -> Any:
         raise wrong(fault, "leave out one of them", "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
     if with_bath is None or not noise_indices(with_bath):
-        fault, key = "is given to a model without noise, which nothing would bring to it", "alpha" if with_bath is None else "sigma"
+        fault = "is given to a model without noise, which nothing would bring to it"
+        key = "alpha" if answers(at_temperature, model) else "sigma"
         raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"

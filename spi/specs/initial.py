@@ -442,13 +442,18 @@ def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *
     return values
 
 
+def _one_or_more(value: Any) -> Any:
+    """A single direction as a list of it."""
+    return [value] if isinstance(value, list) and not any(isinstance(entry, list) for entry in value) else value
+
+
 class SpinStates(Keys):
     """Spins along one direction, along one for each site of the cell, or in random directions."""
 
     spins: key_of(
         Annotated[
             Literal["random"] | tuple[State, ...],
-            pydantic.BeforeValidator(lambda value: [value] if isinstance(value, list) and "[" not in str(value[:1])[1:] else value),
+            pydantic.BeforeValidator(_one_or_more),
         ],
         "the direction of all spins, a list of those of the sites of a cell, or random",
     )

@@ -179,8 +179,12 @@ def test_energies_of_chains(by, mu):
 
     Without that the mean is off at the same step.
     """
-    cell = LATTICES["chain"] if len(mu) == 1 else LATTICES["chain"]._replace(
-        sites=((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)), bonds=((0, 1, (0, 0, 0)), (1, 0, (1, 0, 0)))
+    cell = (
+        LATTICES["chain"]
+        if len(mu) == 1
+        else LATTICES["chain"]._replace(
+            sites=((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)), bonds=((0, 1, (0, 0, 0)), (1, 0, (1, 0, 0)))
+        )
     )
     size = (16 // len(mu),)
     model = Spins(cell, size, (Terms(1.0),), mu=mu, alpha=0.5, boundary="open", by=by)

@@ -216,7 +216,9 @@ class EquilibriumPlan(Plan):
         paths = paths._replace(n=stop, y=y, report=add_reports(paths.report, report))
         with np.errstate(all="ignore"):
             if recorder and recording:
-                paths = recorder.recorded(paths, recorder.values(stored, before, self.lanes), before, chunk.first, chunk.end)
+                paths = recorder.recorded(
+                    paths, recorder.values(stored, before, self.lanes), before, chunk.first, chunk.end
+                )
             if stop in self.records:
                 errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
                 paths = paths._replace(casimir=errors)

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from ...ensemble.protocol import dimension, noises, pieces
+from ...ensemble.protocol import dimension, pieces
 from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
@@ -76,9 +76,7 @@ class Spins(NamedTuple):
     ] = 1.0
     alpha: Annotated[float, Ge(0), Le(100), "damping; at a temperature the noise belongs to it"] = 0.0
     noise: Annotated[Transport | None, "noise without a temperature, as in {sigma: 0.1}"] = None
-    boundary: Annotated[
-        Literal["periodic", "open"] | None, "default: open for a chain, periodic for the others"
-    ] = None
+    boundary: Annotated[Literal["periodic", "open"] | None, "default: open for a chain, periodic for the others"] = None
     by: Annotated[
         Literal["bonds", "sites"], "pieces of H: bonds, which conserve the total spin, or sites, which conserve H"
     ] = "bonds"
@@ -182,7 +180,7 @@ def _fault(model):
     if model.alpha > 0 and model.noise:
         return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
     try:
-        model.sites
+        lattice(model.cell, model.size, model.is_periodic)
     except ValueError as error:
         return "lattice", f"{error}", "take a larger size, or other bonds"
     return None

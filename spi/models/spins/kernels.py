@@ -291,7 +291,7 @@ def put_other(model, lanes, s, copy):
 def move_members(model, k, t, alpha, begin, end, y, work):
     """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
-    if form == PAIRS or form == TURNED_PAIRS:
+    if form in (PAIRS, TURNED_PAIRS):
         if small:
             turn_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
         else:
@@ -305,7 +305,7 @@ def move_members(model, k, t, alpha, begin, end, y, work):
         turn_products(model, t, begin, end, y, work)
     elif form == DAMPED_SITES:
         damp_sites(model, alpha * t, begin, end, y, work)
-    elif form == DAMPED_AXES or form == DAMPED_CUBES:
+    elif form in (DAMPED_AXES, DAMPED_CUBES):
         damp_axes(model, k, alpha * t, begin, end, y)
     else:
         turn_axes(model, k, t, begin, end, y)

@@ -1,7 +1,7 @@
 """Lattices of sites and bonds: cells that repeat, and colours of bonds and sites that do not touch each other.
 
-Site s of the cell at (x, y, z) has the number ((x L_2 + y) L_3 + z) S + s, S being the sites of a cell and L_1, L_2, L_3
-the cells along its vectors.
+Site s of the cell at (x, y, z) has the number ((x L_2 + y) L_3 + z) S + s, where a cell has S sites and there are L_1,
+L_2, L_3 cells along its vectors.
 """
 
 import functools

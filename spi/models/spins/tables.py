@@ -74,9 +74,7 @@ class Pieces:
         self.lanes: list[np.ndarray] = []
         self.fastest: list[float] = []
 
-    def add(
-        self, form: int, member: np.ndarray, rate: Any, frame: np.ndarray, fastest: float, lanes: Any = 0
-    ) -> None:
+    def add(self, form: int, member: np.ndarray, rate: Any, frame: np.ndarray, fastest: float, lanes: Any = 0) -> None:
         """A piece with members (n,) or (n, 2), their rates, frames and lanes, one for all or one for each."""
         if not len(member):
             return
@@ -138,7 +136,10 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     field = np.multiply.outer(moment, np.array(model.field, float))
     first, other, of_bond = neighbours(lattice.sites, lattice.bonds)
     axes = np.concatenate([[unit(model.anisotropy.axis)], np.eye(3)])
-    own = ((AXES, DAMPED_AXES, model.anisotropy.uniaxial, axes[:1]), (CUBES, DAMPED_CUBES, model.anisotropy.cubic, axes[1:]))
+    own = (
+        (AXES, DAMPED_AXES, model.anisotropy.uniaxial, axes[:1]),
+        (CUBES, DAMPED_CUBES, model.anisotropy.cubic, axes[1:]),
+    )
     size = np.linalg.norm(matrices, axis=(1, 2), ord=2)[lattice.types]
     fields = np.bincount(lattice.bonds.ravel(), np.repeat(size, 2), lattice.sites) + np.linalg.norm(field, axis=1)
     parts, colours = Pieces(), [sites[lattice.site_colours == c] for c in range(lattice.site_colours.max() + 1)]

@@ -201,7 +201,7 @@ def _run_share(model, program, row, t, share, shares, y, n, seed, path):
     """One share of the members, or sites, of one row of a program."""
     kind, k = program.kind[row], program.piece[row]
     work = np.empty(2 * SPIN)
-    if kind == FLOW or kind == JUDGED:
+    if kind in (FLOW, JUDGED):
         count = model.first[k + 1] - model.first[k]
         begin, end = model.first[k] + count * share // shares, model.first[k] + count * (share + 1) // shares
     else:
