@@ -1,8 +1,10 @@
 """Nanoseconds per spin and step of one lattice of spins: python benchmarks/spins.py [CELLS] [LARGE].
 
-A cubic lattice of CELLS^3 spins (32), damped and at a temperature, on one thread.  One of LARGE^3 (64) on one and on two
-threads, with its memory.  Where the program Spirit is installed (`pip install spirit`), its solver of Heun on the same
-lattice in the same run.
+A cubic lattice of CELLS^3 spins (32), damped and at a temperature, on one thread.  One of LARGE^3 (64) on one thread
+and on two, with its memory.  Where the program Spirit is installed (`pip install spirit`), its solver of Heun on the
+same lattice in the same run.
+
+Short form: 8 16
 """
 
 import resource
