@@ -21,6 +21,7 @@ WIDTH = 8  #: floats in a vector
 TILE = 2 * WIDTH  #: columns of a tile
 
 FUSED = ("contract",)  # a product and a sum in one rounding
+_ALIGNED, _MASK = ir.Constant(ir.IntType(32), 8), ir.VectorType(ir.IntType(1), WIDTH)
 _DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TILE))
 
 
@@ -52,6 +53,11 @@ def without_refcount(array):
 def load(array, i):
     """array[i : i + WIDTH]."""
     return np.array(array[i : i + WIDTH])
+
+
+def gather(array, i, places, first):
+    """array[i + places[first + k]] for k = 0, ..., WIDTH - 1."""
+    return array[i + places[first : first + WIDTH]]
 
 
 def store(array, i, vector):
@@ -119,6 +125,24 @@ def _(array, i):
     return VECTOR(array, types.int64), code
 
 
+@intrinsic(gather)
+def _(array, i, places, first):
+    def code(context, builder, signature, arguments):
+        base = builder.gep(cgutils.create_struct_proxy(array)(context, builder, arguments[0]).data, [arguments[1]])
+        integers = ir.VectorType(ir.IntType(64), WIDTH)
+        numbers = builder.load(_pointer(context, builder, places, *arguments[2:], integers), align=8)
+        whole = spread(builder, builder.ptrtoint(base, ir.IntType(64)), integers)
+        addresses = builder.add(whole, builder.mul(numbers, ir.Constant(integers, [8] * WIDTH)))
+        addresses = builder.inttoptr(addresses, ir.VectorType(ir.DoubleType().as_pointer(), WIDTH))
+        kind = ir.FunctionType(_DOUBLES, [addresses.type, ir.IntType(32), _MASK, _DOUBLES])
+        function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.masked.gather.v{WIDTH}f64.v{WIDTH}p0")
+        return builder.call(
+            function, [addresses, _ALIGNED, ir.Constant(_MASK, [1] * WIDTH), ir.Constant(_DOUBLES, [0.0] * WIDTH)]
+        )
+
+    return VECTOR(array, types.int64, places, types.int64), code
+
+
 @intrinsic(store)
 def _(array, i, vector):
     def code(context, builder, signature, arguments):
@@ -161,9 +185,6 @@ def _masked(builder, operation, result, *arguments):
     kind = ir.FunctionType(result, [argument.type for argument in arguments])
     name = f"llvm.masked.{operation}.v{TILE}f64.p0"
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
-
-
-_ALIGNED = ir.Constant(ir.IntType(32), 8)
 
 
 @intrinsic(load_pairs)

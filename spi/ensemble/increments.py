@@ -19,6 +19,7 @@ from ..numerics.rng import (
     BROWNIAN,
     COINS,
     LANES,
+    MOST_NOISES,
     PARTS,
     STEPS_PER_DRAW,
     STEPS_PER_TOSS,
@@ -216,7 +217,7 @@ def draw_bridges(layout, model, increments, noise, draw, block, scale, words):
         while n < finest:
             deviation = 0.5 * scale / np.sqrt(n)
             for part in range(n):
-                channel = np.uint64((n + part) * 4096 + k)
+                channel = np.uint64((n + part) * MOST_NOISES + k)
                 draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
                 whole, half = first_lane(model, k, n, part), first_lane(model, k, 2 * n, 2 * part)
                 other = first_lane(model, k, 2 * n, 2 * part + 1)

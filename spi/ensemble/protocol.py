@@ -100,6 +100,11 @@ def large(model):
     """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
 
 
+@trait(bool, default=False)
+def in_place(model):
+    """Whether the flows of an array-state model move all LANES states of a block as they are, with `width` LANES."""
+
+
 def piece_indices(model):
     """(0, ..., p-1)."""
     return tuple(range(pieces(model)))
@@ -259,6 +264,30 @@ def fault(model):
 
 
 @method(optional=True)
+def at_temperature(model, temperature):
+    """The record at a temperature of a model whose friction is a part of its own flows, None without friction."""
+
+
+@method(optional=True)
+def one_path(model, scheme, h):
+    """A mover of one path of an array-state model in parts that threads share, None if there is none for the scheme.
+
+    It has ``moved(states (d,), first, steps, every, seed, path)``, the states (stored, d) after each `every` steps from
+    t = 0 on and the last state.  Called in Python only.
+    """
+
+
+@method(optional=True)
+def state_fault(model, y):
+    """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
+
+
+@method(optional=True)
+def observables(model):
+    """{name: function of states (d, ...)} besides H and the Casimir functions.  Called in Python only."""
+
+
+@method(optional=True)
 def lie_bracket(model, v, w):
     """[v, w] where B is linear in y: the gradient of w . B(y) v, a function that is linear in y.
 
@@ -296,7 +325,8 @@ def rotation_shear_rates(model):
 #
 # Its traits may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
 # is an array of strengths.  It has ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
-# an array.  Its flows move `width` states at once, 1 or ``vectors.WIDTH``, component i of state j at y[i * width + j].
+# an array.  Its flows move `width` states at once, 1 or ``vectors.WIDTH`` or LANES, component i of state j at
+# y[i * width + j].
 # Noises whose flows are made as one, because they commute, are a group.
 # ---------------------------------------------------------------------------------------------------------------------
 
@@ -347,6 +377,32 @@ def block_friction_times(array_state_model, t, width, y, times, work):
 
     To order 2 the flow of all friction together, where these flows act in one order in one half of a step and in the
     reverse order in the other half.
+    """
+
+
+@method(optional=True)
+def block_friction_flow(array_state_model, backwards, t, width, y, work):
+    """The flows of friction for the time t, in place, of a model whose friction is not along its noises.
+
+    One after the other, `backwards` in reversed order.
+    """
+
+
+@method(optional=True)
+def block_energy_flow(array_state_model, k, t, width, y, work):
+    """``block_drift_flow`` without friction, where that is a part of it."""
+
+
+@method(optional=True)
+def block_energies(array_state_model, y, energies, work):
+    """Put H of all lanes into `energies`, of a model whose flows are in place."""
+
+
+@method(optional=True)
+def block_judged_noises(array_state_model, h, dW, uniforms, y, work):
+    """All noises with their friction, in place, each accepted or not by the energy that it alone changes.
+
+    Returns the number of accepted flows of all lanes.
     """
 
 

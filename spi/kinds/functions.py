@@ -11,7 +11,7 @@ import numpy as np
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.observer import energies, invariants_of
-from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large
+from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
 from spi.exact import gibbs
 from spi.expressions import Component, as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
@@ -30,6 +30,7 @@ FUNCTIONALS = {
     "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
+_WORD = re.compile(r"\b[A-Za-z]\w*")
 _INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 
 
@@ -107,14 +108,17 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    invariants = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
+    named = observables(undamped(model)) if answers(observables, undamped(model)) else {}
+    words = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
+    words |= {word[0]: word for word in _WORD.finditer(text) if word[0] in named}
+    invariants = {name: named.get(name) or _invariant(model, match) for name, match in words.items()}
     if text in invariants:
-        return PathFunction(functional, text, _invariant(model, invariants[text]))
+        return PathFunction(functional, text, invariants[text])
     d = dimension(model)
     tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
     if invariants:
-        values = _with_invariants(as_numpy(tree), [_invariant(model, match) for match in invariants.values()])
+        values = _with_invariants(as_numpy(tree), list(invariants.values()))
     variables = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
     written = re.sub(r"\by(\d+)\b", lambda y: variables[int(y[1])] or y[0], canonical(tree))
     return PathFunction(functional, condition if functional == "passage" else written, values)

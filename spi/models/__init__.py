@@ -8,6 +8,7 @@ from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise
 from .sine_euler import SineEuler
+from .spins import Spins
 from .zeitlin import Zeitlin
 
 #: name in a spec file -> class
@@ -38,4 +39,5 @@ register_model("maxwell_bloch", MaxwellBloch)
 register_model("rigid_body", RigidBody)
 register_model("rigid_body_shared_noise", RigidBodySharedNoise)
 register_model("sine_euler", SineEuler)
+register_model("spins", Spins)
 register_model("zeitlin", Zeitlin)

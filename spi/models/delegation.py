@@ -4,7 +4,7 @@ import inspect
 import math
 from typing import Any, NamedTuple
 
-from ..compiler.dispatch import FieldOf, device, function_of, number, unrolled
+from ..compiler.dispatch import FieldOf, answers, device, function_of, number, unrolled
 from ..compiler.records import field
 from ..compiler.vectors import WIDTH
 from ..ensemble import protocol
@@ -12,6 +12,7 @@ from ..ensemble.fields import add_scaled, cross_product, dot, lie_poisson, noise
 from ..ensemble.protocol import (
     add_block_drift,
     add_block_noises,
+    at_temperature,
     block_noise_slopes,
     block_work,
     casimir_degrees,
@@ -39,7 +40,7 @@ from ..numerics.elementary import expm1
 _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
-    *("large", "in_kernels", "fault"),
+    *("large", "in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables"),
     *("frozen", "has_friction", "friction_time"),
 )
 
@@ -268,4 +269,6 @@ def thermal(model, temperature):
     """The record of a model at a temperature, the model itself where that is infinite."""
     if math.isinf(temperature):
         return model
+    if answers(at_temperature, model):
+        return model.at_temperature(temperature)
     return ThermalArrays(model, temperature) if large(model) else Thermal(model, temperature, model.sigma)

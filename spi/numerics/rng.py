@@ -22,12 +22,16 @@ BRIDGES = 2**15  # Brownian bridges, channel = 2^12 * number of the bridge + pro
 AREAS = 2**14  # Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
 INITIAL = 2**13  # random initial states
 DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brownian motion
+SITES = 2**15 + 2**14  # normal and uniform numbers of the sites of one large lattice, channel = site of a part
 UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
 # streams of increments and of points:
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 ANSWERS = 512  # increments of path set number j of an answer: ANSWERS + 2 j
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
 DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
+
+#: The largest number of Wiener processes of paths, so that their channels and those of bridges are apart.
+MOST_NOISES = 4096
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64

@@ -1,7 +1,7 @@
 """A step of an array-state model: a few paths at a time are copied together, make the whole step, and are copied back.
 
 Paths go ``vectors.WIDTH`` at a time, or alone where few are left; where the order of flows depends on a coin, only
-paths with the same coin go together.
+paths with the same coin go together.  A model whose flows are loops over all lanes makes them in place.
 """
 
 import functools
@@ -15,11 +15,16 @@ from ..ensemble.protocol import (
     add_block_ito_correction,
     add_block_noises,
     block_drift_flow,
+    block_energies,
+    block_energy_flow,
+    block_friction_flow,
     block_friction_times,
+    block_judged_noises,
     block_noise_flow,
     block_work,
     dimension,
     hamiltonian,
+    in_place,
     large,
     noise_groups,
     noises,
@@ -27,6 +32,7 @@ from ..ensemble.protocol import (
     strengths,
 )
 from ..ensemble.scheme_protocol import REPORT
+from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
 from .stages import FINEST, Backwards, Symmetric, stages_known
 from .sweeps import report_judged
@@ -36,10 +42,16 @@ _LARGEST_ANGLE = REPORT.index("largest_angle")
 _SMALL = 0.25 * np.pi  # angles above it are reported
 
 
+@device(by_type=True)
+def width_of(model):
+    """The number of states that flows move at once."""
+    return (lambda model: LANES) if in_place(model) else (lambda model: WIDTH)
+
+
 @device
 def large_work(model):
     """The floats of scratch for a step: states, field, times, and scratch of the flows."""
-    return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
+    return (2 * dimension(model) + noises(model)) * width_of(model) + block_work(model)
 
 
 @device(by_type=True)
@@ -65,17 +77,19 @@ def lanes_by_coin(paths, coins):
     return lanes, heads
 
 
-@device
-def group_size(left):
+@device(by_type=True)
+def group_size(model, left):
     """(paths, width) of the next group where `left` paths are left."""
-    return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
+    if in_place(model):
+        return lambda model, left: (left, LANES)
+    return lambda model, left: (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
 @device(inline=False)
 def take(y, lanes, width, states):
     """Copy the states of `lanes` to component i of state j at [i * width + j]; the last lane fills the rest."""
     last = len(lanes) - 1
-    for i in range(len(states) // WIDTH):
+    for i in range(len(states) // max(width, WIDTH)):
         for j in range(width):
             states[i * width + j] = y[i * LANES + lanes[min(j, last)]]
 
@@ -83,7 +97,7 @@ def take(y, lanes, width, states):
 @device(inline=False)
 def put(y, lanes, width, states):
     """Copy the states of :func:`take` back."""
-    for i in range(len(states) // WIDTH):
+    for i in range(len(states) // max(width, WIDTH)):
         for j in range(len(lanes)):
             y[i * LANES + lanes[j]] = states[i * width + j]
 
@@ -131,40 +145,42 @@ def report_large_angle(largest, report):
 @device(by_type=True)
 def run_stages_of_large(stages, model, paths, h, dW, coins, y, work, report):
     """Apply the stages of a composition to the first `paths` states of a block, in place."""
-    return _step(stages_known(stages))
+    return _step(stages_known(stages), in_place(model))
 
 
 @functools.lru_cache
-def _step(types):
+def _step(types, in_place):
     """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` returns them."""
     coin = any(stage.coin for stage in types)
+    copied = coin or not in_place
     lines = [
         "def step(stages, model, paths, h, dW, coins, y, work, report):",
         "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
-        "states, times = work[: d * WIDTH], work[2 * d * WIDTH : (2 * d + m) * WIDTH]",
-        "scratch = work[(2 * d + m) * WIDTH :]",
+        "n = width_of(model)",
+        f"states, times = {'work' if copied else 'y'}[: d * n], work[2 * d * n : (2 * d + m) * n]",
+        "scratch = work[(2 * d + m) * n :]",
         "lanes, heads = lanes_by_coin(paths, coins)" if coin else "lanes, heads = np.arange(paths), paths",
         "while done < paths:",
         "    end = heads if done < heads else paths",
-        "    count, width = group_size(end - done)",
+        "    count, width = group_size(model, end - done)",
         "    some = lanes[done : done + count]",
         "    tails = done >= heads",
-        "    take(y, some, width, states)",
+        *["    take(y, some, width, states)"] * copied,
     ]
     used = 0
     for i, stage in enumerate(types):
         backwards = "tails" if stage.coin else str(stage.order is Backwards)
         if stage.part == "friction":
-            lines += _friction_stage(i, stage.order)
+            lines += _friction_stage(i, stage.order, in_place)
         elif stage.part == "drift":
             arguments = f"{backwards}, {stage.order is Symmetric}, stages[{i}].fraction * h"
             lines.append(f"    largest = max(largest, drift_stage(model, {arguments}, width, states, scratch))")
         else:
             lines += _noise_stage(used, stage, backwards)
             used += stage.length
-    lines += ["    put(y, some, width, states)", "    done += count", "report_large_angle(largest, report)"]
-    names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
-    names["block_friction_times"] = block_friction_times
+    lines += [*["    put(y, some, width, states)"] * copied, "    done += count", "report_large_angle(largest, report)"]
+    names = {"np": np, "width_of": width_of, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
+    names |= {"block_friction_times": block_friction_times, "block_friction_flow": block_friction_flow}
     functions = (lanes_by_coin, group_size, take, put, take_times, drift_stage, noise_groups_stage, report_large_angle)
     names |= {f.__name__: f for f in functions}
     return function_of(lines, names)
@@ -195,11 +211,14 @@ def _noise_stage(first, stage, backwards):
     return lines
 
 
-def _friction_stage(i, order):
+def _friction_stage(i, order, in_place):
     """Lines for a stage of friction, in halves there and back where it is symmetric."""
     share = f"{0.5 if order is Symmetric else 1.0} * stages[{i}].fraction * h"
     lines = []
     for backwards in (False, True) if order is Symmetric else (order is Backwards,):
+        if in_place:
+            lines.append(f"    block_friction_flow(model, {backwards}, {share}, width, states, scratch)")
+            continue
         flows = f"noise_groups_stage(model, 0, noise_groups(model), {backwards}, times, width, states, scratch)"
         lines += [
             f"    block_friction_times(model, {share}, width, states, times, scratch)",
@@ -220,13 +239,14 @@ def _span(begin, stop):
 def euler_step_of_large(model, paths, h, dW, y, work):
     """A step of Euler-Maruyama for the first `paths` states of a block, in place."""
     d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
-    states, new = work[: d * WIDTH], work[d * WIDTH : 2 * d * WIDTH]
-    times, scratch = work[2 * d * WIDTH : (2 * d + m) * WIDTH], work[(2 * d + m) * WIDTH :]
+    n = width_of(model)
+    states, new = work[: d * n], work[d * n : 2 * d * n]
+    times, scratch = work[2 * d * n : (2 * d + m) * n], work[(2 * d + m) * n :]
     while done < paths:
-        count, width = group_size(paths - done)
+        count, width = group_size(model, paths - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
-        for i in range(d * WIDTH):  # an assignment of slices would take a second to compile
+        for i in range(d * n):  # an assignment of slices would take a second to compile
             new[i] = states[i]
         add_block_drift(model, h, width, states, new, scratch)
         add_block_ito_correction(model, h, width, states, new, scratch)
@@ -244,7 +264,51 @@ def euler_step_of_large(model, paths, h, dW, y, work):
 @device(by_type=True)
 def judged_work(model):
     """The further floats of scratch for judged steps: directions, energies, refusals."""
+    if in_place(model):
+        return lambda model: 3 * LANES
     return (lambda model: LANES + 2 * WIDTH) if large(model) else (lambda model: 0)
+
+
+@device(by_type=True)
+def judged_step_of_large(model, paths, h, dW, uniforms, y, work, report):
+    """A step of the first `paths` states of a block, in place."""
+    return _judged_in_place if in_place(model) else _judged_step
+
+
+@device(inline=False)
+def _judged_in_place(model, paths, h, dW, uniforms, y, work, report):
+    """Noises judged one by one, then the drift over +h or -h, as each lane has it, by the change of H."""
+    n, m, largest, drift = dimension(model) * LANES, noises(model), 0.0, 0
+    backwards, before, after, turned = y[n:], work[:LANES], work[LANES : 2 * LANES], work[2 * LANES : 3 * LANES]
+    proposed, scratch = work[3 * LANES : 3 * LANES + n], work[3 * LANES + 2 * n :]
+    noise = block_judged_noises(model, h, dW, uniforms, y, scratch)
+    block_energies(model, y, before, scratch)
+    for lane in range(LANES):
+        turned[lane] = backwards[lane]
+    for side in range(2):
+        lanes = 0
+        for lane in range(LANES):
+            lanes += 1 if turned[lane] == side else 0
+        if lanes > 0:
+            for i in range(n):
+                proposed[i] = y[i]
+            t = h if side == 0 else -h
+            for i in range(2 * pieces(model) - 1):
+                k = min(i, 2 * pieces(model) - 2 - i)
+                share = t if k == pieces(model) - 1 else 0.5 * t
+                largest = max(largest, block_energy_flow(model, k, share, LANES, proposed, scratch))
+            block_energies(model, proposed, after, scratch)
+            for lane in range(LANES):  # where it is not accepted the next drift goes the other way
+                yes = uniforms[m * LANES + lane] - 1.0 < expm1((before[lane] - after[lane]) / model.temperature)
+                mine = turned[lane] == side
+                backwards[lane] = 1.0 - side if mine and not yes else backwards[lane]
+                after[lane] = 1.0 if mine and yes else 0.0
+                drift += 1 if mine and yes else 0
+            for i in range(0, n, LANES):
+                for lane in range(LANES):
+                    y[i + lane] = proposed[i + lane] if after[lane] > 0.0 else y[i + lane]
+    report_large_angle(largest, report)
+    report_judged(report, LANES * m, noise, LANES, drift)
 
 
 @device(inline=False)
@@ -264,7 +328,7 @@ def judge_states(model, uniforms, lanes, width, states, energies, proposed, refu
 
 
 @device(inline=False)
-def judged_step_of_large(model, paths, h, dW, uniforms, y, work, report):
+def _judged_step(model, paths, h, dW, uniforms, y, work, report):
     """A step of the first `paths` states of a block, in place; paths whose drift has one direction go together."""
     d, m, done, largest, noise, drift = dimension(model), noises(model), 0, 0.0, 0, 0
     groups, backwards = noise_groups(model), y[d * LANES :]
@@ -276,7 +340,7 @@ def judged_step_of_large(model, paths, h, dW, uniforms, y, work, report):
         directions[lane] = 1.0 - 2.0 * backwards[lane]
     lanes, forwards = lanes_by_coin(paths, directions)
     while done < paths:
-        count, width = group_size((forwards if done < forwards else paths) - done)
+        count, width = group_size(model, (forwards if done < forwards else paths) - done)
         some, t = lanes[done : done + count], h if done < forwards else -h
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 1.0, times)

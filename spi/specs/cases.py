@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic
 
+from ..compiler.dispatch import answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
+    at_temperature,
     casimir_degrees,
     conserved,
     dimension,
@@ -20,6 +22,7 @@ from ..ensemble.protocol import (
     has_friction,
     large,
     noise_indices,
+    noises,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
@@ -28,6 +31,7 @@ from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
+from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -212,7 +216,9 @@ class BaseCase(Keys):
         model = undamped(self.model)
         values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
         for key, value in values.items():
-            if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
+            if hasattr(value, "_fields"):
+                values[key] = str(value)
+            elif isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
                 values[key] = "; ".join(map(str, value))
         damping = {"damping": self.damping} if self.damping else {}
         return values | damping | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
@@ -254,9 +260,17 @@ class BaseCase(Keys):
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
 
+    @property
+    def in_parts(self) -> bool:
+        """Whether there is one path only, whose state threads share."""
+        return False
+
     @condition
     def _check_needs(self) -> None:
         """The facts that schemes need hold for the model."""
+        if noises(self.model) > MOST_NOISES and not self.in_parts:
+            right = f"paths have at most {MOST_NOISES}; larger lattices of spins need kind equilibrium with samples: 1"
+            raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             needs = self.row(name).needs
             if large(self.model) and not self.row(name).for_large_models:
@@ -413,9 +427,11 @@ def _thermal(case: Any) -> Any:
     if described(case.noise):
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
-    if not noise_indices(model):
+    with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
+    if with_bath is None or not noise_indices(with_bath):
         fault = "is given to a model without noise, which nothing would bring to it"
-        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
+        key = "alpha" if answers(at_temperature, model) else "sigma"
+        raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")

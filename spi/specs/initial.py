@@ -28,6 +28,7 @@ from ..exact.surfaces import least_on, quadratic, spheres
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError, parse
 from ..models.delegation import undamped
+from ..models.spins import Spins
 from ..models.zeitlin import fields
 from ..models.zeitlin.tables import places
 from ..systems import expanded, has_range, variables
@@ -441,6 +442,42 @@ def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *
     return values
 
 
+def _one_or_more(value: Any) -> Any:
+    """A single direction as a list of it."""
+    return [value] if isinstance(value, list) and not any(isinstance(entry, list) for entry in value) else value
+
+
+class SpinStates(Keys):
+    """Spins along one direction, along one for each site of the cell, or in random directions."""
+
+    spins: key_of(
+        Annotated[
+            Literal["random"] | tuple[State, ...],
+            pydantic.BeforeValidator(_one_or_more),
+        ],
+        "the direction of all spins, a list of those of the sites of a cell, or random",
+    )
+    seed: key_of(Seed, "of random directions") = 1
+
+    def state(self, model: Any) -> tuple[float, ...]:
+        """The state of a lattice of spins."""
+        if model is None:  # it is wrong, which is reported
+            return ()
+        if not isinstance(undamped(model), Spins):
+            raise wrong("has spins, which is for the model spins", "give a list, a number per component", "spins")
+        sites, of_cell = undamped(model).sites.sites, undamped(model).sites.of_cell
+        if self.spins == "random":
+            directions = np.random.default_rng(self.seed).standard_normal((sites, 3))
+        else:
+            if any(len(direction) != 3 or not any(direction) for direction in self.spins):
+                raise wrong("has a direction that is none", "give three numbers, not all 0, such as [0, 0, 1]", "spins")
+            given = np.array(self.spins, float)
+            if len(given) not in (1, of_cell.max() + 1):
+                raise wrong(f"has {entries_in(len(given))}", f"must have 1 or {of_cell.max() + 1}", "spins")
+            directions = given[of_cell] if len(given) > 1 else np.tile(given, (sites, 1))
+        return tuple((directions / np.linalg.norm(directions, axis=1, keepdims=True)).ravel().tolist())
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # All of them
 # ---------------------------------------------------------------------------------------------------------------------
@@ -452,7 +489,10 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
         return numbers(_with_ranges(value, info))
     if "law" in value:
         return random_state(value, info.data.get("model"), cast(Files, info.context))
-    given, model = (Stored if "file" in value else Vorticity).model_validate(value), info.data.get("model")
+    model = info.data.get("model")
+    if "spins" in value:
+        return SpinStates.model_validate(value).state(model)
+    given = (Stored if "file" in value else Vorticity).model_validate(value)
     if model is None:  # it is wrong, which is reported
         return ()
     n = fields.lattice_of(model)
@@ -484,6 +524,6 @@ def _plain(value: Any) -> Any:
 #: The annotation of ``initial``.
 Initial = Annotated[
     State,
-    pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | Stored | Law),
+    pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | SpinStates | Stored | Law),
     pydantic.PlainSerializer(_plain),
 ]

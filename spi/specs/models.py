@@ -23,7 +23,8 @@ from pydantic_core import PydanticCustomError
 from .. import systems
 from ..checks.model_checks import check_once
 from ..compiler import modules
-from ..ensemble.protocol import fault, large
+from ..compiler.dispatch import answers
+from ..ensemble.protocol import fault, large, state_fault
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from .document import Document, Location, SpecError
@@ -257,6 +258,8 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     """Raise the error about a model that is not built in and fails the generic checks."""
     model = undamped(model)
     if large(model):
+        if fault := answers(state_fault, model) and state_fault(model, initial):
+            raise wrong(*fault, "initial")
         return
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
 from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen
+from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
 from spi.kinds.functions import PathFunction, check_function, path_function
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
@@ -99,6 +99,11 @@ class Case(BaseCase):
         """The time that does not count."""
         return _BURNT * self.last_time if self.burn_in is None else self.burn_in
 
+    @property
+    def in_parts(self) -> bool:
+        alone = self.samples == 1 and not self.truncate_noise and not self.driver and answers(one_path, self.model)
+        return alone and all(one_path(self.model, self.row(name).record, self.steps[0]) for name in self.schemes)
+
     @condition
     def _check_steps(self) -> Self:
         if (self.step_count is None) == (self.final_time is None):
@@ -152,7 +157,8 @@ class Case(BaseCase):
             right = f"must leave {_LEAST_KEPT}: final_time {quantity(self.burnt + _LEAST_KEPT * self.between)} or more"
             raise wrong(mistake, right, "final_time")
         states = 1 + STEPS_PER_TOSS * max(self.steps) / self.between
-        if 8 * LANES * BATCHES * dimension(self.model) * states > _MOST_BYTES:
+        lanes = 1 if self.in_parts else LANES
+        if 8 * lanes * BATCHES * dimension(self.model) * states > _MOST_BYTES:
             right = f"must be larger, such as {quantity(STEPS_PER_TOSS * max(self.steps))}"
             raise wrong("records more states at a time than fit", right, "spacing")
         return self

@@ -178,17 +178,19 @@ class Recorder(NamedTuple):
         """The lengths of the axes of the fields of :class:`Paths` about functions."""
         return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2}
 
-    def values(self, y: Array, n: int) -> Array:
+    def values(self, y: Array, n: int, lanes: int = LANES) -> Array:
         """(F, blocks, LANES, K): the functions, less their origins, of those of recorded states that count.
 
-        The states (blocks, 1 + recorded, d * LANES) are those recorded after step n; the first has no meaning.
+        The states (blocks, 1 + recorded, d * lanes) are those recorded after step n; the first has no meaning.  Those
+        of one lane stand for all.
         """
         begin = 1 + max(0, self.series.first - n // self.series.stride)
         end = 1 + max(0, self.series.total - n // self.series.stride)
-        states = np.moveaxis(y.reshape(*y.shape[:2], -1, LANES)[:, begin:end], 2, 0)
+        states = np.moveaxis(y.reshape(*y.shape[:2], -1, lanes)[:, begin:end], 2, 0)
         values = evaluated(self.functions, states)
         values -= self.origins.reshape(-1, 1, 1, 1)
-        return np.ascontiguousarray(np.swapaxes(values, 2, 3))
+        values = np.swapaxes(values, 2, 3)
+        return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], LANES, values.shape[3])))
 
     def recorded(self, paths: Paths, values: Array, n: int, first: int, end: int) -> Paths:
         """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""

@@ -20,7 +20,8 @@ import numpy as np
 from spi.ensemble import loop
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
-from spi.ensemble.protocol import casimirs
+from spi.ensemble.protocol import casimirs, one_path
+from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.blocks import reported
 from spi.kinds.functions import evaluated
@@ -60,6 +61,16 @@ class EquilibriumPlan(Plan):
 
     law: SphereLaw | None  #: the limit of the law of the states, None where that is not known
 
+    @functools.cached_property
+    def one_path(self) -> tuple[Any, ...]:
+        """The movers of a single path of each step size, where threads share its state; otherwise none."""
+        return tuple(one_path(self.case.model, self.scheme, h) for h in self.case.steps) if self.case.in_parts else ()
+
+    @property
+    def lanes(self) -> int:
+        """The states that stand together in an array."""
+        return 1 if self.one_path else LANES
+
     @property
     def records(self) -> np.ndarray:
         """The numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
@@ -83,7 +94,7 @@ class EquilibriumPlan(Plan):
         """(low, width), (F,) each, of the bins of the functions, from values of the first block."""
         steps = min(self.case.counts[number], _PILOT)
         y, _, _ = self._integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
-        states = np.moveaxis(y.reshape(y.shape[1], -1, LANES)[y.shape[1] // 2 :], 1, 0)
+        states = np.moveaxis(y.reshape(y.shape[1], -1, self.lanes)[y.shape[1] // 2 :], 1, 0)
         values = evaluated(self.case.path_functions, states)
         return means.bins_around(values.reshape(len(values), -1), self.case.bins)
 
@@ -126,11 +137,15 @@ class EquilibriumPlan(Plan):
 
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
         """The states of `blocks` blocks before their first step."""
+        if self.one_path:
+            return np.array([self.initial] * blocks)
         times = loop.grid(self.case.steps[number], 1)
         return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 
     def kernel_calls(self) -> list[KernelCall]:
-        """One step of the first block."""
+        """One step of the first block, or of the one path."""
+        if self.one_path:
+            return [KernelCall(*self.one_path[0].call)]
         return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
 
     def advance(
@@ -167,6 +182,10 @@ class EquilibriumPlan(Plan):
         as `every` nothing is stored.
         """
         h, case = self.case.steps[number], self.case
+        if self.one_path:
+            stored, last = self.one_path[number].moved(y[0], n, steps, every, int(self.stream.seed), 0)
+            stored = np.concatenate([y, stored])[np.newaxis] if every else np.empty((1, 0, len(last)))
+            return stored, last[np.newaxis, np.newaxis], np.zeros((1, 1, len(REPORT)))
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
         times = loop.grid(h, steps, truncate=case.truncate_noise, area_terms=terms, first_step=n)
         count = 1 + (n + steps) // every - n // every if every else 0
@@ -187,11 +206,13 @@ class EquilibriumPlan(Plan):
         recording = recorder is not None and stop > recorder.series.first * recorder.series.stride
         every = recorder.series.stride if recorder and recording else 0
         stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
-        y, (states,) = rows[:, 0], loop.paths_of(rows, len(self.initial))
+        y, (states,) = rows[:, 0], rows[:, 0].T[np.newaxis] if self.one_path else loop.paths_of(rows, len(self.initial))
         paths = paths._replace(n=stop, y=y, report=loop.add_reports(paths.report, report))
         with np.errstate(all="ignore"):
             if recorder and recording:
-                paths = recorder.recorded(paths, recorder.values(stored, before), before, chunk.first, chunk.end)
+                paths = recorder.recorded(
+                    paths, recorder.values(stored, before, self.lanes), before, chunk.first, chunk.end
+                )
             if stop in self.records:
                 errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
                 paths = paths._replace(casimir=errors)
@@ -218,7 +239,7 @@ class EquilibriumPlan(Plan):
         """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
         if not errors.shape[1]:
             return errors
-        first = self.initial_casimirs(block, states.shape[1] // LANES)
+        first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]
         grown = np.reshape(growth(self.model, n * h), (-1, 1))
         change = casimirs_of_states(self.model, states) * grown - first
         errors = errors.copy()

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Le
 
+from ...numerics.rng import MOST_NOISES
 from .kernels import tables
 from .tables import Mode, lines, modes, shell
 
@@ -89,8 +90,8 @@ class Zeitlin(NamedTuple):
         if twice and twice[0][1] > 1:
             ((mode, _), _) = twice[0]
             return "noise", f"has the mode [{mode[0]}, {mode[1]}] twice", "add up the squares of the strengths instead"
-        if len(model.processes) > _MOST_PROCESSES:
-            return "noise", f"has {len(model.processes)} Wiener processes", f"at most {_MOST_PROCESSES} are possible"
+        if len(model.processes) > MOST_NOISES:
+            return "noise", f"has {len(model.processes)} Wiener processes", f"at most {MOST_NOISES} are possible"
         return None
 
     @property
@@ -104,9 +105,6 @@ class Zeitlin(NamedTuple):
             for mode in _modes_of(noise, model.n)
             for form in forms[noise.hamiltonian]
         )
-
-
-_MOST_PROCESSES = 4096  # channels of the random numbers
 
 
 def _modes_of(noise: Noise, n: int) -> tuple[Mode, ...]:

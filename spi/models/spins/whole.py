@@ -1,0 +1,254 @@
+"""One path of one large lattice: the lanes of a block are parts of the lattice, and threads share its sites.
+
+A lattice of L_1 x L_2 x L_3 cells is cut into 64 equal parts, one in each lane, so that the flows of ``kernels.py``
+move 64 sites in vector instructions as they move 64 paths; a bond that leaves a part leads to another lane.  Random
+numbers are made where they are used: those of a site and step are one evaluation of the generator.  So the state is all
+that is stored, 24 bytes a spin.
+"""
+
+import functools
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import get_num_threads, prange
+
+from ...compiler.dispatch import device, kernel
+from ...ensemble.scheme_protocol import judges
+from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair
+from .kernels import SITES as BY_SITES
+from .kernels import SPIN, add_field, judge_turns, move_members, spin_of, take_away_roundings, turn_at_random
+from .tables import tables
+
+#: The kinds of rows of a program: flows of a piece, of friction, of the noise, judged noise of a colour of sites.
+FLOW, NOISE, JUDGED, ROUNDINGS = range(4)
+_MOST_SITES = 2**16  # channels of the random numbers, sites of a part
+_MOST_SHARES = 64  # into which sites are divided among threads
+
+
+class Program(NamedTuple):
+    """The flows of a step, one after the other."""
+
+    kind: np.ndarray  #: (rows,) those above
+    piece: np.ndarray  #: (rows,) the piece; of noise the number of its draw
+    time: np.ndarray  #: (rows,) the time of the flow, of noise that over which it acts
+    draws: int  #: evaluations of the generator for each site and step
+    alpha: float  #: the damping of flows, 0 where noise is judged with its friction
+    joined: bool  #: whether the last flow of a step and the first of the next one are one flow
+
+
+@functools.lru_cache(8)
+def parts_of(model: Any) -> tuple[int, int, int] | None:
+    """The number of parts along each vector, 64 in all, with the smallest faces; None if there is no such division."""
+    size = (*model.size, 1, 1)[:3]
+    if not model.is_periodic:
+        return None
+    best, least = None, math.inf
+    for parts in itertools.product((1, 2, 4, 8, 16, 32, 64), repeat=3):
+        lengths = [length / part for length, part in zip(size, parts, strict=True)]
+        if math.prod(parts) != LANES or any(length % 1 for length in lengths):
+            continue
+        faces = sum(1 / length for length, part in zip(lengths, parts, strict=True) if part > 1)
+        faces += sum(10.0 for length in lengths if length % 2 and length > 1)  # odd lengths need more colours
+        if faces < least and not _part(model, parts).fault():
+            best, least = parts, faces
+    return best
+
+
+def _part(model: Any, parts: tuple[int, ...]) -> Any:
+    """The model of one part."""
+    return model._replace(size=tuple(length // part for length, part in zip(model.size, parts, strict=False)))
+
+
+class Whole(NamedTuple):
+    """A lattice in parts, and the program of a step of a scheme with the step size h."""
+
+    model: Any  #: the record of a part for kernels
+    sites: np.ndarray  #: (sites of a part, LANES): the number of each site in the lattice
+    program: Program
+
+    @classmethod
+    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "Whole | None":
+        """The program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
+        parts, stages = parts_of(model), getattr(scheme, "stages", None)
+        if parts is None or not (stages or judges(scheme)):
+            return None
+        part = _part(model, parts)
+        record = tables(part, temperature, parts)
+        program = program_of(stages, record, h) if stages else judged_program(record, h)
+        if program is None or len(record.moment) > _MOST_SITES:
+            return None
+        return cls(record, _places(model, part, parts), program)
+
+    def block(self, state: np.ndarray) -> np.ndarray:
+        """The parts of a state (3 sites,)."""
+        return np.ascontiguousarray(np.reshape(state, (-1, 3))[self.sites].transpose(0, 2, 1)).ravel()
+
+    def state(self, block: np.ndarray) -> np.ndarray:
+        """The state of its parts."""
+        state = np.empty((self.sites.size, 3))
+        state[self.sites] = block.reshape(-1, 3, LANES).transpose(0, 2, 1)
+        return state.ravel()
+
+    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any]:
+        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state)."""
+        y, n, end, stored = self.block(state), first, first + steps, []
+        while n < end:
+            stop = min(end, (n // every + 1) * every) if every else end
+            self.move(y, n, stop - n, seed, path)
+            n = stop
+            if every and n % every == 0:
+                stored.append(self.state(y))
+        return np.reshape(stored, (-1, len(state))), self.state(y)
+
+    @property
+    def call(self) -> tuple[Any, tuple[Any, ...]]:
+        """The kernel and the arguments of a call of no steps, which only has it compiled."""
+        return move_lattice, self._arguments(self.block(np.zeros(3 * self.sites.size)), 0, 0, 0, 0)
+
+    def _arguments(self, y: np.ndarray, first: int, steps: int, seed: int, path: int) -> tuple[Any, ...]:
+        threads = get_num_threads()
+        shares = 1 if threads == 1 else min(_MOST_SHARES, 4 * threads)
+        return self.model, self.program, y, first, steps, np.uint64(seed), np.uint64(path), shares
+
+    def move(self, y: np.ndarray, first: int, steps: int, seed: int, path: int = 0) -> None:
+        """Move the parts `y` on in place, by `steps` steps from number `first` on."""
+        move_lattice(*self._arguments(y, first, steps, seed, path))
+
+
+def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
+    """The number in the lattice of each site of a part in each lane."""
+    per_cell = len(model.cell.sites)
+    size, lengths = (*model.size, 1, 1)[:3], (*part.size, 1, 1)[:3]
+    cell, within = np.divmod(np.arange(math.prod(lengths) * per_cell), per_cell)
+    here = np.stack(np.unravel_index(cell, lengths), axis=1)
+    lane = np.stack(np.unravel_index(np.arange(LANES), parts), axis=1)
+    at = here[:, np.newaxis] + lane * np.array(lengths)
+    return np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), size) * per_cell + within[:, np.newaxis]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Programs.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def program_of(stages: Any, record: Any, h: float) -> Program | None:
+    """The program of a composition; None where it tosses coins or shares increments."""
+    rows: list[tuple[int, int, float]] = []
+    draws = 0
+    for stage in stages:
+        part, t = type(stage.part).__name__, stage.fraction * h
+        if stage.coin is not None or stage.shared is not None or part not in ("Noise", "Drift", "Friction"):
+            return None
+        if part == "Noise":
+            if record.m:
+                rows.append((NOISE, draws, t))
+                draws += 1
+        else:
+            pieces = range(record.p) if part == "Drift" else range(record.p, len(record.form))
+            rows += [(FLOW, k, share * t) for k, share in type(stage.order).arranged(tuple(pieces))]
+    return _program(rows, draws, record.alpha)
+
+
+def judged_program(record: Any, h: float) -> Program | None:
+    """Noise judged site by site and the drift, which conserves H; None where it does not, since it would be judged."""
+    if (record.form[: record.p] != BY_SITES).any() or record.m == 0:
+        return None
+    *first, last = range(record.p)
+    rows = [(JUDGED, k, h) for k in (*first, last)]
+    rows += [*((FLOW, k, h / 2) for k in first), (FLOW, last, h), *((FLOW, k, h / 2) for k in first[::-1])]
+    return _program(rows, 2, 0.0)
+
+
+def _program(rows: list[tuple[int, int, float]], draws: int, alpha: float) -> Program:
+    if NOISE not in {kind for kind, _, _ in rows}:
+        rows = [*rows, (ROUNDINGS, 0, 0.0)]
+    first, last = rows[0], rows[-1]
+    joined = len(rows) > 1 and first[0] == last[0] == FLOW and first[1] == last[1]
+    kind, piece, time = zip(*rows, strict=True)
+    return Program(np.array(kind), np.array(piece), np.array(time), draws, alpha, joined)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The loop over time.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@kernel(parallel=True)
+def move_lattice(model, program, y, first, steps, seed, path, shares):
+    """Move a lattice in parts on in place.
+
+    The sites of a flow do not touch each other and go in `shares` to threads: the bits are the same for any number.
+    Steps end at multiples of STEPS_PER_TOSS and at the last one; between them two flows of a piece become one.
+    """
+    records = [(model, program)]
+    rows = len(program.kind)
+    for n in range(first, first + steps):
+        ends = not program.joined or (n + 1) % STEPS_PER_TOSS == 0 or n + 1 == first + steps
+        begins = not program.joined or n % STEPS_PER_TOSS == 0 or n == first
+        for row in range(rows if ends else rows - 1):
+            t = program.time[row]
+            if row == 0 and not begins:
+                t = t + program.time[rows - 1]
+            for share in prange(shares):
+                of_share, its_program = records[0]  # Numba's prange cannot take nested tuples, but a list
+                _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
+
+
+@device(inline=False)
+def _run_share(model, program, row, t, share, shares, y, n, seed, path):
+    """One share of the members, or sites, of one row of a program."""
+    kind, k = program.kind[row], program.piece[row]
+    work = np.empty(2 * SPIN)
+    if kind in (FLOW, JUDGED):
+        count = model.first[k + 1] - model.first[k]
+        begin, end = model.first[k] + count * share // shares, model.first[k] + count * (share + 1) // shares
+    else:
+        begin, end = len(model.moment) * share // shares, len(model.moment) * (share + 1) // shares
+    if kind == FLOW:
+        move_members(model, k, t, program.alpha, begin, end, y, work)
+    elif kind == NOISE:
+        turn_sites_at_random(model, t, begin, end, y, np.uint64(n * program.draws + k), seed, path)
+    elif kind == JUDGED:
+        judge_sites(model, t, begin, end, y, np.uint64(2 * n), seed, path, work)
+    else:
+        take_away_roundings(model, begin, end, y)
+
+
+@device
+def draw_site(i, draw, seed, path, words, normals, scale):
+    """Three normals of standard deviation `scale` in each lane for site i of a part, in `normals` (4 LANES)."""
+    draw_words(seed, np.uint64(SITES), np.uint64(i), draw, path, words)
+    for lane in range(LANES):
+        pair = normal_pair(words[lane], words[2 * LANES + lane], scale)
+        normals[lane], normals[LANES + lane] = pair
+    for lane in range(LANES):
+        pair = normal_pair(words[LANES + lane], words[3 * LANES + lane], scale)
+        normals[2 * LANES + lane], normals[3 * LANES + lane] = pair
+
+
+@device(inline=False)
+def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
+    """The noise of the sites of a part from `begin` to before `end` over the time t."""
+    words, normals = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES)
+    for i in range(begin, end):
+        draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
+        turn_at_random(model, i, i + 1, normals, y)
+    take_away_roundings(model, begin, end, y)
+
+
+@device(inline=False)
+def judge_sites(model, h, begin, end, y, draw, seed, path, work):
+    """Turns of sites of a colour about the three axes, with their friction, each accepted or not."""
+    words, normals, uniforms = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES), np.empty(4 * LANES)
+    for e in range(begin, end):
+        i = model.member[e, 0]
+        draw_site(i, draw, seed, path, words, normals, np.sqrt(h))
+        draw_words(seed, np.uint64(SITES), np.uint64(i), draw + np.uint64(1), path, words)
+        for lane in range(3 * LANES):
+            uniforms[lane] = np.float64(np.int64(words[lane])) * 2.0**-32 + 2.0**-33
+        add_field(model, i, y, work)
+        for a in range(3):
+            some = slice(a * LANES, (a + 1) * LANES)
+            judge_turns(model, i, a, h, normals[some], uniforms[some], spin_of(y, i), work)

@@ -1,0 +1,248 @@
+"""Lattices of spins: flows against the field of H by finite differences, conservation, laws known in closed form."""
+
+import itertools
+
+import numba
+import numpy as np
+import pytest
+
+from spi.ensemble.increments import brownian
+from spi.ensemble.loop import grid, integrated
+from spi.ensemble.protocol import (
+    add_block_drift,
+    at_temperature,
+    block_drift_flow,
+    block_friction_flow,
+    block_work,
+    hamiltonian,
+    in_kernels,
+    one_path,
+    pieces,
+)
+from spi.models.delegation import thermal
+from spi.models.spins import Anisotropy, Spins, Terms, Transport
+from spi.models.spins.lattices import LATTICES, lattice
+from spi.models.spins.tables import moves
+from spi.numerics.rng import LANES
+from spi.schemes import SCHEMES, of_model
+
+pytestmark = pytest.mark.xdist_group("spins")
+
+CASES = {
+    "heisenberg": Spins("ring", (6,), (Terms(1.3),), field=(0.3, 0.2, -0.5), mu=1.5),
+    "xyz": Spins("ring", (5,), (Terms((1.0, -0.5, 0.7)),), anisotropy=Anisotropy(0.4, (1.0, 1.0, 0.0), 0.3)),
+    "chiral": Spins("square", (4, 3), (Terms(1.0, 0.6),), alpha=0.3),
+    "ferrimagnet": Spins(
+        "honeycomb",
+        (2, 2),
+        (Terms((1.0, 1.0, 0.3), (0.2, 0.4, 0.1)), Terms(0.5, types=(1,))),
+        mu=(1.0, 2.0),
+        alpha=0.3,
+        anisotropy=Anisotropy(0.4, (1.0, 1.0, 0.0), 0.3),
+        field=(0.0, 0.0, 1.0),
+    ),
+    "bcc": Spins("bcc", (2, 2, 3), (Terms(1.0),), mu=(1.0, 2.0)),
+    "triangular": Spins("triangular", (3, 4), (Terms(-1.0, 0.2),)),
+}
+
+
+def spins_of(seed: int, sites: int, lanes: int = LANES) -> np.ndarray:
+    """(sites, 3, lanes) of length 1."""
+    s = np.random.default_rng(seed).standard_normal((sites, 3, lanes))
+    return s / np.linalg.norm(s, axis=1, keepdims=True)
+
+
+def drift(record, s: np.ndarray) -> np.ndarray:
+    """mu s' = b x s + alpha (b - (s . b) s) of a state (sites, 3), b by finite differences of H."""
+    b = np.zeros_like(s)
+    for i, a in np.ndindex(*s.shape):
+        e = np.zeros_like(s)
+        e[i, a] = 1e-5
+        b[i, a] = (hamiltonian(record, (s - e).ravel()) - hamiltonian(record, (s + e).ravel())) / 2e-5
+    damping = record.alpha * (b - (b * s).sum(axis=1, keepdims=True) * s)
+    return (np.cross(b, s) + damping) / record.moment[:, np.newaxis]
+
+
+def stepped(record, t: float, s: np.ndarray) -> np.ndarray:
+    """The palindrome of all flows over the time t."""
+    y, work = s.ravel().copy(), np.zeros(block_work(record))
+    for k in range(pieces(record)):
+        block_drift_flow(record, k, t / 2, LANES, y, work)
+    for backwards in (False, True):
+        block_friction_flow(record, backwards, t / 2, LANES, y, work)
+    for k in range(pieces(record) - 1, -1, -1):
+        block_drift_flow(record, k, t / 2, LANES, y, work)
+    return y.reshape(s.shape)
+
+
+@pytest.mark.parametrize("by", ["bonds", "sites"])
+@pytest.mark.parametrize("name", CASES)
+def test_flows_add_up_to_the_field(name, by):
+    """To first order in t, in every term; with another sign of one term they would not."""
+    model = CASES[name]._replace(by=by)
+    assert model.fault() is None
+    record = in_kernels(model)
+    s = spins_of(1, record.d // 3)
+    field, out = drift(record, s[:, :, 0]), np.zeros(s.size)
+    add_block_drift(record, 1.0, LANES, s.ravel(), out, np.zeros(block_work(record)))
+    assert abs(out.reshape(s.shape)[:, :, 0] - field).max() < 1e-9
+    h = 1e-4
+    by_flows = (stepped(record, h, s) - stepped(record, -h, s))[:, :, 0] / (2 * h)
+    assert abs(by_flows - field).max() < 1e-6
+    other = in_kernels(model._replace(bonds=(model.bonds[0]._replace(exchange=-0.5), *model.bonds[1:])))
+    assert abs(by_flows - drift(other, s[:, :, 0])).max() > 1e-2
+
+
+@pytest.mark.parametrize(("name", "by"), [*itertools.product(["heisenberg", "bcc", "triangular"], ["bonds", "sites"])])
+def test_what_long_paths_conserve(name, by):
+    """By bonds the total of mu s without a field, by sites H; lengths and reversibility in both."""
+    model = CASES[name]._replace(by=by, field=(0.0, 0.0, 0.0))
+    model = model._replace(bonds=(model.bonds[0]._replace(dm=0.0),))
+    record = in_kernels(model)
+    s = spins_of(2, record.d // 3)
+    y = s
+    for _ in range(200):
+        y = stepped(record, 0.5, y)
+    assert abs((y**2).sum(axis=1) - 1).max() < 1e-14
+    total = abs(np.tensordot(record.moment, y - s, axes=1)).max()
+    energy = abs(hamiltonian(record, y[:, :, 3].ravel()) - hamiltonian(record, s[:, :, 3].ravel()))
+    conserved, other = (total, energy) if by == "bonds" else (energy, total)
+    assert conserved < 1e-12 < 1e-4 < other
+    there = y
+    for t in [0.5] * 8 + [-0.5] * 8:
+        y = stepped(record, t, y)
+    assert abs(y - there).max() < 1e-11
+
+
+def test_a_pair_has_its_period():
+    """2 pi / (J |s_1 + s_2|), in one step by bonds; half a period is far away."""
+    record = in_kernels(Spins("chain", (2,), (Terms(0.7),)))
+    s = spins_of(3, 2)
+    s[:] = s[:, :, :1]
+    period = 2 * np.pi / (0.7 * np.linalg.norm(s[:, :, 0].sum(axis=0)))
+    assert abs(stepped(record, period, s) - s).max() < 1e-14
+    assert abs(stepped(record, period / 2, s) - s).max() > 0.1
+
+
+def test_matrices_are_sums_of_their_moves():
+    for seed, matrix in enumerate([np.eye(3) * -2, np.diag([1.0, 1, 0.3]), np.diag([1.0, 1, 0]), *np.ones((6, 3, 3))]):
+        if seed > 2:
+            matrix = np.random.default_rng(seed).standard_normal((3, 3))
+        parts = moves(matrix)
+        total = np.zeros((3, 3))
+        for part in parts:
+            f = part.frame
+            total += part.strength * (np.outer(f[:3], f[3:6]) if part.form == 2 else f.reshape(3, 3))
+        assert np.allclose(total, matrix, atol=1e-14)
+        assert len(parts) == [1, 2, 2, 3, 3, 3, 3, 3, 3][seed]
+
+
+@pytest.mark.parametrize("name", LATTICES)
+def test_colours_touch_nothing_twice(name):
+    of = lattice(LATTICES[name], (4, 6, 3)[: len(LATTICES[name].vectors)], name != "chain")
+    for colour in range(of.bond_colours.max() + 1):
+        ends = of.bonds[of.bond_colours == colour].ravel()
+        assert len(np.unique(ends)) == len(ends)
+    assert (of.site_colours[of.bonds[:, 0]] != of.site_colours[of.bonds[:, 1]]).all()
+    degree = {"chain": 1.5, "ring": 2, "square": 4, "triangular": 6, "honeycomb": 3, "cubic": 6, "bcc": 8}[name]
+    assert len(of.bonds) == degree * of.sites / 2
+
+
+def paths(model, temperature, scheme, h, steps, blocks, states, seed=1):
+    """The states (sites, 3, paths) of paths that begin at `states` (sites, 3)."""
+    at = thermal(model, temperature)
+    record, entry = in_kernels(at), of_model(SCHEMES[scheme], at)
+    y, _ = integrated(entry.record, record, states.ravel(), grid(h, steps), brownian(seed), 0, blocks, blocks * LANES)
+    y = y[:, 0, : record.d * LANES].reshape(blocks, -1, 3, LANES)
+    return np.concatenate(list(y), axis=-1)
+
+
+def mean_and_error(values: np.ndarray) -> tuple[float, float]:
+    return values.mean(), values.std() / np.sqrt(values.size)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.5])
+def test_free_spins_forget(alpha):
+    """E s(t) . s(0) = exp(-2 alpha T t / mu), of which the step by one turn of a Gaussian vector has two orders."""
+    model = Spins("chain", (1,), (), mu=1.5, alpha=alpha)
+    first = spins_of(4, 1, 1)[:, :, 0]
+    last = paths(model, 0.6, "splitting_symmetric", 0.125, 8, 128, first)
+    mean, error = mean_and_error(np.einsum("ia,iap->p", first, last))
+    exact = np.exp(-2 * alpha * 0.6 / 1.5)
+    assert abs(mean - exact) < 4 * error < 0.05
+    assert abs(mean - np.exp(-2 * alpha * 0.6)) > 5 * error
+
+
+@pytest.mark.parametrize(("by", "mu"), [("bonds", (1.0,)), ("sites", (1.0, 3.0))])
+def test_energies_of_chains(by, mu):
+    """1/K - coth K a bond (Fisher 1964), whatever the moments, exact at large steps where flows are judged.
+
+    Without that the mean is off at the same step.
+    """
+    cell = (
+        LATTICES["chain"]
+        if len(mu) == 1
+        else LATTICES["chain"]._replace(
+            sites=((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)), bonds=((0, 1, (0, 0, 0)), (1, 0, (1, 0, 0)))
+        )
+    )
+    size = (16 // len(mu),)
+    model = Spins(cell, size, (Terms(1.0),), mu=mu, alpha=0.5, boundary="open", by=by)
+    exact = 0.5 - 1 / np.tanh(2)
+    up = np.tile([0.0, 0.0, 1.0], (16, 1))
+    energies = {}
+    for scheme in ("splitting_metropolis", "splitting"):
+        s = paths(model, 0.5, scheme, 1.0, 64, 48, up)
+        energies[scheme] = mean_and_error(-(s[:-1] * s[1:]).sum(axis=1).mean(axis=0))
+    mean, error = energies["splitting_metropolis"]
+    assert abs(mean - exact) < 4 * error < 0.01
+    mean, error = energies["splitting"]
+    assert abs(mean - exact) > 20 * error
+
+
+@pytest.mark.parametrize("scheme", ["splitting_symmetric", "splitting_metropolis"])
+@pytest.mark.parametrize("by", ["bonds", "sites"])
+def test_one_large_lattice(by, scheme):
+    """The lattice in parts moves as the whole in one lane without noise; with noise the bits are those of any threads.
+
+    Paths stop and go on at multiples of 128 steps.
+    """
+    model = Spins("cubic", (8, 8, 8), (Terms(1.0, 0.2),), field=(0.0, 0.1, 0.2), by=by)
+    s = spins_of(5, 512, 1)[:, :, 0]
+    entry = of_model(SCHEMES["splitting_symmetric"], model)
+    _, last = one_path(model, entry.record, 0.125).moved(s.ravel(), 0, 16, 0, 1, 0)
+    whole = paths(model, np.inf, "splitting_symmetric", 0.125, 16, 1, s)[:, :, 0]
+    assert abs(last - whole.ravel()).max() < 1e-13
+    at = at_temperature(model._replace(alpha=0.3), 0.8)
+    mover = one_path(at, of_model(SCHEMES[scheme], at).record, 0.25)
+    if mover is None:
+        assert (by, scheme) == ("bonds", "splitting_metropolis")
+        return
+    before, results = numba.get_num_threads(), []
+    for threads, stops in ((1, (256,)), (min(2, before), (256,)), (1, (128, 128))):
+        numba.set_num_threads(threads)
+        y, n = s.ravel(), 0
+        for steps in stops:
+            _, y = mover.moved(y, n, steps, 0, 7, 0)
+            n += steps
+        results.append(y)
+    numba.set_num_threads(before)
+    assert all(np.array_equal(results[0], other) for other in results[1:])
+    assert not np.array_equal(results[0], mover.moved(s.ravel(), 0, 256, 0, 8, 0)[1])
+    assert abs(np.linalg.norm(results[0].reshape(-1, 3), axis=1) - 1).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"size": (4, 4)}, "size"),
+        ({"size": (1,)}, "lattice"),
+        ({"bonds": (Terms(1.0, types=(3,)),)}, "bonds"),
+        ({"mu": (1.0, 2.0)}, "mu"),
+        ({"alpha": 0.1, "noise": Transport(0.2)}, "noise"),
+        ({"lattice": LATTICES["ring"]._replace(bonds=((0, 2, (1, 0, 0)),))}, "lattice"),
+    ],
+)
+def test_faults(changes, key):
+    assert Spins("ring", (4,), (Terms(1.0),)).fault() is None
+    assert Spins("ring", (4,), (Terms(1.0),))._replace(**changes).fault()[0] == key
