@@ -85,7 +85,7 @@ class Spins(NamedTuple):
     conserved = 1
 
     def has_friction(model):
-        return model.alpha > 0
+        return isinstance(model, Spins) and model.alpha > 0  # of the class it is not known
 
     def dimension(model):
         return 3 * len(model.cell.sites) * math.prod(model.size)
