@@ -29,9 +29,12 @@ def _mean(weights: Array, c: int, states: Array) -> Any:
     return np.tensordot(weights, _components(states)[:, c], axes=1)
 
 
-def _correlation(ends: Array, states: Array) -> Any:
-    s = _components(states)
-    return (s[ends[:, 0]] * s[ends[:, 1]]).sum(axis=1).mean(axis=0)
+def _correlation(model: Any, r: int, states: Array) -> Any:
+    s = _components(states).reshape(model.size[0], -1, 3, *states.shape[1:])
+    other = np.roll(s, -r, axis=0)
+    if not model.is_periodic:
+        s, other = s[:-r], other[:-r]
+    return (s * other).sum(axis=2).mean(axis=(0, 1))
 
 
 def fields(model: Any, states: Array) -> Array:
@@ -60,7 +63,7 @@ def _spin_temperature(model: Any, states: Array) -> Any:
 @functools.lru_cache(8)
 def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
     """The observables of a lattice by name."""
-    lattice, size = model.sites, (*model.size, 1, 1)[:3]
+    lattice = model.sites
     moment = tables(model, np.inf).moment / lattice.sites
     named: dict[str, Callable[[Array], Any]] = {
         f"m{x}": functools.partial(_mean, moment, c) for c, x in enumerate("xyz")
@@ -68,12 +71,8 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
     if lattice.site_colours.max() == 1:
         staggered = moment * (1 - 2 * lattice.site_colours)
         named |= {f"n{x}": functools.partial(_mean, staggered, c) for c, x in enumerate("xyz")}
-    cells = np.arange(lattice.sites).reshape(*size, -1)
-    for r in range(1, size[0] // 2 + 1 if model.is_periodic else size[0]):
-        there = np.roll(cells, -r, axis=0)
-        whole = slice(None) if model.is_periodic else slice(0, size[0] - r)
-        ends = np.stack([cells[whole].ravel(), there[whole].ravel()], axis=1)
-        named[f"corr{r}"] = functools.partial(_correlation, ends)
+    farthest = model.size[0] // 2 if model.is_periodic else model.size[0] - 1
+    named |= {f"corr{r}": functools.partial(_correlation, model, r) for r in range(1, farthest + 1)}
     named["H"] = functools.partial(_energy, tables(model, np.inf))
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named
