@@ -2,6 +2,7 @@
 
 import itertools
 
+import mpmath
 import numba
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from spi.ensemble.protocol import (
 )
 from spi.models.delegation import thermal
 from spi.models.spins import Anisotropy, Spins, Terms, Transport
+from spi.models.spins.flows import NEAR, towards, towards_near
 from spi.models.spins.lattices import LATTICES, lattice
 from spi.models.spins.tables import moves
 from spi.numerics.rng import LANES
@@ -268,3 +270,20 @@ def test_observables_by_name():
     b = 1.3 * (np.roll(first, 1, axis=0) + np.roll(first, -1, axis=0)) + np.array([0, 0, 0.6])
     expected = (turning**2).sum() / (2 * (first * b).sum())
     assert named["spin_temperature"](states)[0] == pytest.approx(expected, rel=1e-7)
+    for model in CASES.values():
+        states = spins_of(8, in_kernels(model).d // 3)[:, :, :2].reshape(-1, 2)
+        energies = [hamiltonian(in_kernels(model), np.ascontiguousarray(y)) for y in states.T]
+        np.testing.assert_allclose(model.observables()["H"](states), energies, rtol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1e-9, 0.01, 0.3, 0.5, 3.0, 40.0])
+def test_damped_flow(exponent):
+    """The closed form in 50 digits; both ways where the shorter one is accurate, and only there."""
+    s, n = spins_of(7, 2, 1)[:, :, 0].tolist()
+    with mpmath.workdps(50):
+        u = mpmath.fdot(s, n)
+        c, q = mpmath.cosh(exponent), mpmath.sinh(exponent)
+        exact = [float((x + ((c - 1) * u + q) * m) / (c + u * q)) for x, m in zip(s, n, strict=True)]
+    arguments = (*n, exponent, *s)  # |b| is 1
+    assert np.allclose(towards(*arguments), exact, rtol=0, atol=1e-15)
+    assert (abs(np.array(towards_near(*arguments)) - exact).max() < 1e-15) == (exponent <= NEAR)
