@@ -7,7 +7,7 @@ from states import finished
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.means import OF_PATHS
+from spi.kinds.equilibrium.growth import OF_PATHS
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.running.run import load
 from spi.storage import Part

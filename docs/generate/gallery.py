@@ -199,6 +199,7 @@ TOPICS = {
     "[temperature](temperature.md), [systems at equilibrium](equilibria.md)",
     "Lyapunov exponents and attractors": "[Lyapunov exponents](lyapunov.md)",
     "Fluids on the torus": "[fluids](fluids.md)",
+    "Lattices of spins": "[lattices of spins](spins.md)",
     "Systems in YAML": "[systems in YAML](own_systems.md), [time-dependent Hamiltonians](driving.md)",
 }
 
@@ -221,8 +222,8 @@ def topic(name: str, keys: Mapping[str, Any]) -> str:
     model, kind = keys.get("model", {}), _OF_KINDS[keys["kind"]]
     if "figure" in keys:
         return "Figures of the paper"
-    if model.get("name") == "zeitlin":
-        return "Fluids on the torus"
+    if model.get("name") in ("zeitlin", "spins"):
+        return "Fluids on the torus" if model["name"] == "zeitlin" else "Lattices of spins"
     if "system" in model and kind != "Statistics and equilibrium":
         return "Systems in YAML"
     return kind

@@ -223,7 +223,7 @@ GROUPS = {
     "errors": "strong and weak errors of schemes, and work against precision",
     "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
     "stability": "large steps, strong noise, fast processes",
-    "systems": "systems written in YAML",
+    "systems": "systems written in YAML, and lattices of spins",
     "fluids": "the sine-Euler equations and their limit",
     "yours": "those in the folder --experiments",
 }
@@ -338,7 +338,7 @@ def _group(heading: "Heading") -> str:
     """The group of an experiment that comes with spi."""
     if heading.figure:
         return "paper"
-    if "system" in heading.model:
+    if "system" in heading.model or heading.model.get("name") == "spins":
         return "systems"
     if heading.model.get("name") in ("sine_euler", "zeitlin"):
         return "fluids"

@@ -269,7 +269,10 @@ class BaseCase(Keys):
     def _check_needs(self) -> None:
         """The facts that schemes need hold for the model."""
         if noises(self.model) > MOST_NOISES and not self.in_parts:
-            right = f"paths have at most {MOST_NOISES}; larger lattices of spins need kind equilibrium with samples: 1"
+            right = (
+                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for kind equilibrium with "
+            )
+            right += "samples: 1, splittings without coins, and periodic lengths that can be cut into 64 equal parts"
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             needs = self.row(name).needs

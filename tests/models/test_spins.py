@@ -2,6 +2,7 @@
 
 import itertools
 
+import mpmath
 import numba
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from spi.ensemble.protocol import (
 )
 from spi.models.delegation import thermal
 from spi.models.spins import Anisotropy, Spins, Terms, Transport
+from spi.models.spins.flows import NEAR, towards, towards_near
 from spi.models.spins.lattices import LATTICES, lattice
 from spi.models.spins.tables import moves
 from spi.numerics.rng import LANES
@@ -246,3 +248,42 @@ def test_one_large_lattice(by, scheme):
 def test_faults(changes, key):
     assert Spins("ring", (4,), (Terms(1.0),)).fault() is None
     assert Spins("ring", (4,), (Terms(1.0),))._replace(**changes).fault()[0] == key
+
+
+def test_observables_by_name():
+    """Of states without arithmetic of the program: fields from differences of H, correlations from H."""
+    model = Spins("ring", (6,), (Terms(1.3),), field=(0.0, 0.0, 0.4), mu=1.5)
+    named, record = model.observables(), in_kernels(model)
+    s = spins_of(6, 6)
+    states = s.reshape(18, LANES)
+    field = 1.5 * 0.4 * s[:, 2].sum(axis=0)
+    energy = named["H"](states)
+    np.testing.assert_allclose(energy, [hamiltonian(record, np.ascontiguousarray(y)) for y in states.T], rtol=1e-14)
+    np.testing.assert_allclose(named["corr1"](states), -(energy + field) / (6 * 1.3), atol=1e-14)
+    np.testing.assert_allclose(named["corr3"](states), (s * np.roll(s, 3, axis=0)).sum(axis=1).mean(axis=0), atol=1e-14)
+    np.testing.assert_allclose(named["mz"](states), 1.5 * s[:, 2].mean(axis=0))
+    staggered = s[::2, 0].sum(axis=0) - s[1::2, 0].sum(axis=0)
+    np.testing.assert_allclose(named["nx"](states), 1.5 * staggered / 6)
+    assert "corr4" not in named and "nx" not in model._replace(size=(5,)).observables()
+    first = s[:, :, 0]
+    turning = drift(record, first) * record.moment[:, np.newaxis]  # b x s
+    b = 1.3 * (np.roll(first, 1, axis=0) + np.roll(first, -1, axis=0)) + np.array([0, 0, 0.6])
+    expected = (turning**2).sum() / (2 * (first * b).sum())
+    assert named["spin_temperature"](states)[0] == pytest.approx(expected, rel=1e-7)
+    for model in CASES.values():
+        states = spins_of(8, in_kernels(model).d // 3)[:, :, :2].reshape(-1, 2)
+        energies = [hamiltonian(in_kernels(model), np.ascontiguousarray(y)) for y in states.T]
+        np.testing.assert_allclose(model.observables()["H"](states), energies, rtol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1e-9, 0.01, 0.3, 0.5, 3.0, 40.0])
+def test_damped_flow(exponent):
+    """The closed form in 50 digits; both ways where the shorter one is accurate, and only there."""
+    s, n = spins_of(7, 2, 1)[:, :, 0].tolist()
+    with mpmath.workdps(50):
+        u = mpmath.fdot(s, n)
+        c, q = mpmath.cosh(exponent), mpmath.sinh(exponent)
+        exact = [float((x + ((c - 1) * u + q) * m) / (c + u * q)) for x, m in zip(s, n, strict=True)]
+    arguments = (*n, exponent, *s)  # |b| is 1
+    assert np.allclose(towards(*arguments), exact, rtol=0, atol=1e-15)
+    assert (abs(np.array(towards_near(*arguments)) - exact).max() < 1e-15) == (exponent <= NEAR)

@@ -33,6 +33,7 @@ from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
 from . import means
+from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
 from .results import BATCHES, Equilibrium
 
 #: About the number of snapshots of each path.
@@ -120,18 +121,18 @@ class EquilibriumPlan(Plan):
         """All paths of each step size."""
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
-    def empty(self, number: int, blocks: int = 0, first: int = 0) -> means.Paths:
+    def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
         """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
         law, y = self.law, self._begun(number, blocks, first)
         lags = {"function": 0, "lag": 0, "cell": 0} | (self.recorders[number].lengths if self.recorders else {})
-        sums = means.Paths.empty(
+        sums = Paths.empty(
             lags
             | {"block": blocks, "lane": LANES, "state": y.shape[1], "level": 1, "record": len(self.records)}
             | {"casimir": len(casimirs(self.model, self.initial)), "column": means.COLUMNS, "group": GROUPS}
             | {"moment": len(law.moments) if law else 0, "variable": len(law.variables) if law else 0, "bin": BINS}
             | {"stretch": 2 * lags["lag"], "batch": BATCHES if self.recorders else 0}
         )
-        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in means.OF_PATHS}
+        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in OF_PATHS}
         begun["casimir"][:] = np.nan
         return sums._replace(y=y, **begun)
 
@@ -148,9 +149,7 @@ class EquilibriumPlan(Plan):
             return [KernelCall(*self.one_path[0].call)]
         return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
 
-    def advance(
-        self, chunks: Sequence[Chunk], started: means.Paths | None
-    ) -> Iterator[list[tuple[Chunk, means.Paths]]]:
+    def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
             begun = started and len(started.y) == chunk.blocks
@@ -197,7 +196,7 @@ class EquilibriumPlan(Plan):
         )
         return stored, rows, report
 
-    def _advanced(self, chunk: Chunk, paths: means.Paths) -> means.Paths:
+    def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
         """The paths of a chunk at the next snapshot."""
         number, count = chunk.path_set, self.case.counts[chunk.path_set]
         began, before = time.perf_counter(), int(paths.n)
@@ -222,7 +221,7 @@ class EquilibriumPlan(Plan):
                 paths = self._ended(chunk, paths, states)
         return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
 
-    def _ended(self, chunk: Chunk, paths: means.Paths, states: np.ndarray) -> means.Paths:
+    def _ended(self, chunk: Chunk, paths: Paths, states: np.ndarray) -> Paths:
         """The paths of a chunk after all steps."""
         summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end) if self.recorders else {}
         return paths._replace(
@@ -231,7 +230,7 @@ class EquilibriumPlan(Plan):
             stretch=paths.stretch[:, :0],
             batches=paths.batches[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
-            **{name: getattr(paths, name)[..., : chunk.paths] for name in means.OF_PATHS},
+            **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
             **summed,
         )
 
@@ -261,10 +260,10 @@ class EquilibriumPlan(Plan):
         estimated = {
             "h": np.array(case.steps),
             "n": self.records,
-            **means.casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
+            **casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
             "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
             **reported(np.array([paths.report[0] for paths in totals])),
-            "law": means.law_of_states(self.law, totals) if self.law else None,
+            "law": law_of_states(self.law, totals) if self.law else None,
             "averages": means.averages(self.recorders, case, totals) if self.recorders else None,
             "steps_each": int(self.records[-1]),
             "snapshots": int(totals[0].snapshots),

@@ -179,8 +179,9 @@ def _fault(model):
         return "anisotropy", "has an axis of length 0", "give a direction"
     if model.alpha > 0 and model.noise:
         return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
-    try:
-        lattice(model.cell, model.size, model.is_periodic)
+    reach = 2 + 2 * max(abs(step) for _, _, shift in cell.bonds for step in shift)
+    try:  # of a small lattice, which has the same faults
+        lattice(cell, tuple(min(length, reach) for length in model.size), model.is_periodic)
     except ValueError as error:
         return "lattice", f"{error}", "take a larger size, or other bonds"
     return None

@@ -7,12 +7,17 @@ With b = -grad_s H, the field at a spin s of moment mu, and the damping alpha,
 Functions of one spin, or of a pair, take and return floats; loops over paths make them vector instructions.
 """
 
+import math
+
 import numpy as np
 
 from ...compiler.dispatch import device
 from ...numerics.angles import sinc_versinc
 from ...numerics.motions import sinh_coshm1
 
+NEAR = 0.5
+_S1, _S2, _S3, _S4, _S5, _S6 = (1.0 / math.factorial(2 * k + 1) for k in range(1, 7))
+_C1, _C2, _C3, _C4, _C5 = (1.0 / math.factorial(2 * k + 2) for k in range(1, 6))
 _MOST_DAMPING = 300.0  #: exponent of the damped flow beyond which it has long arrived, and cosh would overflow
 
 
@@ -45,6 +50,21 @@ def towards(bx, by, bz, alpha_t, x, y, z):
     scale = 1.0 / (1.0 + (c1 + u * q))
     along = (c1 * u + q) * inverse
     return (x + along * bx) * scale, (y + along * by) * scale, (z + along * bz) * scale
+
+
+@device
+def towards_near(bx, by, bz, alpha_t, x, y, z):
+    """:func:`towards` where alpha |b| t is at most :data:`NEAR`: by the series of sinh and cosh in its square.
+
+    With w = alpha t b the spin becomes (s + (S + C s . w) w) / (1 + C |w|^2 + S s . w), S = sinh |w| / |w| and
+    C = (cosh |w| - 1) / |w|^2, without a root and with one division.
+    """
+    wx, wy, wz = alpha_t * bx, alpha_t * by, alpha_t * bz
+    square, u = wx * wx + wy * wy + wz * wz, x * wx + y * wy + z * wz
+    sinh = 1.0 + square * (_S1 + square * (_S2 + square * (_S3 + square * (_S4 + square * (_S5 + square * _S6)))))
+    cosh = 0.5 + square * (_C1 + square * (_C2 + square * (_C3 + square * (_C4 + square * _C5))))
+    scale, along = 1.0 / (1.0 + (cosh * square + sinh * u)), sinh + cosh * u
+    return (x + along * wx) * scale, (y + along * wy) * scale, (z + along * wz) * scale
 
 
 @device

@@ -14,7 +14,7 @@ from ...ensemble.protocol import friction_after
 from ...numerics.angles import REDUCED_ANGLES, SMALL_ANGLES, sin_versine
 from ...numerics.elementary import REDUCIBLE, SMALL, bits, expm1, from_bits
 from ...numerics.rng import LANES
-from .flows import change_by_turn, cross, noise_factor, towards, unit_factor
+from .flows import NEAR, change_by_turn, cross, noise_factor, towards, towards_near, unit_factor
 
 SPIN = 3 * LANES  #: floats of a site
 
@@ -291,6 +291,7 @@ def put_other(model, lanes, s, copy):
 def move_members(model, k, t, alpha, begin, end, y, work):
     """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
+    near = abs(alpha * t) * model.fastest[k] <= NEAR
     if form in (PAIRS, TURNED_PAIRS):
         if small:
             turn_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
@@ -298,13 +299,13 @@ def move_members(model, k, t, alpha, begin, end, y, work):
             turn_pairs(REDUCED_ANGLES, model, k, t, begin, end, y, work)
     elif form == SITES:
         if small:
-            turn_sites(SMALL_ANGLES, model, t, alpha, begin, end, y, work)
+            turn_sites(SMALL_ANGLES, model, t, alpha, near, begin, end, y, work)
         else:
-            turn_sites(REDUCED_ANGLES, model, t, alpha, begin, end, y, work)
+            turn_sites(REDUCED_ANGLES, model, t, alpha, near, begin, end, y, work)
     elif form == PRODUCTS:
         turn_products(model, t, begin, end, y, work)
     elif form == DAMPED_SITES:
-        damp_sites(model, alpha * t, begin, end, y, work)
+        damp_sites(model, alpha * t, near, begin, end, y, work)
     elif form in (DAMPED_AXES, DAMPED_CUBES):
         damp_axes(model, k, alpha * t, begin, end, y)
     else:
@@ -420,7 +421,7 @@ def turn_axes(model, k, t, begin, end, y):
 
 
 @device(inline=False)
-def turn_sites(angles, model, t, alpha, begin, end, y, b):
+def turn_sites(angles, model, t, alpha, near, begin, end, y, b):
     """Spins of a colour turn about the field of their neighbours and the constant field, which conserves H.
 
     With damping they also go towards it: both flows commute.
@@ -435,25 +436,31 @@ def turn_sites(angles, model, t, alpha, begin, end, y, b):
             dx, dy, dz = change_by_turn(angles, bx, by, bz, x, y_, z)
             s[lane], s[LANES + lane], s[2 * LANES + lane] = x + dx, y_ + dy, z + dz
         if alpha != 0.0:
-            move_towards(alpha * rate, s, b)
+            move_towards(alpha * rate, near, s, b)
 
 
 @device(inline=False)
-def damp_sites(model, alpha_t, begin, end, y, b):
+def damp_sites(model, alpha_t, near, begin, end, y, b):
     """Friction of spins in the field of their neighbours and the constant field."""
     for e in range(begin, end):
         i = model.member[e, 0]
         add_field(model, i, y, b)
-        move_towards(alpha_t / model.moment[i], spin_of(y, i), b)
+        move_towards(alpha_t / model.moment[i], near, spin_of(y, i), b)
 
 
 @device
-def move_towards(alpha_t, s, b):
+def move_towards(alpha_t, near, s, b):
     """The damped flow of one site in all lanes."""
-    for lane in range(LANES):
-        x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
-        x, y, z = towards(b[lane], b[LANES + lane], b[2 * LANES + lane], alpha_t, x, y, z)
-        s[lane], s[LANES + lane], s[2 * LANES + lane] = x, y, z
+    if near:
+        for lane in range(LANES):
+            x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
+            x, y, z = towards_near(b[lane], b[LANES + lane], b[2 * LANES + lane], alpha_t, x, y, z)
+            s[lane], s[LANES + lane], s[2 * LANES + lane] = x, y, z
+    else:
+        for lane in range(LANES):
+            x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
+            x, y, z = towards(b[lane], b[LANES + lane], b[2 * LANES + lane], alpha_t, x, y, z)
+            s[lane], s[LANES + lane], s[2 * LANES + lane] = x, y, z
 
 
 @device(inline=False)

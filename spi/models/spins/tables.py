@@ -160,7 +160,7 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     pieces = len(parts.forms)
     if model.alpha > 0:
         for colour in colours if fields.any() and model.by == "bonds" else ():
-            parts.add(DAMPED_SITES, colour, 1.0, np.zeros(9), 0.0)
+            parts.add(DAMPED_SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
         for _, form, strength, along in own:
             for axis in along if strength else ():
                 parts.add(form, sites, strength, _frame(axis), 0.0)
