@@ -20,6 +20,7 @@ ENTRIES = 8  #: of a legend at most; lines are named at their ends where there a
 
 _COLUMNS = 4  # panels side by side, unless the figure would be too high
 _TALL = 1.25  # height over width of all panels at most, so that with titles it is 1.4
+_FLAT, _LOW = 0.6, 0.88  # height over width of panels of curves and of fields in a figure with many rows of fields
 _FULL = 0.75  # share of the places in rows of groups that are to be filled
 _WIDE = 5.0  # inches of a figure that has room for names of lines
 _NAMES = 1.6  # inches for the names of lines at their ends
@@ -40,7 +41,7 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
         raise ValueError("the results name no panel that could be drawn")
     columns = max(map(len, rows))
     width = page.current().width or columns * WIDTHS.get(columns, NARROW)
-    heights = [max(plot.aspect for plot in row if plot) * width / columns for row in rows]
+    heights = [aspect * width / columns for aspect in _aspects(rows)]
     fig = Figure(layout="constrained")  # which colour bars are to know beforehand
     grid = fig.add_gridspec(len(rows), columns, height_ratios=heights)
     titles = _Titles(cases if len(cases) > 1 else [], rows, width)
@@ -63,7 +64,14 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
         lines += max(above)
     schemes = {end.label for of_lines in ends for end in of_lines}
     handles, room = _merged(entries, schemes), page.current().width or _WIDE
-    named = len(handles) > ENTRIES and room >= _WIDE
+    explained = len(_with_notes([], ends))  # what is added to the legend
+    many = len(handles) + explained > ENTRIES and room >= _WIDE
+    fewer = [(handle, text) for handle, text in handles if not text.startswith(plots.SLOPE)]
+    named = many and len(fewer) + explained > ENTRIES
+    if many and not named:
+        handles = fewer
+        for ax in axes:
+            plots.write_slopes(ax)
     if named:
         handles = [(handle, text) for handle, text in handles if text not in schemes]
     else:
@@ -71,10 +79,12 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
     legend = _legend_rows(handles, width)
     beside = _NAMES * named if page.current().width is None else 0.0
     style.dress(fig, width + beside, sum(heights) + 0.17 * (lines + len(legend)) + 0.1, title, facts)
-    unnamed = schemes if named else set()
+    looks = {(text, str(getattr(handle, "get_color", str)())) for handle, text in handles}
+    lacking = {(end.label, end.colour) for of_lines in ends for end in of_lines} - looks
+    unnamed = lacking if named or len(axes) > 1 else set()  # a look that the legend does not show is named at its line
     for ax, of_lines in sorted(zip(axes, ends, strict=True), key=lambda pair: -len(pair[1])):
         plots.write_ends(ax, of_lines, unnamed, noted=len(axes) > 1 or named)
-        unnamed = unnamed - {end.label for end in of_lines}
+        unnamed = unnamed - {(end.label, end.colour) for end in of_lines}
     if legend:
         artists, texts = zip(*(entry for column in zip(*legend, strict=True) for entry in column), strict=True)
         look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
@@ -89,6 +99,16 @@ def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Pl
         return _in_rows(cases, page.current().columns(_COLUMNS, LEAST))
     each = (_in_rows(cases, most) for most in range(_COLUMNS, max(_COLUMNS, count) + 1))
     return next((rows for rows in each if not rows or _shape(rows) <= _TALL), [])
+
+
+def _aspects(rows: Sequence[Sequence[plots.Plot | None]]) -> list[float]:
+    """Height over width of the panels of each row; all are lower where rows of fields would make it too high."""
+    whole = [max(plot.aspect for plot in row if plot) for row in rows]
+    curves = [all(plot is None or plot.series for plot in row) for row in rows]
+    fields = any(plot and plot.shared and not plot.series for row in rows for plot in row)
+    if not fields or sum(whole) <= _TALL * max(map(len, rows)):
+        return whole
+    return [min(aspect, _FLAT if low else _LOW) for aspect, low in zip(whole, curves, strict=True)]
 
 
 def _in_rows(cases: Sequence[list[list[plots.Plot]]], most: int) -> Sequence[Sequence[plots.Plot | None]]:
@@ -116,7 +136,7 @@ def _packed(cases: Sequence[list[list[plots.Plot]]], most: int) -> list[list[plo
 
 
 def _shape(rows: Sequence[Sequence[plots.Plot | None]]) -> float:
-    return sum(max(plot.aspect for plot in row if plot) for row in rows) / max(map(len, rows))
+    return sum(_aspects(rows)) / max(map(len, rows))
 
 
 def _matrix(groups: list[list[plots.Plot]], most: int, wide: bool = False) -> list[list[plots.Plot]]:

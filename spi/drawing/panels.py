@@ -163,7 +163,7 @@ class CurvePanel(NamedTuple):
         for i, row in enumerate(rows):
             mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
             more = dict(zip(("low", "high"), mine[2:], strict=False)) | {"note": self.note(record, place, row)}
-            own = look | ({"color": plots.shade(str(look["color"]), i, len(rows))} if i else {})
+            own = look | ({"color": style.shade(str(look["color"]), i, len(rows))} if i else {})
             yield plots.series(x, mine[0], own, text * (i == 0), poor=mine[1], band=in_time and bool(ends), **more)
 
     def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
@@ -198,7 +198,7 @@ def _shades(record: Any, axis: str) -> Iterator[plots.Entry]:
     values = record.get(axis)
     rows = plots.spread(len(values), _LINES)
     for i, row in enumerate(rows if len(rows) > 1 else ()):
-        shade = plots.Line2D([], [], color=plots.shade("#000000", i, len(rows)), linewidth=3)
+        shade = plots.Line2D([], [], color=style.shade("#000000", i, len(rows)), linewidth=3)
         yield shade, style.value_of(axis, values[row])
 
 

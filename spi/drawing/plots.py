@@ -31,12 +31,16 @@ HUGE = 1e100  #: a value beyond that would make axes that cannot be drawn
 GREY, PALE = "#777777", 0.55  #: colour of what is no scheme, and opacity of points that are not resolved
 THEORY: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (4, 3)), "zorder": 4}
 
+SLOPE = "slope "  #: with which the names of reference lines begin
+
 _MARKS = 12  # along a dense line
 _DENSE = 24  # points from which on a line is dense
 _FAR = 1e3  # an interval that is so many times wider than all resolved values does not widen the axis
+_NEAR = 30.0  # an interval that ends so many times above them is shown whole
 _LINE = 1.35  # distance of texts at the ends of lines, in their heights
 _OUT = 100.0  # heights of a panel by which lines may leave it
 _SHORT = 30.0  # ratio of the ends of a logarithmic axis on which powers of ten are too few ticks
+_TINY = 1e-3  # values below are written as powers of ten, which are longer
 _LINEAR = 20.0  # ratio of the values of a parameter up to which their axis is linear
 _SLOPES = ((0, (5, 2)), (0, (1, 1.5)), "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _ARROW = Path([(0, 0), (0, -1), (-0.14, -0.72), (0, -1), (0.14, -0.72)], [1, 2, 1, 2, 2])
@@ -156,7 +160,7 @@ class Plot(NamedTuple):
             ratio, ends = cloud[:, 1] / cloud[:, 0] ** order, np.array(ax.get_xlim())
             factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
             look: dict[str, Any] = {"linestyle": _SLOPES[i % len(_SLOPES)], "color": GREY, "linewidth": 1.0}
-            text = f"slope {Fraction(order).limit_denominator(100)}"
+            text = f"{SLOPE}{Fraction(order).limit_denominator(100)}"
             entries += [(line, text) for line in ax.plot(ends, factor * ends**order, zorder=1, label=text, **look)]
         return entries
 
@@ -231,11 +235,11 @@ def _band(ax: Axes, line: Series, log: bool, colour: str) -> None:
 
 
 def _bars(ax: Axes, line: Series, log: bool, colour: str) -> None:
-    """Bars; on a logarithmic axis an arrow of fixed length where an interval reaches 0."""
+    """Bars; on a logarithmic axis an arrow of fixed length where an interval reaches 0 or leaves the panel below."""
     bottom, top = ax.get_ylim()
     low, high, good = np.asarray(line.low), np.asarray(line.high), _good(line)
     bar = np.isfinite(low) & np.isfinite(high) & (high > low) & (high > bottom) & (line.y <= top)
-    open_end = bar & (low <= 0) & log
+    open_end = bar & (low < bottom) & log
     below = line.y < bottom  # then only the upper end of the interval is seen
     begin = np.where(open_end, np.where(below, high, line.y), np.maximum(low, bottom))
     for chosen, alpha in ((bar & good, 1.0), (bar & ~good, PALE)):
@@ -247,7 +251,8 @@ def _bars(ax: Axes, line: Series, log: bool, colour: str) -> None:
 
 def _ends(ax: Axes, line: Series) -> Iterator[End]:
     bottom, top = ax.get_ylim()
-    inside = np.flatnonzero((line.y >= bottom) & (line.y <= top) & _good(line))
+    within = (line.y >= bottom) & (line.y <= top)
+    inside = np.flatnonzero(within & _good(line) if (within & _good(line)).any() else within)
     if line.label and inside.size:
         yield End(float(line.y[inside[-1]]), line.label, line.note, str(line.look["color"]))
 
@@ -279,16 +284,22 @@ def mark(marker: Any, text: str, **look: Any) -> Entry:
 
 
 def log_limits(lines: Sequence[Series], top: float = HUGE) -> tuple[float, float] | None:
-    """Limits of a logarithmic axis: all values that are resolved, and a part of the intervals of the others."""
-    resolved, floors = [np.zeros(0)], [np.zeros(0)]
+    """Limits of a logarithmic axis: all values that are resolved, and the others with their intervals.
+
+    Of an interval that is far longer than these values it is a part.
+    """
+    resolved, floors, ends = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
     for line in lines:
         good, drawable = _good(line), (line.y > 0) & (line.y < top)
         resolved.append(line.y[good & drawable])
         half = line.y if line.high is None else 0.25 * (line.high - line.y)
-        floor = np.fmax(line.y, half)[~good]
+        floor, end = (np.fmax(line.y, other)[~good] for other in (half, line.y if line.high is None else line.high))
         floors.append(floor[(floor > 0) & (floor < top)])
-    values, others = np.concatenate(resolved), np.concatenate(floors)
-    shown = np.concatenate([values, others[others <= _FAR * values.max()] if len(values) else others])
+        ends.append(end[(end > 0) & (end < top)])
+    values, *others = map(np.concatenate, (resolved, floors, ends))
+    bounds = (_FAR, _NEAR) if len(values) else (math.inf, math.inf)
+    most = values.max(initial=1e-300)
+    shown = np.concatenate([values, *(some[some <= far * most] for some, far in zip(others, bounds, strict=True))])
     return limits(shown) if len(shown) else None
 
 
@@ -330,10 +341,10 @@ def step_axis(ax: Axes, h: Array) -> None:
 
 
 def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
-    """Ticks of a logarithmic axis at 1, 2 and 5 where it is short, and no labels between powers of ten elsewhere."""
+    """Ticks of a logarithmic axis at 1, 2 and 5, or 1 and 3, where it is short, else labels at powers of ten alone."""
     low, high = xlim or (min(x[x > 0], default=0.0), max(x, default=0.0))
     if low < high < _SHORT * low:
-        ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5) if low > _TINY else (1, 3)))
         ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"${style.number(x)}$"))
     ax.xaxis.set_minor_formatter(ticker.NullFormatter())
 
@@ -393,11 +404,31 @@ def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int =
     axis.set_ticklabels([f"${name}$" for name in names])
 
 
-def write_ends(ax: Axes, ends: Sequence[End], named: set[str], noted: bool) -> None:
-    """Write the names of the lines in `named` and the notes of lines at the right of a panel, none on another."""
+def write_slopes(ax: Axes) -> None:
+    """Write the names of reference lines beside them, away from the points."""
+    lines = [line for line in ax.lines if str(line.get_label()).startswith(SLOPE)]
+    size = 0.85 * page.points("legend.fontsize")
+    for i, line in enumerate(lines):
+        x, y = (np.geomspace(*np.asarray(ends, float), 41) for ends in line.get_data())
+        seen = np.flatnonzero((y > ax.get_ylim()[0]) & (y < ax.get_ylim()[1]))
+        if seen.size:
+            above, at = i < len(lines) - 1, seen[len(seen) // 2]
+            place: dict[str, Any] = {"ha": "right", "va": "bottom"} if above else {"ha": "left", "va": "top"}
+            shift = (-3, 1) if above else (3, -1)
+            look: dict[str, Any] = {"textcoords": "offset points", "color": GREY, "fontsize": size}
+            ax.annotate(str(line.get_label()), (x[at], y[at]), shift, **place, **look)
+
+
+def write_ends(ax: Axes, ends: Sequence[End], named: set[tuple[str, str]], noted: bool) -> None:
+    """Write the names of the lines (with their colours) in `named` and the notes of lines at the right of a panel.
+
+    None stands on another, and what lines of one colour have in common stands there once.
+    """
     texts = [
-        (end, ": ".join(filter(None, (end.label * (end.label in named), _short(end.note) * noted)))) for end in ends
+        (end, ": ".join(filter(None, (end.label * ((end.label, end.colour) in named), _short(end.note) * noted))))
+        for end in ends
     ]
+    texts = list({(text, end.colour): (end, text) for end, text in texts}.values())
     texts = sorted((pair for pair in texts if pair[1]), key=lambda pair: pair[0].height)
     size = 0.85 * page.points("legend.fontsize")
     place: dict[str, Any] = {"transform": ax.transAxes, "va": "center", "fontsize": size}
@@ -436,15 +467,6 @@ def _apart(heights: list[float], gap: float) -> list[float]:
             groups[-2:] = [groups[-2] + groups[-1]]
     moved = np.array([np.mean(group) for group in groups for _ in group])
     return (moved + gap * np.arange(len(heights))).tolist()
-
-
-def shade(colour: str, i: int, count: int) -> str:
-    """Number i of ``count`` shades of a colour, from itself to a pale one."""
-    from matplotlib.colors import to_hex, to_rgb
-
-    white = 0.6 * i / max(count - 1, 1)
-    red, green, blue = ((1 - white) * np.array(to_rgb(colour)) + white).tolist()
-    return to_hex((red, green, blue))
 
 
 def spread(count: int, most: int = 4) -> list[int]:

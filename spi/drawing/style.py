@@ -9,7 +9,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -67,10 +67,16 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     unknown = [name for name in members if name not in SCHEMES]
     chosen: Looks = {name: row.look for name, row in SCHEMES.items()}
     chosen |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
-    ramps = 0
+    ramps, many = 0, sum(len(variants) > 1 for variants in members.values()) > len(RAMPS)
     for scheme, variants in members.items():
         if len(variants) == 1:
             chosen |= dict.fromkeys(variants, chosen[scheme])
+            continue
+        if many:  # more than there are sequences of colours: markers in the colours that the schemes have
+            marker, colour = chosen[scheme]
+            for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
+                chosen[variant] = (SEQUENCES[ramps % len(RAMPS)][i % len(SEQUENCES[0])] if i else marker), colour
+            ramps += 1
             continue
         ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
         markers = SEQUENCES[ramps % len(RAMPS)]
@@ -78,6 +84,13 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
         for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
             chosen[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
     return chosen
+
+
+def shade(colour: str, i: int, count: int) -> str:
+    """Number i of ``count`` shades of a colour, from itself to a pale one."""
+    white = 0.6 * i / max(count - 1, 1)
+    red, green, blue = ((1 - white) * part + white for part in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def order_text(order: Order) -> str:
@@ -270,14 +283,20 @@ def power(value: float) -> str:
 def count(number: int) -> str:
     """A number of things, with large powers of ten as such."""
     exponent = len(str(number)) - 1
-    return f"$10^{{{exponent}}}$" if number == 10**exponent and exponent > 3 else f"{number}"
+    return (
+        f"$10^{{{exponent}}}$"
+        if number == 10**exponent and exponent > 3
+        else f"{number:,}"
+        if exponent > 4
+        else f"{number}"
+    )
 
 
 def formula(text: str, variables: tuple[str, ...] = ()) -> str:
     """A test function, the text of an expression, in mathtext; `variables` are the system's names of y1, y2, ..."""
     text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
     text = re.sub(r"\by(\d+)", lambda match: _component(int(match.group(1)), variables), text)
-    text = re.sub(r"(?<![\\{\w])([A-Za-z])(\d+)\b", r"\1_{\2}", text)
+    text = re.sub(r"(?<![\\{\w])([A-Za-z])(?:(\d+)\b|\((\d+)\))", r"\1_{\2\3}", text)
     text = re.sub(r"(?<![\\{\w])([A-Za-z]{2,}(_[A-Za-z]+)*)", lambda match: _word(match.group(1)), text)
     text = text.replace("<=", r"\leq ").replace(">=", r"\geq ")
     return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
@@ -293,6 +312,9 @@ def _word(name: str) -> str:
 @cache
 def maths(text: str, variables: tuple[str, ...] = ()) -> str:
     """An expression or a name set as mathematics, as it is written where that is not possible."""
+    if passage := re.fullmatch(r"share with (.+) until t", text):  # its indicator function
+        condition = maths(passage[1], variables)
+        return rf"$\mathbf{{1}}\{{{condition[1:-1]}\ \mathrm{{for\ some}}\ s\leq t\}}$" if condition[0] == "$" else text
     if " " in text and re.search(r"[A-Za-z]{3,}(?![\w(])", text):  # a sentence, in which only expressions are set
         words = text.split()
         return " ".join(maths(word, variables) if re.search(r"\by\d|[<>=^]", word) else plain(word) for word in words)
@@ -307,10 +329,16 @@ def maths(text: str, variables: tuple[str, ...] = ()) -> str:
 def long_title(record: Any, facet: str, place: int) -> str:
     """The title of the panel of one function: its name and formula, where they are not one."""
     names, texts = record.get("function"), record.get("texts")
-    if facet != "function" or texts is None or len(names) == 1 or names[place] == texts[place]:
+    if facet != "function" or texts is None or len(names) == 1:
         return ""
-    text = texts[place]
-    return plain(names[place]) + (f": {maths(text, record.about.variables)}" if len(text) < _LONG else "")
+    return definition(names[place], texts[place], record.about.variables)
+
+
+def definition(name: str, text: str, variables: tuple[str, ...] = ()) -> str:
+    """The name and the formula of a function, as far as that is not too long; empty where they are one."""
+    if name == text:
+        return ""
+    return plain(name) + (f": {maths(text, variables)}" if len(text) < _LONG else "")
 
 
 def value_of(axis: str, value: float) -> str:

@@ -28,8 +28,11 @@ _UNKNOWN = "#dddddd"
 Case = tuple[str, Sequence[Curve], list[str]]  #: title, curves and facts of one that is swept
 
 
-def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
-    """The figure of cases that are swept: each quantity over the values; `sorts` has the sort of each quantity."""
+def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort], texts: Mapping[str, str] = {}) -> Figure:
+    """The figure of cases that are swept: each quantity over the values.
+
+    `sorts` has the sort of each quantity, and `texts` the formulas of test functions.
+    """
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks, estimators = style.looks([every]), list(dict.fromkeys(curve.about.estimator for curve in every))
 
@@ -39,7 +42,8 @@ def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure
         for curve in curves:
             by_name.setdefault(curve.name, {}).setdefault(curve.function, []).append(curve)
         return [
-            [_over(some, looks, estimators, sorts) for some in functions.values()] for functions in by_name.values()
+            [_over(some, looks, estimators, sorts, texts) for some in functions.values()]
+            for functions in by_name.values()
         ]
 
     return _arranged(title, cases, panels)
@@ -70,7 +74,11 @@ def _arranged(title: str, cases: Sequence[Case], panels: Callable[[Sequence[Curv
 
 
 def _over(
-    curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[str], sorts: Mapping[str, Sort]
+    curves: Sequence[Curve],
+    looks: style.Looks,
+    estimators: Sequence[str],
+    sorts: Mapping[str, Sort],
+    texts: Mapping[str, str],
 ) -> plots.Plot:
     """One quantity over the parameter, with 95 % intervals; its values by theory dashed."""
     first = curves[0]
@@ -96,13 +104,9 @@ def _over(
         for first, *others in theory.values()
     ]
     label = _label(curves)
-    title = (
-        ""
-        if "$" in label.split(" at ")[0]
-        else style.maths(first.function, first.about.variables)
-        if first.function
-        else ""
-    )
+    title = style.definition(first.function, texts.get(first.function, first.function), first.about.variables)
+    if not title and first.function and "$" not in label.split(" at ")[0]:
+        title = style.maths(first.function, first.about.variables)
     return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=at.dress)
 
 

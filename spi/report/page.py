@@ -20,7 +20,7 @@ from ..running.compiling import processors
 from ..running.workers import processes
 from ..statistics.claims import VERDICTS
 from ..storage.records import Results
-from .sections import Section, Titled, section
+from .sections import Section, Titled, powers, section
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Plain tables as LaTeX, in the style of the package booktabs.
@@ -286,6 +286,7 @@ def page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["powers"] = powers
     totals = {verdict: sum(one.verdicts.get(verdict, 0) for one in sections) for verdict in VERDICTS}
     both = list(zip(sections, pictures, strict=True))
     return environment.get_template("page.html").render(

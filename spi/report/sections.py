@@ -68,6 +68,16 @@ def typeset(text: str, block: bool = False) -> Markup:
     return Markup("").join(_formula(part, block) if i % 2 else escape(part) for i, part in enumerate(parts))
 
 
+def powers(text: str) -> Markup:
+    """A text as HTML, powers as `2^-5` with an exponent that stands high."""
+    parts = re.split(r"(?<=[\d.])\^(-?\d+(?:\.\d+)?)", text)
+    minus = "\N{MINUS SIGN}"
+    return Markup("").join(
+        Markup("<sup>{}</sup>").format(part.replace("-", minus)) if i % 2 else escape(part)
+        for i, part in enumerate(parts)
+    )
+
+
 def _formula(latex: str, block: bool) -> Markup:
     try:
         return Markup(convert(latex, display="block" if block else "inline"))
@@ -143,10 +153,18 @@ class Titled(NamedTuple):
     @property
     def html(self) -> Markup:
         """The table as HTML."""
-        from pandas import option_context
-
-        with option_context("display.max_colwidth", None):
-            return Markup(self.frame.to_html(index=False, border=0))
+        sides = [" class=l" * (side == "l") for side in self.justified]
+        head = Markup("").join(
+            Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, self.frame.columns, strict=True)
+        )
+        rows = [
+            Markup("").join(
+                Markup(f"<td{side}>{{}}</td>").format(powers(text)) for side, text in zip(sides, row, strict=True)
+            )
+            for row in self.frame.itertuples(index=False, name=None)
+        ]
+        body = Markup("\n").join(Markup("<tr>{}</tr>").format(row) for row in rows)
+        return Markup("<table><thead><tr>{}</tr></thead>\n<tbody>{}</tbody></table>").format(head, body)
 
 
 Facts = list[tuple[str, str]]  #: name and value

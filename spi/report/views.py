@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+import yaml
+
 from ..kinds import KINDS
 from ..printing import sweeps, tables
 from ..printing.rows import rows_of
@@ -170,20 +172,36 @@ def figure(
     with page.applied(page.named(style, width, font)):
         heading = title(results, read)
         over = wholes(read)
-        drawn = _swept_figure(kind, heading, over) if over else KINDS[kind].figure.draw(heading, by_case(read))
+        drawn = (
+            _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
+            if over
+            else KINDS[kind].figure.draw(heading, by_case(read))
+        )
         fitting.settle(drawn)
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[Whole]) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing.sweeps import draw, draw_maps
 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    of = draw_maps if any(curve.second_word for _, curves, _ in drawn for curve in curves) else draw
-    return of(title, drawn, KINDS[kind].keys.Case.quantities)
+    sorts = KINDS[kind].keys.Case.quantities
+    if any(curve.second_word for _, curves, _ in drawn for curve in curves):
+        return draw_maps(title, drawn, sorts)
+    return draw(title, drawn, sorts, _formulas(spec))
+
+
+def _formulas(spec: str) -> dict[str, str]:
+    """The test functions of a spec by their names, with the swept parameters in them; none if that cannot be read."""
+    try:
+        functions = yaml.safe_load(spec)["functions"]
+    except (yaml.YAMLError, TypeError, KeyError):
+        return {}
+    named = functions.items() if isinstance(functions, dict) else ()
+    return {str(name): str(text) for name, text in named if isinstance(text, str | int | float)}
 
 
 def film(results: Results) -> "Film":

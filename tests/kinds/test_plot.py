@@ -72,7 +72,7 @@ def test_slopes_keep_off_the_data(results):
 
 
 def test_cases_side_by_side(results):
-    """With one legend for all, and the fitted orders at the ends of lines, whose names stand there if they are many."""
+    """With one legend for all, fitted orders at the ends of lines, and slopes at their lines if there are many."""
     one = [strong_group(s, "one", 0.5, 1.0, (1.0, np.nan, np.nan)) for s in (*LABELS, "splitting_drift_first", "new")]
     fig = views.figure(strong(*results.groups, *one))
     left, right = fig.axes
@@ -81,9 +81,9 @@ def test_cases_side_by_side(results):
     assert r"\sigma" not in fig.texts[1].get_text() and "500 samples" in fig.texts[1].get_text()
     new = [group.attributes["scheme_label"] for group in one[3:]]
     assert [line_of(right, label).get_marker() for label in new] == ["s", style.OTHERS[0][0]]
-    assert legend_texts(fig)[:2] == ["slope 1/2", "slope 1"]
+    assert not {"slope 1/2", "slope 1"} & {*legend_texts(fig)} and len(legend_texts(fig)) <= 8
     ends = [[text.get_text() for text in ax.texts if text.get_in_layout()] for ax in fig.axes]
-    assert ends[0] == ["0.51"] * 3 and sorted(ends[1]) == sorted(f"{label}: 1.01" for label in (*LABELS.values(), *new))
+    assert ends == [["slope 1/2", "slope 1", *[order] * count] for order, count in (("0.51", 3), ("1.01", 5))]
     few = views.figure(strong(*results.groups[1:], *one[1:3]))
     assert legend_texts(few)[:2] == list(LABELS.values())[1:]
     assert "numbers at lines: fitted orders" in legend_texts(few)

@@ -73,7 +73,8 @@ def test_errors_at_several_eps():
     schemes = [*(rf"AP splitting, $\varepsilon=10^{{-{n}}}$" for n in (2, 3, 4)), "splitting"]
     assert labels[1:5] == [f"{scheme}: order 1.00 [0.98, 1.02]" for scheme in schemes]
     assert "slope 1" in labels
-    assert r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit" in labels
+    facts = " ".join(" ".join(text.get_text() for text in fig.texts).split())
+    assert r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit" in facts
     lines = [line_of(ax, scheme) for scheme in schemes]
     assert len({line.get_marker() for line in lines}) == 4 == len({to_hex(line.get_color()) for line in lines})
     top = line_of(ax, r"largest over $\varepsilon$")

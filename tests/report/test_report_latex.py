@@ -84,4 +84,4 @@ def test_a_table_loses_empty_columns_and_breaks_of_headings():
     assert found.title == "title [x]" and found.justified == "lrr"
     assert list(found.frame.columns) == ["scheme", "nonfinite", "Euler-Maruyama"]
     assert found.frame.to_numpy().tolist() == [["[b]", "0.5 [0.4, 0.6]", "3 4"]]
-    assert "<td>[b]</td>" in found.html
+    assert "<td class=l>[b]</td>" in found.html

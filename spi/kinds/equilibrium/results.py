@@ -345,7 +345,7 @@ def chance(count: int) -> float:
 
 def _count(steps: int) -> str:
     """A number of steps, powers of two also as such."""
-    return f"{power_of_two(steps)} = {steps:.2g}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"
+    return f"{power_of_two(steps)} = {steps:,}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"
 
 
 def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:

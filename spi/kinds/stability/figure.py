@@ -3,8 +3,10 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
 from matplotlib.patches import Patch
 
 from spi.drawing import panels, plots, style, sweeps
@@ -25,6 +27,7 @@ LOOKS = (
 )
 HATCHES = "#999999", "#ffffff"  # on a pale colour, and on others
 CAP = 1e4  # relative errors and growths beyond that are only marked
+_APART = 3  # schemes, values and step sizes from which on the lines of one panel would be too many
 _THIN = {"linestyle": ":", "marker": ""}
 
 
@@ -95,6 +98,31 @@ def _quantity(field: str, label: str, median: str = "", **options: Any) -> panel
     return panels.Own(drawn)
 
 
+def _law(readings: Readings, looks: style.Looks) -> Iterator[Any]:
+    """The distance of the laws: of many lines a panel for each scheme, with one look for each step size."""
+    if len(readings) < _APART or min(len(readings[0].values), len(readings[0].h)) < _APART:
+        yield from _quantity("law_distance", _LAW).expand(readings, looks)
+        return
+    panel = panels.CurvePanel("law_distance", over="value", lines="h", label=_LAW, log=True, top=CAP)
+    each = [(one, plot) for one in readings for plot in panel.expand([one], looks)]
+    values = np.concatenate([line.y for _, plot in each for line in plot.series])
+    shown = values[np.isfinite(values) & (values > 0) & (values < CAP)]
+    row = []
+    for i, (one, plot) in enumerate(each):
+        rows = plots.spread(len(one.h), len(plot.series))
+        colours = [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0, 0.86, len(rows)))]
+        lines = [
+            line._replace(label=style.value_of("h", one.h[k]), look=line.look | {"color": colour, "marker": marker})
+            for line, k, colour, marker in zip(plot.series, rows, colours, style.SEQUENCES[0], strict=False)
+        ]
+        row.append(
+            plot._replace(
+                series=lines, title=style.label(one.about), ylim=plots.limits(shown), shared=i > 0, entries=()
+            )
+        )
+    yield row
+
+
 _RMS = r"rms error at $T$  relative to $|y_0|$"
 _LAW = r"$\max_\varphi\,|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T))|$"
 PANELS = {
@@ -105,7 +133,7 @@ PANELS = {
         _quantity("largest_norm", r"largest $|y|\,/\,|y_0|$", nan_diverged=True, same=r"largest $|y|\,/\,|y_0|$: {}")
     ],
     "error": [_quantity("error", _RMS, nan_diverged=True)],
-    "law": [_quantity("law_distance", _LAW)],
+    "law": [panels.Own(_law)],
     "positive": [_quantity("positive", "share of positive paths", log=False, same="share of positive paths: {}")],
     "failures": [_quantity("failing_fraction", "solver failures per step", same="solver failures: {}")],
     "iterations": [_quantity("iterations_per_solve", "iterations per step", log=False)],

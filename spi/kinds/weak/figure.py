@@ -38,7 +38,7 @@ def _series(reading: WeakErrors, f: int, look: dict[str, Any], label: str) -> pl
     return plots.series(reading.h, error, look | {"marker": ""}, label, shown, band=True, note=note)
 
 
-def _errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | str]:
     """A panel for each test function, with the slopes that theory states."""
     apart = "samples" in readings[0].panels  # then plain results have panels of their own
     shown = [one for one in readings if not (apart and one.prefixes and _is_outdone(one, readings))]
@@ -57,16 +57,13 @@ def _errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
             if _is_outdone(one, shown):
                 line = line._replace(x=line.x * _BESIDE, look=line.look | {"alpha": 0.5, "markersize": 4.0})
             lines.append(line)
-        yield _panel(lines, _title(readings[0], f), [orders[0], *orders[1:][-1:]], _notes(readings))
+        yield _panel(lines, _title(readings[0], f), [orders[0], *orders[1:][-1:]])
+    yield from _notes(readings)  # which stand among the facts
 
 
-def _panel(
-    lines: list[plots.Series], title: str, slopes: Sequence[float] = (), notes: Sequence[str] = ()
-) -> plots.Plot:
-    """Errors against step sizes; `notes` are further entries of the legend."""
-    entries: list[plots.Entry] = [(plots.Line2D([], [], linestyle="none"), note) for note in notes]
-    own = (lambda ax: entries) if entries else None
-    return plots.Plot(lines, title, style.AXES["h"], LABEL.format(), "steps", True, slopes=slopes, own=own)
+def _panel(lines: list[plots.Series], title: str, slopes: Sequence[float] = ()) -> plots.Plot:
+    """Errors against step sizes."""
+    return plots.Plot(lines, title, style.AXES["h"], LABEL.format(), "steps", True, slopes=slopes)
 
 
 def _title(reading: WeakErrors, f: int) -> str:
@@ -112,7 +109,7 @@ def _notes(readings: Readings) -> list[str]:
     return [rf"$\varepsilon<\sqrt{{h_{{\mathrm{{ref}}}}}}$: the reference shows {limit}"]
 
 
-def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | str]:
     """Errors of plain Monte Carlo for several numbers of paths, beside the exact ones."""
     several = len({one.about.variant for one in readings}) > 1
     for f in range(len(readings[0].functions)):
@@ -121,8 +118,8 @@ def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
             same = [other for other in readings if other.unsampled and other.about.variant == one.about.variant]
             lines += [_series(other, f, plots.THEORY, label_of(other.about.estimator)) for other in same[:1]]
             titles = [_title(one, f), style.label(one.about) * several, "plain Monte Carlo by number of paths"]
-            dashed = "dashed: half the 95 % interval"
-            yield _panel(lines, ": ".join(filter(None, titles)), notes=[dashed])
+            yield _panel(lines, ": ".join(filter(None, titles)))
+            yield "dashed: half the 95 % interval"  # which stands among the facts
 
 
 def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:

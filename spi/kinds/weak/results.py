@@ -173,7 +173,7 @@ def _sampled(name: str, inconsistent: str) -> list[Column]:
         Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS, why=_HEAVY),
         Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY, why=inconsistent),
         Column(f"{name}_samples", "samples"),
-        Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: f"{1e6 * seconds:.3g}"),
+        Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: short(1e6 * seconds, ".3g")),
         Column(f"{name}_lost", "di-\nverged", red=0),
     ]
 
