@@ -48,7 +48,7 @@ THIRD_PARTY = {
     "pandas": ["api.*", "printing.*", "report.*"],
     "dask": ["running.workers"],
     "distributed": ["running.workers"],
-    "numba": ["compiler.*", "ensemble.loop", "numerics.elementary"],
+    "numba": ["compiler.*", "ensemble.loop", "models.spins.whole", "numerics.elementary"],  # prange and vectors
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],
 }
