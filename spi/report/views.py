@@ -195,13 +195,18 @@ def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "
 
 
 def _formulas(spec: str) -> dict[str, str]:
-    """The test functions of a spec by their names, with the swept parameters in them; none if that cannot be read."""
+    """The test functions of a spec by their names, with the swept parameters in them; none if that cannot be read.
+
+    Without those of which a case has its own.
+    """
     try:
-        functions = yaml.safe_load(spec)["functions"]
+        whole = yaml.safe_load(spec)
+        functions, cases = whole["functions"], whole.get("cases") or ()
     except (yaml.YAMLError, TypeError, KeyError):
         return {}
+    own = {name for case in cases if isinstance(case, dict) for name in case.get("functions") or ()}
     named = functions.items() if isinstance(functions, dict) else ()
-    return {str(name): str(text) for name, text in named if isinstance(text, str | int | float)}
+    return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 
 
 def film(results: Results) -> "Film":
