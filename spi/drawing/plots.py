@@ -409,7 +409,7 @@ def write_slopes(ax: Axes) -> None:
     lines = [line for line in ax.lines if str(line.get_label()).startswith(SLOPE)]
     size = 0.85 * page.points("legend.fontsize")
     for i, line in enumerate(lines):
-        x, y = (np.geomspace(*np.asarray(ends, float), 41) for ends in line.get_data())
+        x, y = (np.geomspace(float(ends[0]), float(ends[1]), 41) for ends in np.asarray(line.get_data(), float))
         seen = np.flatnonzero((y > ax.get_ylim()[0]) & (y < ax.get_ylim()[1]))
         if seen.size:
             above, at = i < len(lines) - 1, seen[len(seen) // 2]
