@@ -137,6 +137,8 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
 
 def check_areas(case: Any, h: float, key: str) -> None:
     """There are random numbers enough for the Lévy areas over h, the smallest step that has them drawn."""
+    if not area_pairs(case.model):
+        return
     most = most_terms(case.model)
 
     def terms(name: str, step: float) -> int:
