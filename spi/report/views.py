@@ -5,13 +5,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
-import yaml
-
 from ..kinds import KINDS
 from ..printing import sweeps, tables
 from ..printing.rows import rows_of
 from ..printing.tables import Cell, Grid, printed, show_items
 from ..printing.text import new_console, printable
+from ..specs.document import Document, SpecError
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
@@ -200,9 +199,9 @@ def _formulas(spec: str) -> dict[str, str]:
     Without those of which a case has its own.
     """
     try:
-        whole = yaml.safe_load(spec)
+        whole: Any = Document(spec, str).data
         functions, cases = whole["functions"], whole.get("cases") or ()
-    except (yaml.YAMLError, TypeError, KeyError):
+    except (SpecError, AttributeError, TypeError, KeyError):
         return {}
     own = {name for case in cases if isinstance(case, dict) for name in case.get("functions") or ()}
     named = functions.items() if isinstance(functions, dict) else ()
