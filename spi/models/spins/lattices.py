@@ -66,7 +66,6 @@ class Lattice(NamedTuple):
 
     sites: int
     of_cell: np.ndarray  #: (sites,) the number of a site in its cell
-    places: np.ndarray  #: (sites, 3)
     bonds: np.ndarray  #: (bonds, 2) the sites of a bond, bonds of one type together
     types: np.ndarray  #: (bonds,) the number of the bond in the cell
     around: np.ndarray  #: (bonds, 3) how often the bond goes around the lattice along each vector
@@ -81,9 +80,6 @@ def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
     per_cell = len(cell.sites)
     cells = np.stack(np.meshgrid(*map(np.arange, lengths), indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(len(cells)).reshape(lengths)
-    vectors = np.zeros((3, 3))
-    vectors[: len(cell.vectors)] = cell.vectors
-    places = ((cells @ vectors)[:, np.newaxis] + np.array(cell.sites)).reshape(-1, 3)
     bonds, types, around = [], [], []
     for kind, (first, second, shift) in enumerate(cell.bonds):
         ends = cells + np.array(shift)
@@ -103,7 +99,7 @@ def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
     first, others, _ = neighbours(sites, bonds)
     colour_sites(first, others, site_colours)
     of_cell = np.tile(np.arange(per_cell), len(cells))
-    return Lattice(sites, of_cell, places, bonds, types, around, bond_colours, site_colours)
+    return Lattice(sites, of_cell, bonds, types, around, bond_colours, site_colours)
 
 
 def neighbours(sites, bonds):

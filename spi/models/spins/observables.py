@@ -1,4 +1,4 @@
-"""Functions of the states of lattices of spins by name: magnetisation, correlations, the temperature of the spins."""
+"""Functions of the states of lattices of spins by name, in docs/spins.md: magnetisation, correlations, temperature."""
 
 import functools
 from collections.abc import Callable
@@ -10,14 +10,6 @@ from scipy import sparse
 from .tables import tables
 
 Array = np.ndarray
-
-#: name -> meaning; ``corr`` is followed by the distance.
-OBSERVABLES = {
-    "mx my mz": "components of the magnetisation, the mean of mu s over the sites",
-    "nx ny nz": "the same with the signs of two sublattices, where every bond joins one to the other",
-    "corr1 corr2 ...": "the mean of s_i . s_j over sites that are so many cells apart along the first vector",
-    "spin_temperature": "sum |s x b|^2 / (2 sum s . b), whose mean is about T where there is no anisotropy",
-}
 
 
 def _components(states: Array) -> Array:
