@@ -197,7 +197,10 @@ def block_states(initial, noise, first, blocks):
 def _drawn(law, noise, first, blocks):
     """The states (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
     if not isinstance(law, Gibbs):
-        return law.states(_normals(law, noise, 0, 1, first, blocks)[0])
+        states = law.states(_normals(law, noise, 0, 1, first, blocks)[0])
+        if hasattr(law, "moved"):  # a law that states reach by moving on
+            return law.moved(states, int(noise.keys.seed), int(noise.keys.stream), first)
+        return states
     return np.concatenate(
         [_taken(law, noise, first + k, min(_SLICE, blocks - k)) for k in range(0, blocks, _SLICE)], axis=1
     )

@@ -234,7 +234,8 @@ class Plan:
     @property
     def initial(self) -> Any:
         """y_0, a tuple of floats or of a large model an array; or a ``RandomState``."""
-        return np.array(self.case.initial) if large(self.model) else self.case.initial
+        given = self.case.initial
+        return np.array(given) if large(self.model) and not isinstance(given, RandomState) else given
 
     @property
     def is_random(self) -> bool:

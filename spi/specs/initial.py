@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 import pydantic
-from annotated_types import MinLen
+from annotated_types import Ge, Le, MinLen
 
 from ..ensemble.protocol import NonNegative, Positive, dimension, large, populations
 from ..ensemble.random_states import Gaussian, Gibbs, Listed, RandomState, Spheres, Uniform
@@ -29,6 +29,7 @@ from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError, parse
 from ..models.delegation import undamped
 from ..models.spins import Spins
+from ..models.spins.whole import Sampled
 from ..models.zeitlin import fields
 from ..models.zeitlin.tables import places
 from ..systems import expanded, has_range, variables
@@ -45,6 +46,7 @@ from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_
 # ---------------------------------------------------------------------------------------------------------------------
 
 LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
+_SWEEPS = 1000  # of lattices of spins
 _TRIALS = 2**16  # states by which it is estimated
 #: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
 _MOST_NUMBERS = 2**20
@@ -70,13 +72,26 @@ class OfGibbs(Keys):
     """Density exp(-H/T) on a Casimir surface."""
 
     law: Literal["gibbs"]
-    through: _Through
+    through: key_of(State, "a state on the Casimir surface; not for the model spins") = ABSENT
     temperature: key_of(float, "T in the density exp(-H/T); may be negative", "energy")
+    sweeps: key_of(
+        Annotated[int, Ge(1), Le(10**7)], "of the model spins: sweeps over the lattice by which a state is drawn"
+    ) = ABSENT
 
     def state(self, model: Any, files: Files) -> RandomState:
         """A typical state, and the law."""
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
+        own, other = ("sweeps", "through") if isinstance(model, Spins) else ("through", "sweeps")
+        if other in self.model_fields_set:
+            raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
+        if isinstance(model, Spins):
+            law = Sampled(model, self.temperature, self.sweeps or _SWEEPS)
+            start = law.states(np.random.default_rng(1).standard_normal((law.numbers, 1)))
+            given = self.model_dump(exclude={"through"}) | {"sweeps": law.sweeps}
+            return RandomState(tuple(start[:, 0].tolist()), law, given)
+        if self.through is None:
+            raise wrong("missing key 'through'", "add through: a state on the Casimir surface", "through")
         surface = _surface(model, self.through, "through")
         polynomial = quadratic(model)
         if polynomial is None:
@@ -182,7 +197,7 @@ def random_state(data: dict[str, Any], model: Any, files: Files) -> Any:
     given = _READ.validate_python(data)
     if model is None:
         return ()
-    if large(model):
+    if large(model) and not (isinstance(given, OfGibbs) and isinstance(undamped(model), Spins)):
         right = "give one state; or move states of your own by spi.Integrator, see docs/integrator.md"
         raise wrong(f"is a law, which is for models of few components, not for {type(model).__qualname__}", right)
     return given.state(undamped(model), files)

@@ -139,7 +139,7 @@ class EquilibriumPlan(Plan):
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
         """The states of `blocks` blocks before their first step."""
         if self.one_path:
-            return np.array([self.initial] * blocks)
+            return self.initial_states(0, 1).T[:1].repeat(blocks, axis=0)
         times = loop.grid(self.case.steps[number], 1)
         return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 

@@ -31,6 +31,12 @@ class Cell(NamedTuple):
     def __str__(cell):
         return f"{len(cell.sites)} sites, {len(cell.bonds)} bonds a cell"
 
+    def displacement(cell, bond):
+        """How many cells a bond leads on along each vector."""
+        first, second, shift = cell.bonds[bond]
+        between = np.subtract(cell.sites[second], cell.sites[first])
+        return np.linalg.lstsq(np.transpose(cell.vectors), between)[0] + shift[: len(cell.vectors)]
+
     def direction(cell, bond):
         """The unit vector along a bond."""
         first, second, shift = cell.bonds[bond]

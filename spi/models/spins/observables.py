@@ -29,11 +29,17 @@ def _correlation(model: Any, r: int, states: Array) -> Any:
     return (s * other).sum(axis=2).mean(axis=(0, 1))
 
 
-@functools.lru_cache(8)
-def _couplings(model: Any) -> Any:
-    """The sparse matrix (3 sites, 3 sites) that gives the field of the neighbours."""
+@functools.lru_cache(16)
+def _couplings(model: Any, along: int | None = None) -> Any:
+    """The sparse matrix (3 sites, 3 sites) that gives the field of the neighbours.
+
+    With `along` each neighbour counts by how far away it is along that vector, in cells.
+    """
     of = tables(model, np.inf)
     here, blocks = np.repeat(np.arange(len(of.moment)), np.diff(of.neighbours)), of.couplings[of.coupling]
+    if along is not None:
+        there = np.array([model.cell.displacement(bond)[along] for bond in range(len(model.cell.bonds))])
+        blocks = blocks * np.stack([there, -there], axis=1).ravel()[of.coupling, np.newaxis]
     rows = 3 * here[:, np.newaxis] + np.repeat(np.arange(3), 3)
     columns = 3 * of.other[:, np.newaxis] + np.tile(np.arange(3), 3)
     size = 3 * len(of.moment)
@@ -49,17 +55,51 @@ def _energy(model: Any, states: Array) -> Any:
     return -(bonds + own).reshape(states.shape[1:])
 
 
-def _fields(model: Any, states: Array) -> Array:
-    """(sites, 3, ...) the fields b of states (3 sites, ...), without that of the anisotropies."""
+def _fields(model: Any, states: Array, along: int | None = None) -> Array:
+    """(sites, 3, ...) the fields of the neighbours of states (3 sites, ...), see :func:`_couplings`."""
     flat = np.reshape(states, (len(states), -1))
-    b = _couplings(model) @ flat + tables(model, np.inf).field.reshape(-1, 1)
-    return _components(b.reshape(states.shape))
+    return _components((_couplings(model, along) @ flat).reshape(states.shape))
+
+
+def _own_fields(model: Any, states: Array) -> Array:
+    """(sites, 3, ...) the constant field and those of the anisotropies."""
+    of, s = tables(model, np.inf), _components(states)
+    more = [1] * (s.ndim - 2)
+    along = np.tensordot(of.axes[0], s, axes=(0, 1))[:, np.newaxis] * of.axes[0].reshape(1, 3, *more)
+    return of.field.reshape(-1, 3, *more) + 2 * of.uniaxial * along + 2 * of.cubic * s**3
+
+
+def _energy_current(model: Any, along: int, states: Array) -> Any:
+    """Time derivative of the sum of x e over bonds, at their middles, and sites, x along a vector of the cell.
+
+    Bonds that share site i exchange {e, e'}; their sum by pairs is -s . (B x b) / (2 mu), B the fields of neighbours
+    weighted by how far away they are, b the field.
+    """
+    s, weighted = _components(states), _fields(model, states, along)
+    field = _fields(model, states) + _own_fields(model, states)
+    moment = tables(model, np.inf).moment
+    return np.tensordot(-0.5 / moment, (s * np.cross(weighted, field, axis=1)).sum(axis=1), axes=1)
+
+
+def _spin_current(model: Any, along: int, c: int, states: Array) -> Any:
+    """Time derivative of the sum of x mu s_c, where the total of mu s_c is conserved."""
+    s, weighted = _components(states), _fields(model, states, along)
+    return 0.5 * np.cross(s, weighted, axis=1)[:, c].sum(axis=0)
 
 
 def _spin_temperature(model: Any, states: Array) -> Any:
-    s, b = _components(states), _fields(model, states)
+    s, more = _components(states), [1] * (np.ndim(states) - 1)
+    b = _fields(model, states) + tables(model, np.inf).field.reshape(-1, 3, *more)
     turning = np.cross(s, b, axis=1)
     return (turning**2).sum(axis=(0, 1)) / (2 * (s * b).sum(axis=(0, 1)))
+
+
+def _conserves(model: Any, c: int) -> bool:
+    """Whether the total of mu s_c is conserved: a turn about axis c changes neither a bond nor the energy of a site."""
+    of, turn = tables(model, np.inf), np.cross(np.eye(3)[c], np.eye(3))
+    bonds = all(np.allclose(turn @ a, a @ turn, atol=1e-14) for a in of.couplings.reshape(-1, 3, 3))
+    axis_is_kept = not of.uniaxial or np.allclose(turn @ of.axes[0], 0)
+    return bonds and axis_is_kept and not of.cubic and np.allclose(of.field @ turn, 0)
 
 
 @functools.lru_cache(8)
@@ -75,6 +115,14 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
         named |= {f"n{x}": functools.partial(_mean, staggered, c) for c, x in enumerate("xyz")}
     farthest = model.size[0] // 2 if model.is_periodic else model.size[0] - 1
     named |= {f"corr{r}": functools.partial(_correlation, model, r) for r in range(1, farthest + 1)}
+    for along in range(len(model.size)):
+        number = along + 1 if len(model.size) > 1 else ""
+        named[f"energy_current{number}"] = functools.partial(_energy_current, model, along)
+        named |= {
+            f"spin_current_{x}{number}": functools.partial(_spin_current, model, along, c)
+            for c, x in enumerate("xyz")
+            if _conserves(model, c)
+        }
     named["H"] = functools.partial(_energy, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named

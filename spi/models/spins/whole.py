@@ -117,6 +117,35 @@ class Whole(NamedTuple):
         move_lattice(*self._arguments(y, first, steps, seed, path))
 
 
+class Sampled(NamedTuple):
+    """The Gibbs law of a lattice at a temperature: the states after some sweeps of accepted turns, see :func:`sweep_of`.
+
+    A path begins in random directions.
+    """
+
+    model: Any  #: a :class:`~spi.models.spins.Spins`
+    temperature: float
+    sweeps: int
+    surface: None = None
+
+    @property
+    def numbers(self) -> int:
+        """The number of normal numbers for the directions in which a path begins."""
+        return 3 * self.model.sites.sites
+
+    def states(self, z: np.ndarray) -> np.ndarray:
+        """The directions (d, paths) of numbers (numbers, paths)."""
+        vectors = z.reshape(-1, 3, z.shape[1])
+        return (vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))).reshape(z.shape)
+
+    def moved(self, y: np.ndarray, seed: int, stream: int, first: int) -> np.ndarray:
+        """The states (d, paths) of whole blocks, the first of them number `first`, after all sweeps."""
+        blocks = np.ascontiguousarray(y.reshape(len(y), -1, LANES).transpose(1, 0, 2)).reshape(-1, len(y) * LANES)
+        paths = np.arange(first, first + len(blocks), dtype=np.uint64) | np.uint64((1 + stream) << 40)
+        move_blocks(*sweep_of(self.model, self.temperature), blocks, self.sweeps, np.uint64(seed), paths)
+        return blocks.reshape(len(blocks), len(y), LANES).transpose(1, 0, 2).reshape(y.shape)
+
+
 def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
     """The number in the lattice of each site of a part in each lane."""
     per_cell = len(model.cell.sites)
@@ -161,6 +190,22 @@ def judged_program(record: Any, h: float) -> Program | None:
     return _program(rows, 2, 0.0)
 
 
+@functools.lru_cache(8)
+def sweep_of(model: Any, temperature: float) -> tuple[Any, Program]:
+    """The record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise, colour by colour.
+
+    Over the time 1 / (b + T / mu), b the largest field over mu, the turns are about as large as the law allows.  Where
+    the drift conserves H it turns the spins by angles of about 1 besides.
+    """
+    record = tables(model._replace(by="sites", alpha=1.0, noise=None), temperature)
+    colours = np.flatnonzero(record.form[: record.p] == BY_SITES)
+    rate = record.fastest[: record.p].sum() + abs(temperature) / record.moment.min()
+    rows = [(JUDGED, int(k), 1 / rate) for k in colours]
+    if len(colours) == record.p:
+        rows += [(FLOW, int(k), 1 / record.fastest[: record.p].max()) for k in colours if record.fastest[k] > 0]
+    return record, _program(rows, 2, 0.0)
+
+
 def _program(rows: list[tuple[int, int, float]], draws: int, alpha: float) -> Program:
     if NOISE not in {kind for kind, _, _ in rows}:
         rows = [*rows, (ROUNDINGS, 0, 0.0)]
@@ -194,6 +239,17 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
             for share in prange(shares):
                 of_share, its_program = records[0]  # Numba's prange cannot take nested tuples, but a list
                 _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
+
+
+@kernel(parallel=True)
+def move_blocks(model, program, y, steps, seed, paths):
+    """Move blocks of lattices (blocks, d * LANES) on in place, block b with the random numbers of path paths[b]."""
+    records = [(model, program)]
+    for b in prange(len(y)):
+        of_block, its_program = records[0]
+        for n in range(steps):
+            for row in range(len(its_program.kind)):
+                _run_share(of_block, its_program, row, its_program.time[row], 0, 1, y[b], n, seed, paths[b])
 
 
 @device(inline=False)
