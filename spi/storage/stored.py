@@ -65,6 +65,7 @@ NUMBERED = {
     "cell": "number of the cell",
     "row": "number of the row of cells",
     "column": "number of the column of cells",
+    "vector": "number of the vector of the lattice",
     "left_out": "number of the group of paths that is left out",
 }
 

@@ -78,6 +78,66 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
     return []
 
 
+def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
+    """The structure factor of the first scheme in colours, with the frequencies of linear waves."""
+    reading = readings[0]
+    if reading.time is None or reading.time.structure is None:
+        return
+    omega, s = reading.time.omega, reading.time.structure
+    highest = float(s.factor.max())
+    top = float(
+        omega[np.flatnonzero((s.factor > 1e-3 * highest).any(axis=0))[-1]]
+    )  # behind it there is next to nothing
+
+    def own(ax: plots.Axes) -> list[plots.Entry]:
+        values = np.maximum(s.factor, 1e-4 * highest)
+        drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
+        ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)$")
+        ax.set(ylim=(0, min(1.1 * top, omega[-1])))
+        lines = {"linear waves": (s.waves, "-"), f"of the step ${reading.step:g}$": (s.waves_of_step, ":")}
+        return [
+            (ax.plot(s.q, values, line, color="black", linewidth=1)[0], label)
+            for label, (values, line) in lines.items()
+            if values is not None
+        ]
+
+    yield plots.Plot(
+        title=f"structure factor, {style.label(reading.about)}",
+        x="wave vector $q/2\\pi$ along its path",
+        y=r"angular frequency $\omega$",
+        own=own,
+    )
+
+
+def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
+    """The correlations of spins over their distance at a few times, of the first scheme."""
+    reading = readings[0]
+    if reading.time is None or reading.time.structure is None or reading.time.structure.between is None:
+        return
+    s, lag = reading.time.structure, reading.time.lag
+    places = [0, *np.unique(np.geomspace(1, len(lag) - 1, 5).round().astype(int)).tolist()]
+    lines = [
+        plots.series(
+            s.distance,
+            s.between[:, i],
+            {"color": style.shade(looks[reading.about.variant][1], n, len(places)), "marker": "."},
+            f"$t={lag[i]:.3g}$",
+            reading.interval * s.between_stderr[:, i],
+        )
+        for n, i in enumerate(places)
+    ]
+    yield plots.Plot(
+        title=f"spreading, {style.label(reading.about)}",
+        series=lines,
+        x="distance $r$",
+        y=r"$\mathrm{E}\,[s_0(s)\cdot s_r(s+t)]$",
+    )
+
+
+def _over_lag(field: str, label: str, over: str = "lag", x: str = "lag $t$") -> panels.CurvePanel:
+    return panels.CurvePanel(f"time_{field}", over, "function", label=f"${label}$", x=x, zero=True)
+
+
 def _over_time(field: str, label: str, **options: Any) -> panels.CurvePanel:
     return panels.CurvePanel(field, "t", "function", label=f"${label}$", **options)
 
@@ -125,6 +185,13 @@ PANELS: dict[str, Any] = {
         )
     ],
     "correlations": [panels.Own(_correlations)],
+    "time_correlation": [_over_lag("correlation", r"\mathrm{{Cov}}({f}(s),{f}(s+t))")],
+    "integral": [_over_lag("integral", r"\int_0^t\mathrm{{Cov}}({f}(s),{f}(s+t'))\,\mathrm{{d}}t'")],
+    "spectrum": [
+        _over_lag("spectrum", r"\mathrm{{spectrum}}\ \mathrm{{of}}\ {f}", "omega", r"angular frequency $\omega$")
+    ],
+    "structure": [panels.Own(_structure)],
+    "spreading": [panels.Own(_spreading)],
     "maps": [panels.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
 }
 

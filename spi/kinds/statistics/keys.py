@@ -20,6 +20,7 @@ from spi.statistics.claims import claimable
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
 from .results import PANELS, Statistics
+from .stationary import Correlated
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -107,6 +108,10 @@ class Case(StepCase):
     autocorrelation: key_of(dict[str, NonNegative], "for functions by name the time from which it counts", "time") = (
         pydantic.Field(default_factory=dict)
     )
+    time_correlations: key_of(
+        Correlated | None,
+        "of stationary paths: covariances at two times, over all first times, their integrals and spectra",
+    ) = None
     reference: key_of(
         dict[str, Known],
         f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
@@ -120,7 +125,7 @@ class Case(StepCase):
     unsaid: ClassVar[dict[str, Any]] = {
         **StepCase.unsaid,
         **dict.fromkeys(("times", "panels"), ()),
-        **{"density": None, "every": 1, "autocorrelation": {}},
+        **{"density": None, "every": 1, "autocorrelation": {}, "time_correlations": None},
     }
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"reference"}
 
@@ -190,6 +195,12 @@ class Case(StepCase):
         for name, since in self.autocorrelation.items():
             self._check_name(name, "autocorrelation", name)
             self.place(since, "autocorrelation", name)
+        return self
+
+    @condition
+    def _check_time_correlations(self) -> Self:
+        if self.time_correlations is not None:
+            self.time_correlations.check(self)
         return self
 
     @condition

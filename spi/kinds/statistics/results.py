@@ -17,7 +17,10 @@ SPHERE_SIDES = "y3 / |y|", "longitude"
 
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
-PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps")
+PANELS = (
+    *("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps"),
+    *("time_correlation", "integral", "spectrum", "structure", "spreading"),
+)
 
 
 #: Of fewer groups of paths there is no standard error.
@@ -78,6 +81,40 @@ class DensityMap(Described):
         return self.sides == SPHERE_SIDES
 
 
+class Structure(Described):
+    """Correlations of the spins of a lattice in space and time, by wave vectors q; s_q = sum_j exp(-i q . x_j) s_j."""
+
+    q: Array = axis("length of the path of wave vectors, in units of reciprocal vectors", name="q")
+    wave_vector: Array = array("q vector", "wave vector, in units of reciprocal vectors")
+    mode: Array = array("q lag", "real part of the correlation of a mode", formula="E s_q(s)^* . s_q(s + t) / N")
+    mode_stderr: Array = array("q lag", "standard error of this correlation")
+    factor: Array = array("q omega", "structure factor", "time", "integral of exp(i omega t) w(t) C(q, t)")
+    factor_stderr: Array = array("q omega", "standard error of the structure factor", "time")
+    peak: Array = array("q", "frequency at which the structure factor is largest", "1/time")
+    peak_stderr: Array = array("q", "standard error of this frequency", "1/time")
+    waves: Array | None = array("q", "frequency of the linear wave", "1/time", default=None)
+    waves_of_step: Array | None = array("q", "the same of the scheme at its step size", "1/time", default=None)
+    distance: Array | None = axis("distance of two spins along the lattice", name="distance", default=None)
+    between: Array | None = array(
+        "distance lag", "correlation of two spins", formula="E s_0(s) . s_r(s + t)", default=None
+    )
+    between_stderr: Array | None = array("distance lag", "standard error of this correlation", default=None)
+
+
+class TimeCorrelations(Described):
+    """Correlations of functions at two times of stationary paths, over all first times."""
+
+    lag: Array = axis("time between two values", "time", name="lag")
+    omega: Array = axis("angular frequency", "1/time", name="omega")
+    correlation: Array = array("function lag", "covariance at two times", formula="Cov(f(s), f(s + t))")
+    correlation_stderr: Array = array("function lag", "standard error of the covariance at two times")
+    integral: Array = array("function lag", "integral of this covariance from 0 to t", claim=_KNOWN)
+    integral_stderr: Array = array("function lag", "standard error of this integral")
+    spectrum: Array = array("function omega", "spectrum", "", "integral of cos(omega t) w(t) C(t) over all t")
+    spectrum_stderr: Array = array("function omega", "standard error of the spectrum")
+    structure: Structure | None = nested(prefix="structure_", default=None)
+
+
 class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
 
@@ -134,6 +171,7 @@ class Statistics(Stored):
     quantiles: Quantiles | None = nested(default=None)
     histogram: Histogram | None = nested(default=None)
     density_map: DensityMap | None = nested(prefix="map_", default=None)
+    time: TimeCorrelations | None = nested(prefix="time_", default=None)
     reference: Array | None = array("function t", "known mean; NaN where nothing is known", default=None)
     difference: Array | None = array(
         "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None

@@ -14,11 +14,12 @@ from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
 from spi.kinds.plans import Cost, KernelCall, each_scheme
 from spi.numerics.rng import LANES
-from spi.statistics.accumulators import Array, Sums, added, counted, moments
+from spi.statistics.accumulators import Array, Sums, added, by_group, counted, moments
 from spi.statistics.cells import cells_around, count_places
 from spi.statistics.estimators import GROUPS
 from spi.statistics.intervals import clopper_pearson, student_of_paths
 
+from . import stationary
 from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles, simultaneous
 from .references import known_means, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Statistics
@@ -36,6 +37,9 @@ class StatisticsSums(Sums):
     counts: Array = added("time counted bin", int)  #: below all bins, in each, and above all or NaN
     lost: Array = added("time function end", int)  #: of minus infinity, and of infinity or NaN
     cells: Array = added("map one cell", int)  #: outside of all cells, in each, and NaN
+    means: Array = by_group("stationary")  #: of each function over the times of a path
+    lagged: Array = by_group("stationary lag")  #: of products of values at two times
+    waves: Array = by_group("wave lag complex")  #: the same of modes of spins
     nonfinite: Array = counted()
     report: Array = added("report")  #: of what steps report that which is summed up
 
@@ -136,6 +140,7 @@ class StatisticsPlan(BlocksPlan):
             "map": len(self.map_times),
             "one": 1,
             "cell": 2 + (case.density.count if case.density else 0),
+            **stationary.lengths(case),
             "report": SUMMED,
         }
 
@@ -156,7 +161,7 @@ class StatisticsPlan(BlocksPlan):
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the states `at`, as many blocks at once as caches hold, if memory does."""
         states, report = (each[at] for each in contributions)
-        times, columns = len(self.case.places), self.columns
+        case, times, columns = self.case, len(self.case.places), self.columns
         copied = ("values", "products", "counts", "lost", "cells")
         added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
         few = max(1, _CACHED // (columns.stored * LANES)) * thread_count()
@@ -167,6 +172,8 @@ class StatisticsPlan(BlocksPlan):
                 some = states[begin : begin + few]
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
+                if case.time_correlations is not None:
+                    added = stationary.added(case, added, some, values[: len(some)], first + begin, end)
         ends = states[:, -1].reshape(len(states), -1, LANES)
         further = {"nonfinite": np.logical_not(np.isfinite(ends).all(axis=1)), "report": report}
         return added.with_blocks(further, slice(None), first, end)
@@ -218,6 +225,7 @@ class StatisticsPlan(BlocksPlan):
             **self._second_moments(estimated, alike),
             **self._counted(sums, bins, of_values),
             "density_map": self._map(sums.cells, names),
+            "time": stationary.estimates(case, sums) if case.time_correlations is not None else None,
             **self._differences(mean, stderr),
             "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             "panels": case.panels or PANELS,

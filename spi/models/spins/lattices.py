@@ -31,11 +31,15 @@ class Cell(NamedTuple):
     def __str__(cell):
         return f"{len(cell.sites)} sites, {len(cell.bonds)} bonds a cell"
 
+    @property
+    def fractions(cell):
+        """(sites, vectors): the places of the sites in units of the vectors."""
+        return np.linalg.lstsq(np.transpose(cell.vectors), np.transpose(cell.sites))[0].T
+
     def displacement(cell, bond):
         """How many cells a bond leads on along each vector."""
         first, second, shift = cell.bonds[bond]
-        between = np.subtract(cell.sites[second], cell.sites[first])
-        return np.linalg.lstsq(np.transpose(cell.vectors), between)[0] + shift[: len(cell.vectors)]
+        return cell.fractions[second] - cell.fractions[first] + shift[: len(cell.vectors)]
 
     def direction(cell, bond):
         """The unit vector along a bond."""

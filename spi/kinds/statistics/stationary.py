@@ -1,0 +1,283 @@
+"""Correlations in time of stationary paths, over all first times of each: of functions, and of Fourier modes of spins.
+
+    C(t) = Cov(f(y_s), f(y_(s+t))),    whose integral over t is the coefficient of Green and Kubo
+    C(q, t) = E s_q(s)^* . s_q(s + t) / N,    s_q = sum_j exp(-i q . x_j) s_j
+    S(omega) = integral of exp(i omega t) w(t) C(t) over all t, with a window w
+
+The mean over the first times of a path is a convolution, by the fast Fourier transform.
+"""
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from annotated_types import Len, MinLen
+
+from spi.ensemble import loop
+from spi.ensemble.increments import brownian
+from spi.ensemble.protocol import Positive, in_kernels
+from spi.models.delegation import undamped
+from spi.models.spins import Spins
+from spi.numerics.rng import LANES, PARTS
+from spi.specs.keys import Keys, condition, key_of, quantity, wrong
+from spi.statistics.estimators import group_counts, jackknife_stderr, mean_over_paths
+
+from .results import Structure, TimeCorrelations
+
+Array = np.ndarray
+
+WINDOWS = {"hann": lambda x: np.cos(0.5 * np.pi * x) ** 2, "gauss": lambda x: np.exp(-4.5 * x**2), "none": np.ones_like}
+_MOST_WAVES = 256  # spins of which the linear waves are computed
+_SMALL = 1e-4  # the angle by which a spin is turned for that
+
+
+class Correlated(Keys):
+    """Correlations in time of stationary paths."""
+
+    until: key_of(Positive, "the largest time between two values", "time")
+    window: key_of(Literal[tuple(WINDOWS)], "w(t) of spectra; it ends, with hann at 0, at `until`") = "hann"
+    spins: key_of(
+        Annotated[tuple[Literal["x", "y", "z"], ...], MinLen(1)] | None,
+        "of the model spins the components that the structure factor S(q, omega) adds up, as in [x, y, z]",
+    ) = None
+    through: key_of(
+        Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
+        "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
+    ) = None
+    about: key_of(
+        tuple[float, float, float] | None, "direction of all spins about which linear waves are computed and drawn"
+    ) = None
+
+    @condition
+    def _check_spins(self) -> Self:
+        for key in ("through", "about"):
+            if getattr(self, key) is not None and self.spins is None:
+                raise wrong("is for structure factors of spins", "add spins: [x, y, z]", key)
+        return self
+
+    def check(self, case: Any) -> None:
+        """Raise the error about a key that does not go with the case."""
+        between, last = case.stride * case.step, float(case.t[-1])
+        if case.times or round(self.until / between) < 2 or self.until > last:
+            right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"
+            raise wrong(f"is {quantity(self.until)}", right, "time_correlations", "until")
+        if self.spins is None:
+            return
+        model = undamped(case.model)
+        if not isinstance(model, Spins) or not model.is_periodic:
+            raise wrong("is for periodic lattices of spins", "leave it out", "time_correlations", "spins")
+        modes_of(self, model)
+        if self.about is not None and model.sites.sites > _MOST_WAVES:
+            mistake = f"is for at most {_MOST_WAVES} spins, and there are {model.sites.sites}"
+            raise wrong(mistake, "leave it out", "time_correlations", "about")
+
+
+def lags_of(case: Any) -> int:
+    """The number of times between two values, the first being 0."""
+    return round(case.time_correlations.until / (case.stride * case.step)) + 1
+
+
+def modes_of(given: Correlated, model: Spins) -> Array:
+    """(Q, vectors) the wave vectors, as whole numbers of waves along the lattice."""
+    size = np.array(model.size)
+    corners = given.through or ((0.0,) * len(size), (0.5, *(0.0,) * (len(size) - 1)))
+    if any(len(corner) != len(size) for corner in corners):
+        raise wrong(
+            "has corners of another length", f"must have {len(size)} numbers each", "time_correlations", "through"
+        )
+    waves = np.array(corners) * size
+    whole = np.round(waves).astype(int)
+    if abs(waves - whole).max() > 1e-9:
+        right = f"must be multiples of one over the size, {', '.join(f'1/{n}' for n in size)}"
+        raise wrong("has a wave vector that is none of the lattice", right, "time_correlations", "through")
+    path = [whole[:1]]
+    for first, last in zip(whole, whole[1:], strict=False):
+        steps = int(np.gcd.reduce(last - first))
+        path.append(first + np.outer(np.arange(1, steps + 1), (last - first) // max(steps, 1)))
+    return np.concatenate(path)
+
+
+def lengths(case: Any) -> dict[str, int]:
+    """The lengths of the axes of the sums of a case."""
+    given = case.time_correlations
+    if given is None:
+        return {"stationary": 0, "wave": 0, "lag": 0, "complex": 2}
+    waves = 0 if given.spins is None else len(modes_of(given, undamped(case.model)))
+    return {"stationary": len(case.functions), "wave": waves, "lag": lags_of(case), "complex": 2}
+
+
+def added(case: Any, sums: Any, y: Array, values: Array, first: int, end: int) -> Any:
+    """Sums with blocks of states (blocks, T, d * LANES) and values of functions (blocks, T, columns, LANES)."""
+    for block, states in enumerate(y):
+        functions = np.moveaxis(values[block, :, : len(case.functions)], 0, 1)
+        own = contributions(case, functions, states[case.places], first + block, end)
+        sums = sums.with_blocks(own, slice(None), first + block, end)
+    return sums
+
+
+def contributions(case: Any, functions: Array, y: Array, first: int, end: int) -> dict[str, Array]:
+    """Sums over the paths of each part of one block: functions (F, T, LANES) and states y (T, d * LANES).
+
+    `means` (1, F, PARTS), `lagged` (1, F, lags, PARTS) and `waves` (1, Q, lags, 2, PARTS), real and imaginary.
+    """
+    used = (first * LANES + np.arange(LANES) < end).astype(float)
+    lags = lags_of(case)
+    sums = {
+        "means": _by_part(functions.mean(axis=1) * used),
+        "lagged": _lagged(functions * used, lags),
+        "waves": np.zeros((0, lags, 2, PARTS)),
+    }
+    if case.time_correlations.spins is not None:
+        model = undamped(case.model)
+        waves = modes(model, modes_of(case.time_correlations, model), case.time_correlations.spins, y) * used
+        total = sum(_lagged(wave, lags) for wave in waves)
+        sums["waves"] = np.stack([total.real, total.imag], axis=2) / model.sites.sites
+    return {name: values[np.newaxis] for name, values in sums.items()}
+
+
+def modes(model: Spins, waves: Array, components: tuple[str, ...], y: Array) -> Array:
+    """(components, Q, T, LANES): s_q of states (T, d * LANES)."""
+    cells, (vectors, per_cell) = model.size, (len(model.size), len(model.cell.sites))
+    s = y.reshape(len(y), *cells, per_cell, 3, LANES)[..., ["xyz".index(c) for c in components], :]
+    transformed = np.fft.fftn(s, axes=range(1, 1 + vectors))
+    at = transformed[:, *(waves % cells).T] if vectors > 1 else transformed[:, waves[:, 0] % cells[0]]
+    phases = np.exp(-2j * np.pi * (waves / cells) @ model.cell.fractions.T)  # (Q, sites of a cell)
+    return np.moveaxis((at * phases[:, :, np.newaxis, np.newaxis]).sum(axis=2), (0, 1, 2), (2, 1, 0))
+
+
+def _lagged(values: Array, lags: int) -> Array:
+    """(S, lags, PARTS): the mean of f(s)^* f(s + t) over the first times s of (S, T, LANES), summed by parts of lanes."""
+    times = values.shape[1]
+    transformed = np.fft.fft(values, 2 * times, axis=1)
+    power = _by_part(transformed.real**2 + transformed.imag**2)
+    products = np.fft.ifft(power, axis=1)[:, :lags] / (times - np.arange(lags))[:, np.newaxis]
+    return products if np.iscomplexobj(values) else products.real
+
+
+def _by_part(values: Array) -> Array:
+    """Values (..., LANES) summed up over the lanes of each part."""
+    return values.reshape(*values.shape[:-1], LANES // PARTS, PARTS).sum(axis=-2)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Estimates
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def estimates(case: Any, sums: Any) -> TimeCorrelations:
+    """The record of correlations in time, from sums by groups of paths."""
+    given, counts, between = case.time_correlations, group_counts(sums.paths), case.stride * case.step
+
+    def each(of: Any, *fields: Array) -> tuple[Array, Array]:
+        pairs = [mean_over_paths(np.moveaxis(field, 0, -1), counts) for field in fields]
+        value, without = of(*(mean for mean, _ in pairs)), of(*(left_out for _, left_out in pairs))
+        return value, jackknife_stderr(value, without, counts)
+
+    def covariance(lagged: Array, means: Array) -> Array:
+        return lagged - means[..., np.newaxis] ** 2
+
+    def integral(lagged: Array, means: Array) -> Array:
+        c = covariance(lagged, means)
+        return np.concatenate([np.zeros_like(c[..., :1]), between * np.cumsum((c[..., 1:] + c[..., :-1]) / 2, -1)], -1)
+
+    def spectrum(c: Array) -> Array:
+        x = np.arange(c.shape[-1]) / (c.shape[-1] - 1)
+        windowed = np.conj(c * WINDOWS[given.window](x))
+        return between * np.fft.hfft(windowed, 2 * len(x) - 2, axis=-1)[..., : len(x)]
+
+    lags, of_functions = lags_of(case), (sums.lagged, sums.means)
+    fields: dict[str, Any] = {}
+    for name, of in {"correlation": covariance, "integral": integral}.items():
+        fields[name], fields[f"{name}_stderr"] = each(of, *of_functions)
+    fields["spectrum"], fields["spectrum_stderr"] = each(lambda *c: spectrum(covariance(*c)), *of_functions)
+    structure = None
+    if given.spins is not None:
+        model = undamped(case.model)
+        waves = modes_of(given, model)
+
+        def complex_of(c: Array) -> Array:
+            return c[..., 0] + 1j * c[..., 1]
+
+        factor, factor_stderr = each(lambda c: spectrum(complex_of(c)), sums.waves)
+        peak, peak_stderr = each(lambda c: _peaks(spectrum(complex_of(c))), sums.waves)
+        value, error = each(lambda c: c, sums.waves)
+        distance = None
+        own: dict[str, Any] = {}
+        if given.through is None and len(model.size) == len(model.cell.sites) == 1:
+            distance = np.arange(model.size[0] // 2 + 1)
+            own["between"], own["between_stderr"] = each(
+                lambda c: np.fft.irfft(complex_of(c), model.size[0], axis=-2)[..., : len(distance), :], sums.waves
+            )
+        unit = np.pi / (between * (lags - 1))
+        exact, of_step = linear_waves(case, waves) if given.about is not None else (None, None)
+        structure = Structure(
+            q=np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waves / model.size, axis=0), axis=1))])
+            + (np.linalg.norm(waves[0] / model.size)),
+            wave_vector=waves / np.array(model.size),
+            mode=value[..., 0],
+            mode_stderr=error[..., 0],
+            factor=factor,
+            factor_stderr=factor_stderr,
+            peak=peak * unit,
+            peak_stderr=peak_stderr * unit,
+            waves=exact,
+            waves_of_step=of_step,
+            distance=distance,
+            **own,
+        )
+    return TimeCorrelations(
+        lag=between * np.arange(lags),
+        omega=np.pi / (between * (lags - 1)) * np.arange(lags),
+        structure=structure,
+        **fields,
+    )
+
+
+def _peaks(spectrum: Array) -> Array:
+    """Where spectra (..., frequencies) are largest, by the parabola through three values."""
+    at = np.clip(spectrum.argmax(axis=-1), 1, spectrum.shape[-1] - 2)[..., np.newaxis]
+    left, top, right = (np.take_along_axis(spectrum, at + k, -1) for k in (-1, 0, 1))
+    bend = left - 2 * top + right
+    shift = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
+    return (at + np.clip(shift, -1, 1))[..., 0]
+
+
+def linear_waves(case: Any, waves: Array) -> tuple[Array, Array]:
+    """(exact, of the step size): frequencies of small waves about spins in one direction, for each wave vector.
+
+    The derivative of one step of the scheme, without damping and noise, has eigenvalues exp(i omega h); that of a very
+    short step has those of the equation.  A wave vector has the eigenvalue whose vector has most of it.
+    """
+    model = undamped(case.model)._replace(alpha=0.0, noise=None)
+    row = case.row(case.schemes[0])
+    along = np.array(case.time_correlations.about) / np.linalg.norm(case.time_correlations.about)
+    tangents = np.linalg.svd(along[np.newaxis])[2][1:]
+    tangents[1] = np.cross(along, tangents[0])
+    sites = model.sites.sites
+    turned = np.zeros((2, sites, 2, sites, 3)) + along
+    for sign, site, t in np.ndindex(2, sites, 2):
+        turned[sign, site, t, site] += (1 - 2 * sign) * _SMALL * tangents[t]
+    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+    cells, per_cell = np.array(model.size), len(model.cell.sites)
+    places = (
+        np.stack(np.unravel_index(np.arange(sites) // per_cell, cells), axis=1)
+        + model.cell.fractions[np.arange(sites) % per_cell]
+    )
+    plane = np.exp(-2j * np.pi * (waves / cells) @ places.T)  # (Q, sites)
+    frequencies = []
+    for h in (case.step / 1024, case.step):
+        ends = _one_step(row.record, model, h, turned.reshape(4 * sites, -1)).reshape(turned.shape)
+        change = np.einsum("stjc,uc->just", (ends[0] - ends[1]) / (2 * _SMALL), tangents)
+        values, vectors = np.linalg.eig(change.reshape(2 * sites, 2 * sites))
+        amplitudes = np.abs(np.einsum("qj,juv->quv", plane, vectors.reshape(sites, 2, -1))) ** 2
+        best = amplitudes.sum(axis=1).argmax(axis=1)
+        frequencies.append(np.abs(np.angle(values[best])) / h)
+    return frequencies[0], frequencies[1]
+
+
+def _one_step(scheme: Any, model: Any, h: float, states: Array) -> Array:
+    """Each of some states (n, d) after one step of a scheme without noise."""
+    blocks = -(-len(states) // LANES)
+    padded = np.resize(states, (blocks * LANES, states.shape[1]))
+    y = padded.reshape(blocks, LANES, -1).transpose(0, 2, 1).reshape(blocks, 1, -1)
+    ends, _ = loop.integrated(scheme, in_kernels(model), y, loop.grid(h, 1), brownian(1), 0, blocks, len(padded))
+    return loop.paths_of(ends, states.shape[1])[0].T[: len(states)]
