@@ -31,7 +31,7 @@ Looks = style.Looks
 
 def names_along(record: Stored, axis: str, count: int) -> list[str]:
     """The name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
-    if axis in ("function", "variable"):
+    if axis in ("function", "variable", "quantity"):
         return [style.maths(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
     symbols = {"casimir": "C", "number": r"\lambda"}
     if axis == "component":

@@ -201,8 +201,8 @@ def _claimed(record: Stored, name: str, claim: Claimed) -> Iterator[Quantity]:
         numbers = numbers.map(lost_is_infinite)
     if claim.absolute:
         numbers = numbers.absolute
-    if "t" in numbers.axes:
-        numbers = numbers.without("t", last)
+    for axis in {"t", "lag"} & {*numbers.axes}:
+        numbers = numbers.without(axis, last)
     labels = {axis: record.by_name[axis].meaning.label for axis in numbers.axes if axis in record.by_name}
     further = [axis for axis in numbers.axes if axis not in _APART and not labels.get(axis)]
     for axis in further if numbers.exact and claim.sense != EQUAL else ():

@@ -224,6 +224,7 @@ PANELS: dict[str, Any] = {
             then=_named_response,
         )
     ],
+    "derived": [panels.CurvePanel("derived", "h", "quantity", label="${f}$")],
     "acceptance": [panels.Own(_acceptance)],
 }
 

@@ -1,6 +1,6 @@
 """The keys of an experiment of kind equilibrium."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
@@ -9,15 +9,16 @@ from pydantic import BeforeValidator, Field
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
+from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import PathFunction, check_function, path_function
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
-from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
+from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
 from spi.statistics.claims import claimable
 
-from .references import EXACT, FINEST, check
+from .references import EXACT, FINEST, check, derived_quantity
 from .results import BATCHES, OF_FUNCTIONS, PANELS, Equilibrium
 
 Panels = tuple[Literal[PANELS], ...]
@@ -45,6 +46,11 @@ class Case(BaseCase):
         "with final_time: by name an expression in the state such as y1^2, H or a Casimir function C1, C2, ...; "
         "default: H",
     ) = Field(default_factory=dict)
+    derived: key_of(
+        Functions,
+        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}; standard errors by the "
+        "jackknife",
+    ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
     spacing: key_of(
         Positive | None,
@@ -67,7 +73,8 @@ class Case(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = claimable(Equilibrium)
-    scoping: ClassVar = ("functions",)
+    scoping: ClassVar = ("functions", "derived")
+    unsaid: ClassVar[dict[str, Any]] = {**BaseCase.unsaid, "derived": {}}
     at_once: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
@@ -130,7 +137,7 @@ class Case(BaseCase):
     def _check_functions(self) -> Self:
         """The case with functions, unless no final time is given."""
         if not self.final_time:
-            given = {"functions": self.functions, "burn_in": self.burn_in, "spacing": self.spacing}
+            given = {"functions": self.functions, "derived": self.derived, "burn_in": self.burn_in, "spacing": self.spacing}
             for key in [key for key, value in given.items() if value]:
                 raise wrong("is for means over time", "give final_time instead of step_count", key)
             return self
@@ -140,6 +147,14 @@ class Case(BaseCase):
         functions = self.functions or {"H": "H"}
         for name, text in functions.items():
             check_function(self, name, text)
+        if both := self.derived.keys() & functions.keys():
+            raise wrong("is the name of a function", "take another name", "derived", min(both))
+        for name, text in self.derived.items():
+            try:
+                derived_quantity(text, tuple(functions))
+            except NumberError as error:
+                right = f"must be an expression in {', '.join(functions)} and T"
+                raise wrong(f"is {shown(text)} ({error})", right, "derived", name) from None
         return self.model_copy(update={"functions": functions})
 
     @condition

@@ -14,8 +14,8 @@ from spi.statistics.cells import range_of
 from spi.storage.records import Order
 
 from .growth import Paths
-from .references import known_laws
-from .results import BATCHES, LEAST_PATHS, Averages
+from .references import derived_quantity, known_laws
+from .results import BATCHES, LEAST_PATHS, Averages, Derived
 
 _MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
@@ -160,7 +160,8 @@ class Recorder(NamedTuple):
             paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
             paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
         values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
-        return {"values": values, "lagged": paths.lagged, "ends": paths.ends}
+        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_batches])
+        return {"values": values, "lagged": paths.lagged, "ends": paths.ends, "by_batch": by_batch}
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
@@ -203,6 +204,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
         reference=references.value,
         reference_stderr=references.error,
         reference_variance=references.variance,
+        quantities=_derived(recorders, case, totals) if case.derived else None,
         order=tuple(order for order, _ in orders),
         constant=np.array([constant for _, constant in orders]),
         lag=case.between * np.arange(series.lags),
@@ -251,6 +253,27 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "density": density,
             "density_stderr": estimators.jackknife_stderr(density, density_without, counts),
         }
+
+
+def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
+    """Quantities that follow from means, with the jackknife over groups of paths, or of few paths over batches of time."""
+    names, found = tuple(case.functions), []
+    formulas = [derived_quantity(text, names) for text in case.derived.values()]
+    for recorder, paths in zip(recorders, totals, strict=True):
+        if case.samples >= LEAST_PATHS:
+            counts = estimators.group_counts(case.samples)
+            mean, without = estimators.mean_over_paths(paths.values[0], counts)
+        else:
+            counts, of_batch = np.ones(BATCHES), paths.by_batch / case.samples
+            mean = of_batch.mean(axis=1)
+            without = ((of_batch.sum(axis=1, keepdims=True) - of_batch) / (BATCHES - 1)).T
+        value, left_out = (
+            np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
+            for means in (mean, without)
+        )
+        found.append((value, estimators.jackknife_stderr(value, left_out.T, counts)))
+    value, stderr = (np.array(each) for each in zip(*found, strict=True))
+    return Derived(quantities=tuple(case.derived), formulas=tuple(case.derived.values()), value=value, stderr=stderr)
 
 
 def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:

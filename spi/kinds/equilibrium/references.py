@@ -1,12 +1,13 @@
 """References for means at equilibrium: numbers, the Gibbs law by quadrature, or the smallest step size."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.exact import gibbs
+from spi.expressions import as_numpy, is_constant, parse_expression
 from spi.expressions.arithmetic import NumberError, parse
 from spi.kinds.functions import check_named, gibbs_mean, path_function
 from spi.specs.keys import shown, wrong
@@ -90,3 +91,17 @@ def _shares(
         return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))
     except ValueError:
         return np.full(len(edges) - 1, np.nan)
+
+
+def derived_quantity(text: str, names: tuple[str, ...]) -> Callable[[np.ndarray, float], np.ndarray]:
+    """The function of means (..., F) and T that a formula in names of functions and T is; NumberError if it is none."""
+    tree = parse_expression(text, len(names) + 1, (*names, "T"))
+    if is_constant(tree):
+        raise NumberError("a constant")
+    values = as_numpy(tree)
+
+    def quantity(means: np.ndarray, temperature: float) -> np.ndarray:
+        columns = np.moveaxis(np.atleast_1d(means), -1, 0)
+        return np.asarray(values(np.concatenate([columns, np.full_like(columns[:1], temperature)])))
+
+    return quantity

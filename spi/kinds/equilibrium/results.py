@@ -10,10 +10,10 @@ from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.printing.text import decimal, power_of_two, short
 from spi.storage.records import INTERVAL, Order, in_standard_errors
-from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact
+from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
-OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
+OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "derived", "acceptance")
 PANELS = ("growth", "law", "distance", *OF_FUNCTIONS)
 
 #: Number of batches into which the time of a path after the burn-in is divided.
@@ -66,6 +66,15 @@ class Law(Described):
         return np.abs(self.z).max(axis=1)
 
 
+class Derived(Described):
+    """Quantities that follow from means of functions."""
+
+    quantities: tuple[str, ...] = axis("quantity", name="quantity", column="{}")
+    formulas: tuple[str, ...] = fact("what the quantities are")
+    value: Array = array("h quantity", "quantity that follows from means", name="derived", claim="equal")
+    stderr: Array = array("h quantity", "standard error of the quantity", name="derived_stderr")
+
+
 class Averages(Described):
     """Means of functions over the later part of the time and over all paths, and quantities by which to judge them."""
 
@@ -98,6 +107,7 @@ class Averages(Described):
     reference: Array = array("function", "known mean, or mean at the smallest step size; NaN without one")
     reference_stderr: Array = array("function", "standard or numerical error of the reference")
     reference_variance: Array = array("function", "exact variance; NaN where not known")
+    quantities: Derived | None = nested(default=None)
     order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean")
     constant: Array = array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")
     lag: Array = axis("time between two values", "time")
@@ -246,6 +256,7 @@ class Equilibrium(Stored):
             ],
             title="means over time",
         ),
+        Table("quantity h", [Column("derived", "value (95 %)", form=".5g")], title="quantities that follow"),
     )
     row_axes, row_columns, row_last = ("h", "n"), ("casimir", "moment", "variable", "function"), ("n",)
 
