@@ -27,6 +27,8 @@ from ..compiler.dispatch import answers
 from ..ensemble.protocol import fault, large, state_fault
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
+from ..models.spins import Anisotropy, Spins, Terms, Transport
+from ..models.spins.lattices import Cell
 from .document import Document, Location, SpecError
 from .files import Files
 from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion, wrong
@@ -46,6 +48,7 @@ BY_ENTRY = ("parameters", "sizes")
 _OTHERS = {
     "system": "path of a YAML file with the keys of a system",
     "name": "what the system is called",
+    "lattice": "true: H is a sum over pairs of spins, which the compiled flows of the model spins move",
     "sigma": "strengths of the noises, numbers or formulas in the time t; 0 switches one off",
 }
 KEYS = {**systems.KEYS, **_OTHERS}
@@ -61,11 +64,23 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
     if systems.names_time(whole.get("sigma")):
         definition["sigma"] = whole["sigma"]
     try:
+        if whole.get("lattice", "false") not in ("false", False):
+            return _lattice(systems.spins_of(definition, whole.get("sigma")))
         made = systems.made(definition, name)
         strengths = systems.strengths(definition, whole.get("sigma"))
     except systems.DefinitionError as error:
         _report(error, data, document)
     return systems.record(made, [strength or None for strength in strengths])
+
+
+def _lattice(fields: Mapping[str, Any]) -> Spins:
+    """The model of spins with these fields, as ``systems.spins_of`` finds them."""
+    bonds, noise = tuple(Terms(**terms) for terms in fields["bonds"]), fields["noise"]
+    own = {"lattice": Cell(**fields["lattice"]), "bonds": bonds, "anisotropy": Anisotropy(**fields["anisotropy"])}
+    model = Spins(**{**fields, **own, "noise": noise and Transport(**noise)})
+    if fault := model.fault():
+        raise wrong(fault[1], fault[2], "lattice")
+    return model
 
 
 def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:

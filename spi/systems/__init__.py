@@ -35,6 +35,7 @@ __all__ = [
     "names_time",
     "record",
     "report",
+    "spins_of",
     "strengths",
     "variables",
 ]
@@ -98,6 +99,13 @@ def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
     return strengths(definition, given)
 
 
+def spins_of(definition: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
+    """The fields of the model ``spins`` that a definition is, see :func:`.bonds.spins_of`."""
+    from .bonds import spins_of
+
+    return spins_of(definition, sigma)
+
+
 def hidden(model: Any) -> tuple[str, ...]:
     """The fields of a generated model that are no parameters: values of functions of time."""
     facts = _facts_of(model)
@@ -113,8 +121,8 @@ def names_time(given: Any) -> bool:
 
 
 def variables(model: Any) -> tuple[str, ...]:
-    """The names of the components of a generated model; none for other models."""
-    return _facts_of(model).get("variables", ())
+    """The names of the components of a generated model or of spins; none for other models."""
+    return _facts_of(model).get("variables") or getattr(model, "names", ())
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:
@@ -126,7 +134,7 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
         return texts
     from .text import Symbols, entries, expression
 
-    symbols = Symbols(indices=_facts_of(model).get("sizes", {}))
+    symbols = Symbols(indices=_facts_of(model).get("sizes") or getattr(model, "sizes", {}))
     numbers = []
     for text in texts:
         if has_range(text):

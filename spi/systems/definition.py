@@ -186,6 +186,11 @@ class _Reader:
             if name.partition("(")[0] in taken:
                 raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
 
+    def names(self) -> list[str]:
+        """The names of the variables that are given, ranges written out."""
+        sizes = Symbols(indices=self.sizes)
+        return [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
+
     # ---- the bracket ---------------------------------------------------------------------------------------------
 
     def structure(self) -> tuple[list[str], Sequence[Given] | None]:
@@ -195,7 +200,7 @@ class _Reader:
         if not {"algebra", "bracket"} & {*self.data}:
             raise DefinitionError("missing key 'algebra'; add algebra: or bracket:", "algebra")
         sizes = Symbols(indices=self.sizes)
-        variables = [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
+        variables = self.names()
         if "bracket" in self.data:
             if "variables" not in self.data:
                 raise DefinitionError(f"missing key 'variables'; add variables: {KEYS['variables']}", "variables")

@@ -137,7 +137,12 @@ class Case(BaseCase):
     def _check_functions(self) -> Self:
         """The case with functions, unless no final time is given."""
         if not self.final_time:
-            given = {"functions": self.functions, "derived": self.derived, "burn_in": self.burn_in, "spacing": self.spacing}
+            given = {
+                "functions": self.functions,
+                "derived": self.derived,
+                "burn_in": self.burn_in,
+                "spacing": self.spacing,
+            }
             for key in [key for key, value in given.items() if value]:
                 raise wrong("is for means over time", "give final_time instead of step_count", key)
             return self

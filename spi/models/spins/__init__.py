@@ -22,6 +22,7 @@ from .tables import tables
 from .whole import Whole
 
 Vector = tuple[float, float, float]
+_MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
 
 
@@ -36,6 +37,7 @@ class Terms(NamedTuple):
 
     exchange: Annotated[float | Vector, "J, or [Jx, Jy, Jz]"] = 0.0
     dm: Annotated[float | Vector, "the Dzyaloshinskii-Moriya vector D, or its length along the bond"] = 0.0
+    matrix: Annotated[tuple[Vector, Vector, Vector] | None, "J as a matrix, in -s . J s', besides these"] = None
     types: Annotated[tuple[int, ...], "numbers of bonds of the cell, from 0 on; default: all"] = ()
 
     __str__ = in_words
@@ -69,7 +71,11 @@ class Spins(NamedTuple):
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
-    field: Annotated[Vector, "the field B"] = (0.0, 0.0, 0.0)
+    field: Annotated[Vector | tuple[Vector, ...], "the field B of every site, or of the sites of a cell"] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     anisotropy: Annotated[Anisotropy, "as in {uniaxial: 0.1, axis: [0, 0, 1]}"] = Anisotropy()
     mu: Annotated[
         Annotated[float, Gt(0)] | tuple[Annotated[float, Gt(0)], ...], "moment of every site, or of the sites of a cell"
@@ -80,6 +86,10 @@ class Spins(NamedTuple):
     by: Annotated[
         Literal["bonds", "sites"], "pieces of H: bonds, which conserve the total spin, or sites, which conserve H"
     ] = "bonds"
+
+    variables: Annotated[
+        tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
+    ] = ()
 
     large = True
     conserved = 1
@@ -119,6 +129,19 @@ class Spins(NamedTuple):
 
     def observables(model):
         return observables_of(model)
+
+    @property
+    def names(model) -> tuple[str, ...]:
+        """The names of the components; none of very many."""
+        count = dimension(model) // 3
+        if model.variables or count > _MOST_NAMED:
+            return model.variables
+        return tuple(f"{x}({i})" for i in range(1, count + 1) for x in "xyz")
+
+    @property
+    def sizes(model) -> dict[str, int]:
+        """Words for whole numbers in formulas: n sites."""
+        return {"n": dimension(model) // 3}
 
     @property
     def cell(model) -> Cell:
@@ -173,6 +196,10 @@ def _fault(model):
     for number, terms in enumerate(model.bonds):
         if any(kind not in types for kind in terms.types):
             return "bonds", f"has types that are not there in entry {number}", f"types are 0 .. {len(types) - 1}"
+    if len(np.shape(model.field)) > 1 and len(model.field) != len(cell.sites):
+        return "field", f"has {len(model.field)} vectors", f"must be one, or have {len(cell.sites)}"
+    if model.variables and len(set(model.variables)) != dimension(model):
+        return "variables", f"has {len(set(model.variables))} different names", f"must have {dimension(model)}"
     if not isinstance(model.mu, float) and len(model.mu) != len(cell.sites):
         return "mu", f"has {len(model.mu)} numbers", f"must have one, or {len(cell.sites)}"
     if not any(model.anisotropy.axis) or (model.noise and model.noise.axis is not None and not any(model.noise.axis)):

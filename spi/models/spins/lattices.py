@@ -36,10 +36,12 @@ class Cell(NamedTuple):
         """(sites, vectors): the places of the sites in units of the vectors."""
         return np.linalg.lstsq(np.transpose(cell.vectors), np.transpose(cell.sites))[0].T
 
-    def displacement(cell, bond):
-        """How many cells a bond leads on along each vector."""
-        first, second, shift = cell.bonds[bond]
-        return cell.fractions[second] - cell.fractions[first] + shift[: len(cell.vectors)]
+    @property
+    def displacements(cell):
+        """(bonds, vectors): how many cells each bond leads on along each vector."""
+        first, second = np.array([bond[:2] for bond in cell.bonds]).T
+        shifts = np.array([shift[: len(cell.vectors)] for _, _, shift in cell.bonds])
+        return cell.fractions[second] - cell.fractions[first] + shifts
 
     def direction(cell, bond):
         """The unit vector along a bond."""

@@ -38,7 +38,7 @@ def _couplings(model: Any, along: int | None = None) -> Any:
     of = tables(model, np.inf)
     here, blocks = np.repeat(np.arange(len(of.moment)), np.diff(of.neighbours)), of.couplings[of.coupling]
     if along is not None:
-        there = np.array([model.cell.displacement(bond)[along] for bond in range(len(model.cell.bonds))])
+        there = model.cell.displacements[:, along]
         blocks = blocks * np.stack([there, -there], axis=1).ravel()[of.coupling, np.newaxis]
     rows = 3 * here[:, np.newaxis] + np.repeat(np.arange(3), 3)
     columns = 3 * of.other[:, np.newaxis] + np.tile(np.arange(3), 3)

@@ -102,6 +102,7 @@ def bond_matrices(model: Any) -> np.ndarray:
             d = np.asarray(terms.dm, float)
             d = d * model.cell.direction(kind) if d.ndim == 0 else d
             matrices[kind] += np.diag(exchange) - np.cross(np.eye(3), d).T
+            matrices[kind] += 0.0 if terms.matrix is None else np.array(terms.matrix)
     return matrices
 
 
@@ -133,7 +134,8 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     lattice, matrices = model.sites, bond_matrices(model)
     sites = np.arange(lattice.sites)
     moment = np.asarray(np.broadcast_to(np.array(model.mu, float), (len(model.cell.sites),)))[lattice.of_cell]
-    field = np.multiply.outer(moment, np.array(model.field, float))
+    given = np.reshape(np.array(model.field, float), (-1, 3))
+    field = moment[:, np.newaxis] * given[lattice.of_cell if len(given) > 1 else np.zeros_like(sites)]
     first, other, of_bond = neighbours(lattice.sites, lattice.bonds)
     axes = np.concatenate([[unit(model.anisotropy.axis)], np.eye(3)])
     own = (
@@ -146,9 +148,10 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     lanes_there, lanes = lanes_of(np.concatenate([lattice.around, -lattice.around]), parts_of)
     if model.by == "bonds":
         _add_bonds(parts, lattice, matrices, moment, lanes_there)
-        for direction in [np.array(model.field, float)] if any(model.field) else []:
-            strength = np.linalg.norm(direction)
-            parts.add(FIELDS, sites, strength * moment, _frame(direction / strength), strength)
+        strength = np.linalg.norm(field, axis=1)
+        if len(there := np.flatnonzero(strength)):
+            along = np.pad(field[there] / strength[there, np.newaxis], ((0, 0), (0, 6)))
+            parts.add(FIELDS, there, strength[there], along, (strength / moment).max())
     else:
         for colour in colours:
             parts.add(SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
