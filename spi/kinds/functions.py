@@ -18,6 +18,7 @@ from spi.expressions.arithmetic import NumberError
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 from spi.specs.keys import shown, wrong
+from spi.systems import observables_of
 
 Array = np.ndarray
 
@@ -108,7 +109,8 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    named = observables(undamped(model)) if answers(observables, undamped(model)) else {}
+    own = undamped(model)
+    named = observables(own) if answers(observables, own) else observables_of(own) if "energy_current" in text else {}
     words = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
     words |= {word[0]: word for word in _WORD.finditer(text) if word[0] in named}
     invariants = {name: named.get(name) or _invariant(model, match) for name, match in words.items()}

@@ -70,7 +70,7 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
         strengths = systems.strengths(definition, whole.get("sigma"))
     except systems.DefinitionError as error:
         _report(error, data, document)
-    return systems.record(made, [strength or None for strength in strengths])
+    return systems.record(made, [strength or None for strength in strengths], definition)
 
 
 def _lattice(fields: Mapping[str, Any]) -> Spins:

@@ -10,7 +10,7 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from .. import digest_of, sources
@@ -33,6 +33,7 @@ __all__ = [
     "inexact",
     "made",
     "names_time",
+    "observables_of",
     "record",
     "report",
     "spins_of",
@@ -58,7 +59,9 @@ def made(definition: Mapping[str, Any], name: str) -> Made:
     return _made(json.dumps([definition, name]))
 
 
-def record(system: Made, strengths: Sequence[float | None] | None = None) -> Any:
+def record(
+    system: Made, strengths: Sequence[float | None] | None = None, definition: Mapping[str, Any] | None = None
+) -> Any:
     """The record of a generated model, with strength 1 of all noises unless some are given, None for one that is off.
 
     Quantities that depend on time have their initial values.  OSError if its module cannot be stored.
@@ -77,6 +80,7 @@ def record(system: Made, strengths: Sequence[float | None] | None = None) -> Any
         sigma = tuple(None if old is None else float(new) for old, new in zip(model.sigma, now.sigma, strict=True))
         model = now._replace(driving=tuple(map(float, now.driving)), sigma=sigma)
     _REPORTS[_key(model)] = system.report
+    _DEFINITIONS[_key(model)] = json.dumps(definition)
     return model
 
 
@@ -85,7 +89,24 @@ def report(model: Any) -> list[str]:
     return _REPORTS.get(_key(model), []) if _facts_of(model) else []
 
 
+def observables_of(model: Any) -> dict[str, Callable]:
+    """Functions of the states of a generated model by name: its current of energy, see ``currents``."""
+    return _observables(_DEFINITIONS.get(_key(model), "null")) if _facts_of(model) else {}
+
+
+@functools.lru_cache(maxsize=16)
+def _observables(definition: str) -> dict[str, Callable]:
+    from .currents import energy_current
+
+    try:
+        current = energy_current(json.loads(definition) or {})
+    except DefinitionError:  # H depends on time
+        current = None
+    return {} if current is None else {"energy_current": current}
+
+
 _REPORTS: dict[Any, list[str]] = {}  # of this process
+_DEFINITIONS: dict[Any, str] = {}
 
 
 def _key(model: Any) -> Any:

@@ -80,15 +80,20 @@ class _Reader:
             check_name(name, "sizes")
         self.parameters = self.numbers()
 
-    def read(self) -> System:
+    def symbols(self) -> tuple[Symbolics, Symbols]:
+        """The bracket and its variables, parameters and perhaps time, and the symbols of formulas without time."""
         variables, given = self.structure()
         self.check_names(variables)
         symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(len(variables)))
         values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
         formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
         bracket = self.bracket(variables, given, formulas, values)
+        return Symbolics(bracket, symbols, values, formulas.in_time(TIME).time), formulas
+
+    def read(self) -> System:
+        world, formulas = self.symbols()
+        symbols = world.variables
         driven, numbers = formulas.in_time(TIME), Symbols(parameters=self.parameters, indices=self.sizes)
-        world = Symbolics(bracket, symbols, values, driven.time)
         functions, searched = self.casimirs(world, formulas)
         world = world._replace(casimirs=tuple(function.expression for function in functions))
         constants = splitting.Constants()
