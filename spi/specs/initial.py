@@ -86,10 +86,10 @@ class OfGibbs(Keys):
         if other in self.model_fields_set:
             raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
         if isinstance(model, Spins):
-            law = Sampled(model, self.temperature, self.sweeps or _SWEEPS)
-            start = law.states(np.random.default_rng(1).standard_normal((law.numbers, 1)))
-            given = self.model_dump(exclude={"through"}) | {"sweeps": law.sweeps}
-            return RandomState(tuple(start[:, 0].tolist()), law, given)
+            sampled = Sampled(model, self.temperature, self.sweeps or _SWEEPS)
+            start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))
+            given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
+            return RandomState(tuple(start[:, 0].tolist()), sampled, given)
         if self.through is None:
             raise wrong("missing key 'through'", "add through: a state on the Casimir surface", "through")
         surface = _surface(model, self.through, "through")

@@ -40,7 +40,7 @@ def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     formulas = Symbols(symbols, reader.parameters, reader.sizes)
     if not isinstance(data.get("hamiltonian"), str):
         raise DefinitionError("must be one formula", "hamiltonian")
-    pairs, fields, own = _terms(reader.at(("hamiltonian",), addends, data["hamiltonian"], formulas), place, count)
+    pairs, fields, own = _terms(reader.at(("hamiltonian",), addends, data["hamiltonian"], formulas), place, names)
     noises = [
         {place[s]: c for s, c in noise.as_coefficients_dict().items() if s in place}
         for _, _, noise in reader.expressions("noises", formulas)
@@ -69,20 +69,23 @@ def _refused(why: str, *keys: str) -> DefinitionError:
     return DefinitionError(f"{why}; lattice is for sums over pairs of spins, leave it out", *(keys or ("hamiltonian",)))
 
 
-def _terms(parts: list[Any], place: Mapping[Any, int], count: int) -> Any:
+def _terms(parts: list[Any], place: Mapping[Any, int], names: list[str]) -> Any:
     """(matrices of pairs in their order, fields (n, 3), matrices (n, 3, 3) of single spins) of the addends of H."""
     pairs: dict[tuple[int, int], Any] = defaultdict(lambda: np.zeros((3, 3)))
+    count = len(names) // 3
     fields, own = np.zeros((count, 3)), np.zeros((count, 3, 3))
     for part in parts:
         for term in sympy.Add.make_args(sympy.expand(part)):
             factor, powers = sympy.Integer(1), []
+            words = {symbol: sympy.Symbol(names[k]) for symbol, k in place.items() if symbol in term.free_symbols}
             for base, exponent in term.as_powers_dict().items():
                 if base in place and exponent in (1, 2):
                     powers += [place[base]] * int(exponent)
                 elif base.is_number and exponent.is_number:
                     factor *= base**exponent
                 else:
-                    raise _refused(f"has '{shortened(str(base))}'")
+                    text = shortened(str(term.xreplace(words)).replace("**", "^"))
+                    raise _refused(f"has '{text}'")
             if not factor.is_real or len(powers) not in (1, 2):
                 raise _refused("has terms of other degrees than 1 and 2")
             (i, a), *other = (divmod(k, 3) for k in powers)

@@ -48,7 +48,7 @@ class Case(BaseCase):
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
-        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}; standard errors by the "
+        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}, with errors by the "
         "jackknife",
     ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None

@@ -256,7 +256,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
 
 
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
-    """Quantities that follow from means, with the jackknife over groups of paths, or of few paths over batches of time."""
+    """Quantities that follow from means, with the jackknife over groups of paths, of few paths over batches."""
     names, found = tuple(case.functions), []
     formulas = [derived_quantity(text, names) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):

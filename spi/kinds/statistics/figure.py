@@ -115,14 +115,16 @@ def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
     if reading.time is None or reading.time.structure is None or reading.time.structure.between is None:
         return
     s, lag = reading.time.structure, reading.time.lag
+    between: Any = s.between
+    stderr: Any = s.between_stderr
     places = [0, *np.unique(np.geomspace(1, len(lag) - 1, 5).round().astype(int)).tolist()]
     lines = [
         plots.series(
             s.distance,
-            s.between[:, i],
+            between[:, i],
             {"color": style.shade(looks[reading.about.variant][1], n, len(places)), "marker": "."},
             f"$t={lag[i]:.3g}$",
-            reading.interval * s.between_stderr[:, i],
+            reading.interval * stderr[:, i],
         )
         for n, i in enumerate(places)
     ]

@@ -7,11 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
-from spi.ensemble.protocol import NonNegative, dimension
+from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
+from spi.models.delegation import undamped
+from spi.models.spins import Spins
 from spi.specs.cases import StepCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
@@ -20,7 +22,7 @@ from spi.statistics.claims import claimable
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
 from .results import PANELS, Statistics
-from .stationary import Correlated
+from .stationary import MOST_WAVES, WINDOWS, modes_of
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -88,6 +90,47 @@ class Density(Keys):
 
 
 Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinstance(value, str) else value)]
+
+
+class Correlated(Keys):
+    """Correlations in time of stationary paths."""
+
+    until: key_of(Positive, "the largest time between two values", "time")
+    window: key_of(Literal[tuple(WINDOWS)], "w(t) of spectra; it ends, with hann at 0, at `until`") = "hann"
+    spins: key_of(
+        Annotated[tuple[Literal["x", "y", "z"], ...], MinLen(1)] | None,
+        "of the model spins the components that the structure factor S(q, omega) adds up, as in [x, y, z]",
+    ) = None
+    through: key_of(
+        Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
+        "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
+    ) = None
+    about: key_of(
+        tuple[float, float, float] | None, "direction of all spins about which linear waves are computed and drawn"
+    ) = None
+
+    @condition
+    def _check_spins(self) -> Self:
+        for key in ("through", "about"):
+            if getattr(self, key) is not None and self.spins is None:
+                raise wrong("is for structure factors of spins", "add spins: [x, y, z]", key)
+        return self
+
+    def check(self, case: Any) -> None:
+        """Raise the error about a key that does not go with the case."""
+        between, last = case.stride * case.step, float(case.t[-1])
+        if case.times or round(self.until / between) < 2 or self.until > last:
+            right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"
+            raise wrong(f"is {quantity(self.until)}", right, "time_correlations", "until")
+        if self.spins is None:
+            return
+        model = undamped(case.model)
+        if not isinstance(model, Spins) or not model.is_periodic:
+            raise wrong("is for periodic lattices of spins", "leave it out", "time_correlations", "spins")
+        modes_of(self, model)
+        if self.about is not None and model.sites.sites > MOST_WAVES:
+            mistake = f"is for at most {MOST_WAVES} spins, and there are {model.sites.sites}"
+            raise wrong(mistake, "leave it out", "time_correlations", "about")
 
 
 class Case(StepCase):

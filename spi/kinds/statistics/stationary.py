@@ -7,68 +7,34 @@
 The mean over the first times of a path is a convolution, by the fast Fourier transform.
 """
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from annotated_types import Len, MinLen
 
 from spi.ensemble import loop
 from spi.ensemble.increments import brownian
-from spi.ensemble.protocol import Positive, in_kernels
+from spi.ensemble.protocol import in_kernels
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.numerics.rng import LANES, PARTS
-from spi.specs.keys import Keys, condition, key_of, quantity, wrong
+from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife_stderr, mean_over_paths
 
 from .results import Structure, TimeCorrelations
 
 Array = np.ndarray
 
-WINDOWS = {"hann": lambda x: np.cos(0.5 * np.pi * x) ** 2, "gauss": lambda x: np.exp(-4.5 * x**2), "none": np.ones_like}
-_MOST_WAVES = 256  # spins of which the linear waves are computed
+#: w as a function of t over the largest lag.
+WINDOWS: dict[str, Callable[[Array], Array]] = {
+    "hann": lambda x: np.cos(0.5 * np.pi * x) ** 2,
+    "gauss": lambda x: np.exp(-4.5 * x**2),
+    "none": np.ones_like,
+}
+#: Spins of which linear waves are computed.
+MOST_WAVES = 256
 _SMALL = 1e-4  # the angle by which a spin is turned for that
-
-
-class Correlated(Keys):
-    """Correlations in time of stationary paths."""
-
-    until: key_of(Positive, "the largest time between two values", "time")
-    window: key_of(Literal[tuple(WINDOWS)], "w(t) of spectra; it ends, with hann at 0, at `until`") = "hann"
-    spins: key_of(
-        Annotated[tuple[Literal["x", "y", "z"], ...], MinLen(1)] | None,
-        "of the model spins the components that the structure factor S(q, omega) adds up, as in [x, y, z]",
-    ) = None
-    through: key_of(
-        Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
-        "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
-    ) = None
-    about: key_of(
-        tuple[float, float, float] | None, "direction of all spins about which linear waves are computed and drawn"
-    ) = None
-
-    @condition
-    def _check_spins(self) -> Self:
-        for key in ("through", "about"):
-            if getattr(self, key) is not None and self.spins is None:
-                raise wrong("is for structure factors of spins", "add spins: [x, y, z]", key)
-        return self
-
-    def check(self, case: Any) -> None:
-        """Raise the error about a key that does not go with the case."""
-        between, last = case.stride * case.step, float(case.t[-1])
-        if case.times or round(self.until / between) < 2 or self.until > last:
-            right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"
-            raise wrong(f"is {quantity(self.until)}", right, "time_correlations", "until")
-        if self.spins is None:
-            return
-        model = undamped(case.model)
-        if not isinstance(model, Spins) or not model.is_periodic:
-            raise wrong("is for periodic lattices of spins", "leave it out", "time_correlations", "spins")
-        modes_of(self, model)
-        if self.about is not None and model.sites.sites > _MOST_WAVES:
-            mistake = f"is for at most {_MOST_WAVES} spins, and there are {model.sites.sites}"
-            raise wrong(mistake, "leave it out", "time_correlations", "about")
 
 
 def lags_of(case: Any) -> int:
@@ -76,7 +42,7 @@ def lags_of(case: Any) -> int:
     return round(case.time_correlations.until / (case.stride * case.step)) + 1
 
 
-def modes_of(given: Correlated, model: Spins) -> Array:
+def modes_of(given: Any, model: Spins) -> Array:
     """(Q, vectors) the wave vectors, as whole numbers of waves along the lattice."""
     size = np.array(model.size)
     corners = given.through or ((0.0,) * len(size), (0.5, *(0.0,) * (len(size) - 1)))
@@ -90,7 +56,7 @@ def modes_of(given: Correlated, model: Spins) -> Array:
         right = f"must be multiples of one over the size, {', '.join(f'1/{n}' for n in size)}"
         raise wrong("has a wave vector that is none of the lattice", right, "time_correlations", "through")
     path = [whole[:1]]
-    for first, last in zip(whole, whole[1:], strict=False):
+    for first, last in pairwise(whole):
         steps = int(np.gcd.reduce(last - first))
         path.append(first + np.outer(np.arange(1, steps + 1), (last - first) // max(steps, 1)))
     return np.concatenate(path)
@@ -145,7 +111,7 @@ def modes(model: Spins, waves: Array, components: tuple[str, ...], y: Array) -> 
 
 
 def _lagged(values: Array, lags: int) -> Array:
-    """(S, lags, PARTS): the mean of f(s)^* f(s + t) over the first times s of (S, T, LANES), summed by parts of lanes."""
+    """(S, lags, PARTS): the mean over s of f(s)^* f(s + t) of (S, T, LANES), summed up by parts of lanes."""
     times = values.shape[1]
     transformed = np.fft.fft(values, 2 * times, axis=1)
     power = _by_part(transformed.real**2 + transformed.imag**2)

@@ -118,7 +118,7 @@ class Whole(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """The Gibbs law of a lattice at a temperature: the states after some sweeps of accepted turns, see :func:`sweep_of`.
+    """The Gibbs law of a lattice at a temperature: states after some sweeps of judged turns, see :func:`sweep_of`.
 
     A path begins in random directions.
     """
@@ -192,7 +192,7 @@ def judged_program(record: Any, h: float) -> Program | None:
 
 @functools.lru_cache(8)
 def sweep_of(model: Any, temperature: float) -> tuple[Any, Program]:
-    """The record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise, colour by colour.
+    """The record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise.
 
     Over the time 1 / (b + T / mu), b the largest field over mu, the turns are about as large as the law allows.  Where
     the drift conserves H it turns the spins by angles of about 1 besides.
