@@ -190,6 +190,11 @@ def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[st
     ]
 
 
+def _is_shown(value: Any) -> bool:
+    """Whether a parameter is a number or a few numbers."""
+    return not isinstance(value, str | bool) and not (isinstance(value, tuple) and isinstance(value[0], str | tuple))
+
+
 def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     """The parameters that stand above a figure, name -> mathtext.
 
@@ -200,7 +205,7 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     for name, value in about.parameters.items():
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             texts["model_noise"] = plain(f"noise: {value}") if value else "no noise"
-        elif not isinstance(value, str | bool) and name not in _HIDDEN:
+        elif _is_shown(value) and name not in _HIDDEN:
             named = "N" if (about.model, name) == ("zeitlin", "n") else symbol(name)
             named = named or r"\mathrm{" + name.replace("_", r"\ ") + "}"
             texts[f"model_{name}"] = f"${named}={number(value)}$"

@@ -396,7 +396,7 @@ class Description(Described):
             estimator=part.estimator,
             seed=case.seed,
             model=case.model_name,
-            parameters={name: value for name, value in case.parameters.items() if name != "constants"},
+            parameters={name: value for name, value in case.parameters.items() if name != "constants" and value != ()},
             variables=tuple(getattr(case, "variables", ())),
             initial=None if random else case.initial,
             final_time=getattr(case, "final_time", None),

@@ -143,7 +143,7 @@ def names_time(given: Any) -> bool:
 
 def variables(model: Any) -> tuple[str, ...]:
     """The names of the components of a generated model or of spins; none for other models."""
-    return tuple(_facts_of(model).get("variables") or getattr(model, "names", ()))
+    return tuple(_facts_of(model).get("variables") or getattr(model, "names", None) or ())
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:

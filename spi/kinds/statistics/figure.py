@@ -84,16 +84,14 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
     if reading.time is None or reading.time.structure is None:
         return
     omega, s = reading.time.omega, reading.time.structure
-    highest = float(s.factor.max())
-    top = float(
-        omega[np.flatnonzero((s.factor > 1e-3 * highest).any(axis=0))[-1]]
-    )  # behind it there is next to nothing
+    share = s.factor / s.mode[:, :1]
+    top = omega[np.flatnonzero((share > 1e-2 * share.max()).any(axis=0))[-1]]  # above it there is next to nothing
 
     def own(ax: plots.Axes) -> list[plots.Entry]:
-        values = np.maximum(s.factor, 1e-4 * highest)
+        values = np.maximum(share, 1e-3 * share.max())
         drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
-        ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)$")
-        ax.set(ylim=(0, min(1.1 * top, omega[-1])))
+        ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
+        ax.set(ylim=(0, min(1.1 * float(top), omega[-1])))
         lines = {"linear waves": (s.waves, "-"), f"of the step ${reading.step:g}$": (s.waves_of_step, ":")}
         return [
             (ax.plot(s.q, values, line, color="black", linewidth=1)[0], label)

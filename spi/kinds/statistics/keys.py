@@ -21,7 +21,7 @@ from spi.statistics.claims import claimable
 
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
-from .results import PANELS, Statistics
+from .results import OF_SPINS, OF_TIMES, PANELS, Statistics
 from .stationary import MOST_WAVES, WINDOWS, modes_of
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
@@ -242,8 +242,14 @@ class Case(StepCase):
 
     @condition
     def _check_time_correlations(self) -> Self:
-        if self.time_correlations is not None:
-            self.time_correlations.check(self)
+        given = self.time_correlations
+        if given is not None:
+            given.check(self)
+        for i, panel in enumerate(self.panels):
+            if panel in OF_TIMES and given is None:
+                raise wrong(f"is '{panel}', which is of time_correlations", "add these, or leave it out", "panels", i)
+            if panel in OF_SPINS and given is not None and given.spins is None:
+                raise wrong(f"is '{panel}'", "add spins: [x, y, z] to time_correlations", "panels", i)
         return self
 
     @condition

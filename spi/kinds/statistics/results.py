@@ -17,10 +17,9 @@ SPHERE_SIDES = "y3 / |y|", "longitude"
 
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
-PANELS = (
-    *("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps"),
-    *("time_correlation", "integral", "spectrum", "structure", "spreading"),
-)
+OF_SPINS = ("structure", "spreading")
+OF_TIMES = ("time_correlation", "integral", "spectrum", *OF_SPINS)
+PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps", *OF_TIMES)
 
 
 #: Of fewer groups of paths there is no standard error.
