@@ -92,9 +92,7 @@ def main(cells=32, large=64):
     try:
         for solver in ("HEUN", "DEPONDT"):
             ns = spirit(cells, solver)
-            print(
-                f"Spirit, {solver.title()}, one thread: {ns:.1f} ns per spin and step, {ns / ours:.1f} times ours by sites"
-            )
+            print(f"Spirit, {solver.title()}, one thread: {ns:.1f} ns per spin and step, {ns / ours:.1f} times ours")
     except ImportError:
         print("Spirit is not installed: pip install spirit")
     print(f"by sites {OPERATIONS / ours:.0f} operations on floats per ns")

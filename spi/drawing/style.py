@@ -192,7 +192,9 @@ def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[st
 
 def _is_shown(value: Any) -> bool:
     """Whether a parameter is a number or a few numbers."""
-    return not isinstance(value, str | bool) and not (isinstance(value, tuple) and isinstance(value[0], str | tuple))
+    return not isinstance(value, str | bool) and (
+        not isinstance(value, tuple) or isinstance((*value, "")[0], int | float)
+    )
 
 
 def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:

@@ -46,19 +46,29 @@ def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
         for _, _, noise in reader.expressions("noises", formulas)
     ]
     return {
-        "lattice": {
-            "sites": tuple((float(i), 0.0, 0.0) for i in range(count)),
-            "vectors": ((float(count), 0.0, 0.0),),
-            "bonds": tuple((i, j, (0, 0, 0)) for i, j in pairs),
-        },
-        "size": (1,),
+        **_places(names, pairs),
         "bonds": tuple({"matrix": _rows(-matrix), "types": (k,)} for k, matrix in enumerate(pairs.values())),
         "field": _rows(-fields),
         "anisotropy": _anisotropy(own),
-        "boundary": "open",
+        "boundary": "periodic",
         "noise": _noise(noises, strengths(data, sigma), count),
         "variables": tuple(names),
     }
+
+
+def _places(names: list[str], pairs: Any) -> dict[str, Any]:
+    """One cell with the spins at their indices, as x(2,3) at (2, 3), or in their order; pairs the shorter way."""
+    indices = [re.fullmatch(r".*\((\d+(?:,\d+){0,2})\)", name) for name in names[::3]]
+    at = np.array([match[1].split(",") for match in indices if match and "," in match[1]] or np.zeros((0, 1)), int)
+    if len(at) != len(indices):
+        at = np.array([match[1] if match else k for k, match in enumerate(indices, 1)], int)[:, np.newaxis]
+    length = np.ptp(at, axis=0) + 1
+    unit = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    shifts = [-length * np.round((at[j] - at[i]) / length).astype(int) for i, j in pairs]
+    padded = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+    bonds = ((i, j, (*shift.tolist(), 0, 0)[:3]) for (i, j), shift in zip(pairs, shifts, strict=True))
+    lattice = {"sites": _rows(padded), "vectors": tuple(unit[: at.shape[1]]), "bonds": tuple(bonds)}
+    return {"lattice": lattice, "size": (1,) * at.shape[1]}
 
 
 def _rows(matrix: Any) -> tuple[tuple[float, ...], ...]:

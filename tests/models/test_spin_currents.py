@@ -198,6 +198,21 @@ def test_lattice_from_yaml_is_the_model(spec):
     ours, theirs = (plan.results(finished(plan)) for plan in plans)
     np.testing.assert_array_equal(ours.y, theirs.y)
     np.testing.assert_array_equal(ours.hamiltonian, theirs.hamiltonian)
+    currents = [plan.case.model.observables()["energy_current"](ours.y.T) for plan in plans]
+    np.testing.assert_allclose(*currents, rtol=1e-13, atol=1e-14)
+    square = YAML.replace("x(i), y(i), z(i) for i = 1..n", "x(i,j), y(i,j), z(i,j) for i = 1..3, j = 1..3").replace(
+        "n: 8", "n: 9"
+    )
+    square = square.replace(
+        square[square.index("-sum") : square.index('"\ninitial')],
+        "-sum(x(i,j)*x(mod(i,3)+1,j) + y(i,j)*z(i,mod(j,3)+1) for i = 1..3, j = 1..3)",
+    )
+    terms = ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    bonds = tuple(Terms(matrix=matrix, types=(k,)) for k, matrix in enumerate(terms))
+    named = [m.observables() for m in (spec(square).cases[0].model, Spins("square", (3, 3), bonds))]
+    state = np.random.default_rng(1).standard_normal(27)
+    for name in ("H", "energy_current1", "energy_current2"):
+        np.testing.assert_allclose(*(of[name](state) for of in named), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
