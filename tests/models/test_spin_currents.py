@@ -227,3 +227,54 @@ def test_lattice_from_yaml_is_the_model(spec):
 )
 def test_what_is_no_lattice(error, old, new, told):
     assert told in error(YAML, old, new)
+
+
+CURRENT = """
+title: t
+kind: statistics
+model: {name: spins, lattice: ring, size: [8], bonds: {exchange: [1, 4/5, 1/2]}}
+initial: {law: gibbs, temperature: 1/2, sweeps: 300}
+final_time: 16
+step: 1/8
+every: 4
+schemes: [splitting_symmetric]
+samples: 4096
+functions: {J: energy_current}
+time_correlations: {until: 4}
+"""
+
+
+def test_current_of_an_xyz_ring_by_another_program(spec):
+    """Cov(J(0), J(t)) by Metropolis's algorithm and Runge and Kutta's method, both written here, from other states."""
+    couplings, rng, paths = np.array([1.0, 0.8, 0.5])[:, np.newaxis], np.random.default_rng(4), 4096
+    s = rng.standard_normal((8, 3, paths))
+    s /= np.linalg.norm(s, axis=1, keepdims=True)
+    for sweep in range(400):
+        for i in range(8):
+            there = s[i] + rng.standard_normal((3, paths)) * (0.5 if sweep % 2 else 2.0)
+            there /= np.linalg.norm(there, axis=0)
+            gain = ((there - s[i]) * couplings * (s[i - 1] + s[(i + 1) % 8])).sum(axis=0)
+            s[i] = np.where(rng.random(paths) < np.exp(np.minimum(2 * gain, 0)), there, s[i])
+
+    def slope(s):
+        return np.cross(couplings * (np.roll(s, 1, axis=0) + np.roll(s, -1, axis=0)), s, axis=1)
+
+    def current(s):
+        cross = np.cross(couplings * np.roll(s, -1, axis=0), couplings * np.roll(s, 1, axis=0), axis=1)
+        return -(s * cross).sum(axis=(0, 1))
+
+    first, h, values = current(s), 1 / 32, {}
+    for n in range(1, 129):
+        k1 = slope(s)
+        k2 = slope(s + h / 2 * k1)
+        k3 = slope(s + h / 2 * k2)
+        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(s + h * k3))
+        if n % 16 == 0:
+            values[n // 16] = first * current(s)
+    values[0] = first**2
+    plan = study.plan(spec(CURRENT).cases[0], Part("splitting_symmetric"))
+    time = plan.results(finished(plan)).time
+    for lag in (0, 2, 4, 8):
+        error = np.hypot(values[lag].std() / 64, time.correlation_stderr[0, lag])
+        assert abs(values[lag].mean() - time.correlation[0, lag]) < 4 * error < 0.06
+    assert time.correlation[0, 0] - time.correlation[0, 8] > 0.2
