@@ -21,6 +21,7 @@ from ..kinds.blocks import BlocksPlan
 from ..kinds.plans import State, path_grid
 from ..kinds.trajectory import study
 from ..kinds.trajectory.study import TrajectoryPlan
+from ..models.delegation import undamped
 from ..numerics.rng import LANES
 from ..printing.text import human_time
 from ..running import workers
@@ -30,6 +31,7 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
+from ..systems import words
 from .progress import Line
 from .results import component_names, dataset_of
 from .specs import of_mapping, whole
@@ -269,9 +271,10 @@ def _by_name(functions: Any) -> Mapping[str, Any]:
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     """The functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
+    own = finest.case.variables, words(undamped(finest.case.model))
     for name, phi in _by_name(functions).items():
         try:
-            phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, finest.case.variables))
+            phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, *own))
         except NumberError as error:
             right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2, or a Python function"
             raise SpecError(f"functions.{name}: is '{phi}' ({error}); {right}") from None

@@ -1,14 +1,16 @@
 """Test functions phi of weak errors: expressions in the state such as ``sin(2*pi*y1) + y2^2``.
 
-The grammar is that of ``arithmetic.py`` with the words y1, ..., yd for the components of the state, and tanh.  An
-expression is a tree of records; parts without y are one constant: ``2*pi*y1`` is one product.  NumPy evaluates it for
-arrays of states.  Overflow gives inf and undefined values are NaN, but there is never an exception.
+The grammar is that of ``arithmetic.py`` with the words of ``ranges.py``, y1, ..., yd or y(1), ..., y(d) for the
+components of the state, and what else has a meaning: parameters, sizes, H.  An expression is a tree of records; parts
+without y are one constant: ``2*pi*y1`` is one product.  NumPy evaluates it for arrays of states.  Overflow gives inf
+and undefined values are NaN, but there is never an exception.
 """
 
+import itertools
 import math
 import re
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +19,16 @@ from spi.compiler.dispatch import MOST
 from spi.numerics import arrays
 from spi.numerics.arrays import of_array, whole_power
 
-from .arithmetic import NumberError, Numbers, read
+from .arithmetic import COMPARISONS, NumberError, Numbers, read
+from .ranges import FUNCTIONS, TAKEN, Words
 
 __all__ = [
     "Constant",
+    "Observable",
     "as_numpy",
     "canonical",
     "functions_of",
+    "has_sum",
     "is_constant",
     "is_step",
     "parse_expression",
@@ -37,6 +42,8 @@ __all__ = [
 
 
 _MOST_WHOLE = 15
+_MOST_RECORDS = 200_000  # of an expression, with the terms of its sums
+_DEEPEST = 200  # operations within each other, as Python's recursions end
 
 
 class Constant(NamedTuple):
@@ -49,6 +56,32 @@ class Component(NamedTuple):
     """y_{k+1}."""
 
     k: int
+
+
+class Observable(NamedTuple):
+    """A function of the state that has a name: H, a Casimir function, or one of the model's or the user's own."""
+
+    name: str
+    values: Callable  #: of states (d, ...)
+
+
+class Each(NamedTuple):
+    """A place in the terms of a sum, in which each has its own component or constant."""
+
+    leaves: tuple[Constant, ...] | tuple[Component, ...]
+
+
+class Terms(NamedTuple):
+    """Terms of one shape: `body`, in which an :class:`Each` stands where they differ."""
+
+    body: NamedTuple
+    count: int
+
+
+class Total(NamedTuple):
+    """The sum of all terms, added in pairs in an order that their number decides."""
+
+    groups: tuple[Terms, ...]
 
 
 class WholePower(NamedTuple):
@@ -75,6 +108,43 @@ def _operation(name, *meaning):
     return cls
 
 
+def _arctangent(x):
+    """The angle of tangent x, by the reductions and the polynomial of the library fdlibm."""
+    t = np.abs(x)
+    near = np.searchsorted(_NEAR, t, "right")
+    z = np.where(t < _NEAR[-1], (t - _TANGENTS[near]) / (1.0 + _TANGENTS[near] * t), -1.0 / t)
+    square, p = z * z, 0.0
+    for coefficient in _ARCTANGENT:
+        p = p * square + coefficient
+    return np.copysign(_ANGLES[near] - ((z * (square * p) - _REST[near]) - z), x)
+
+
+_NEAR, _TANGENTS = np.array([0.4375, 0.6875, 1.1875, 2.4375]), np.array([0.0, 0.5, 1.0, 1.5, 0.0])
+_ANGLES = np.array([0.0, 0.4636476090008061, 0.7853981633974483, 0.982793723247329, 1.5707963267948966])
+_REST = np.array([0.0, 2.2698777452961687e-17, 3.061616997868383e-17, 1.3903311031230998e-17, 6.123233995736766e-17])
+_ARCTANGENT = (
+    *(1.62858201153657823623e-02, -3.65315727442169155270e-02, 4.97687799461593236017e-02, -5.83357013379057348645e-02),
+    *(6.66107313738753120669e-02, -7.69187620504482999495e-02, 9.09088713343650656196e-02, -1.11111104054623557880e-01),
+    *(1.42857142725034663711e-01, -1.99999999998764832476e-01, 3.33333333333329318027e-01),
+)
+
+
+def _hyperbolic_cosine(x):
+    """cosh x = (e^|x| / 2) (1 + e^(-2 |x|))."""
+    half = arrays.exp(0.5 * np.abs(x))
+    return (0.5 * half) * half * (1.0 + arrays.exp(-2.0 * np.abs(x)))
+
+
+def _hyperbolic_sine(x):
+    """sinh x = tanh x cosh x."""
+    return of_array(arrays.HyperbolicTangent(), x) * _hyperbolic_cosine(x)
+
+
+def _compared(sign, a, b):
+    """1 or 0; NaN where the difference is not finite, as of states that have overflowed."""
+    return np.where(np.isfinite(np.subtract(a, b)), COMPARISONS[sign](a, b), np.nan)
+
+
 Sum = _operation("Sum", np.add, "{0} + {1}", 1, (1, 2))
 Difference = _operation("Difference", np.subtract, "{0} - {1}", 1, (1, 2))
 Product = _operation("Product", np.multiply, "{0}*{1}", 2, (2, 3))
@@ -87,60 +157,118 @@ Tangent = _operation("Tangent", partial(of_array, arrays.Tangent()), "tan({0})",
 HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.HyperbolicTangent()), "tanh({0})", 4, (0,))
 Exponential = _operation("Exponential", partial(of_array, arrays.Exponential()), "exp({0})", 4, (0,))
 Logarithm = _operation("Logarithm", partial(of_array, arrays.Logarithm()), "log({0})", 4, (0,))
+HyperbolicSine = _operation("HyperbolicSine", _hyperbolic_sine, "sinh({0})", 4, (0,))
+HyperbolicCosine = _operation("HyperbolicCosine", _hyperbolic_cosine, "cosh({0})", 4, (0,))
+ArcTangent = _operation("ArcTangent", _arctangent, "atan({0})", 4, (0,))
+Maximum = _operation("Maximum", np.maximum, "max({0}, {1})", 4, (0, 0))
+Minimum = _operation("Minimum", np.minimum, "min({0}, {1})", 4, (0, 0))
+Less = _operation("Less", partial(_compared, "<"), "{0} < {1}", 0, (1, 1))
+Greater = _operation("Greater", partial(_compared, ">"), "{0} > {1}", 0, (1, 1))
+AtMost = _operation("AtMost", partial(_compared, "<="), "{0} <= {1}", 0, (1, 1))
+AtLeast = _operation("AtLeast", partial(_compared, ">="), "{0} >= {1}", 0, (1, 1))
 SquareRoot = _operation("SquareRoot", np.sqrt, "sqrt({0})", 4, (0,))
 Absolute = _operation("Absolute", np.abs, "abs({0})", 4, (0,))
 _SIGNS = {"+": Sum, "-": Difference, "*": Product, "/": Quotient, "^": Power}
-_FUNCTIONS = {"sin": Sine, "cos": Cosine, "tan": Tangent, "tanh": HyperbolicTangent, "exp": Exponential}
-_FUNCTIONS |= {"log": Logarithm, "sqrt": SquareRoot, "abs": Absolute}
+_SIGNS |= {"<": Less, ">": Greater, "<=": AtMost, ">=": AtLeast}
+_OF_ONE = (Sine, Cosine, Tangent, HyperbolicSine, HyperbolicCosine, HyperbolicTangent)
+_OF_ONE += (Exponential, Logarithm, SquareRoot, ArcTangent, Absolute)
+_FUNCTIONS = dict(zip(FUNCTIONS, _OF_ONE, strict=True))
+_LEAVES = (Constant, Component, Observable, Each)
+
+
+def _equal(a, b):
+    """Equality of records, by their classes too: as tuples sin(y1) and exp(y1) are equal."""
+    return type(a) is type(b) and tuple.__eq__(a, b)
+
+
+def _hash(a):
+    return hash((type(a).__name__, *a))
+
+
+for _record in (*_LEAVES, Terms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, Maximum, Minimum):
+    _record.__eq__, _record.__hash__ = _equal, _hash
+    _record.__ne__ = lambda a, b: not _equal(a, b)
 
 # ---------------------------------------------------------------------------------------------------------------------
 # From and to text
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _Trees(Numbers):
-    """The meaning of the grammar in trees; an expression without y stays a number."""
+class _Trees(Words, Numbers):
+    """The meaning of the grammar in trees; an expression without y stays a number.
 
-    longest = 400
-    functions = tuple(_FUNCTIONS)
+    `words` are further words and their values, trees or numbers, of which whole ones may stand in indices.
+    """
 
-    def __init__(self, dimension, names=()):
-        within = min(dimension, MOST)  # of an array-state model an expression can name the first components only
+    longest = math.inf  # the number of records is bounded instead
+    compares = True
+    hidden = ("i",)
+
+    def __init__(self, dimension, names=(), words=None):
+        self.dimension, within = dimension, min(dimension, MOST)
+        # Of an array-state model plain words can name the first components only.
         components = {f"y{k + 1}": Component(k) for k in range(within)}
         self.named = {name: Component(k) for k, name in enumerate(names)}
-        self.calls = any("(" in name for name in names)
-        self.constants = {**Numbers.constants, **components, **self.named}
+        words = {word: value for word, value in (words or {}).items() if word not in TAKEN}
+        observables = {word: value for word, value in words.items() if isinstance(value, Observable)}
+        self.constants = {**Numbers.constants, **words, **components, **self.named, **observables}
+        self.indices = {word: value for word, value in words.items() if isinstance(value, int)}
+        self.families = {name.partition("(")[0] for name in names if "(" in name}
+        if "y" not in self.constants:
+            self.families |= {"y"}
         self.state = f"y1 .. y{within}" if dimension > 1 else "only y1"
+        self.records = itertools.count(1)
 
-    def call(self, word, inside):
-        """The component x(2) of a system whose variables have indices."""
-        return self.named.get(f"{word}({inside.replace(' ', '')})", NotImplemented)
+    def variable(self, name):
+        """The component x(2) of a system whose variables have indices; y(2) is the second of any other."""
+        if name in self.named or "y(" in "".join(self.named):
+            return self.named.get(name)
+        k = name.removeprefix("y(").removesuffix(")")
+        return Component(int(k) - 1) if k.isdigit() and 1 <= int(k) <= self.dimension else None
+
+    def counted(self, record):
+        """The record; NumberError if there are too many."""
+        if next(self.records) > _MOST_RECORDS:
+            raise NumberError(f"more than {_MOST_RECORDS} operations and terms of sums")
+        return record
 
     def unknown(self, word):
-        if re.fullmatch("[yY][0-9]+", word):
+        if self.dimension and re.fullmatch("[yY][0-9]+", word):
             return NumberError(f"unknown word '{word}', the state has {self.state}")
         return super().unknown(word)
 
     def negative(self, a):
         if isinstance(a, Negative):
             return a.a
-        return Negative(a) if _is_tree(a) else super().negative(a)
+        return self.counted(Negative(a)) if _is_tree(a) else super().negative(a)
 
     def combine(self, sign, a, b):
+        if sign in COMPARISONS and isinstance(a, complex) | isinstance(b, complex):
+            raise NumberError("complex")
         if not _is_tree(a) and not _is_tree(b):
-            return super().combine(sign, a, b)
+            return int(COMPARISONS[sign](a, b)) if sign in COMPARISONS else super().combine(sign, a, b)
         if sign == "/" and b == 0:
             raise ZeroDivisionError
         if sign == "^" and not _is_tree(b):
-            return _power(a, b)
-        return _SIGNS[sign](_tree(a), _tree(b))
+            return self.counted(_power(a, b))
+        return self.counted(_SIGNS[sign](_tree(a), _tree(b)))
 
     def apply(self, function, a):
-        return _FUNCTIONS[function](a) if _is_tree(a) else super().apply(function, a)
+        return self.counted(_FUNCTIONS[function](a)) if _is_tree(a) else super().apply(function, a)
+
+    def total(self, terms):
+        if any(map(_is_tree, terms)):
+            return _total([self.counted(_tree(term)) for term in terms])
+        return sum(self.counted(term) for term in terms)
+
+    def several(self, word, values):
+        if any(map(_is_tree, values)):
+            return reduce(Maximum if word == "max" else Minimum, map(_tree, values))
+        return (max if word == "max" else min)(_tree(value).value for value in values)
 
 
 def _is_tree(value):
-    return hasattr(type(value), "meaning") or isinstance(value, Component | WholePower)
+    return hasattr(type(value), "meaning") or isinstance(value, Component | Observable | Total | WholePower)
 
 
 def _tree(value):
@@ -148,6 +276,52 @@ def _tree(value):
     if isinstance(value, complex):
         raise NumberError("complex")
     return value if _is_tree(value) else Constant(float(value))
+
+
+def _total(terms):
+    """The sum of trees, those of one shape together."""
+    groups = {}
+    for term in terms:
+        groups.setdefault(_shape(term), []).append(term)
+    return Total(tuple(Terms(_merged(group), len(group)) for group in groups.values()))
+
+
+def _shape(e):
+    """What trees have in common that differ in components and constants alone."""
+    if isinstance(e, Constant | Component):
+        return type(e)
+    if isinstance(e, Observable | Total):
+        return e
+    return type(e), *(part if isinstance(part, int) else _shape(part) for part in e)
+
+
+def _merged(trees):
+    """The body of trees of one shape."""
+    first = trees[0]
+    if isinstance(first, Constant | Component):
+        return first if len(set(map(repr, trees))) == 1 else Each(tuple(trees))
+    if isinstance(first, Observable | Total | int):
+        return first
+    return type(first)(*map(_merged, zip(*trees, strict=True)))
+
+
+def _term(e, k):
+    """Term k of a body."""
+    if isinstance(e, Each):
+        return e.leaves[k]
+    if isinstance(e, Constant | Component | Observable | Total | int):
+        return e
+    return type(e)(*(_term(part, k) for part in e))
+
+
+def terms_of(total):
+    """The terms of a sum."""
+    return [_term(group.body, k) for group in total.groups for k in range(group.count)]
+
+
+def has_sum(e):
+    """Whether a sum over terms stands in a tree: what was written is then shorter than its text."""
+    return isinstance(e, Total) or (not isinstance(e, _LEAVES) and any(has_sum(a) for a in e if not isinstance(a, int)))
 
 
 def _power(a, exponent):
@@ -165,12 +339,22 @@ def _power(a, exponent):
     return Power(a, _tree(exponent))
 
 
-def parse_expression(text, dimension, names=()):
+def parse_expression(text, dimension, names=(), words=None):
     """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
 
-    The components may also be called by the `names` that the system gives them.
+    The components may also be called by the `names` that the system gives them; `words` has the values of others.
     """
-    return _tree(read(text, _Trees(dimension, names)))
+    tree = _tree(read(text, _Trees(dimension, names, words)))
+    _check_depth(tree, _DEEPEST)
+    return tree
+
+
+def _check_depth(e, left):
+    if not left:
+        raise NumberError(f"more than {_DEEPEST} operations within each other; sum(a, b, c) has many terms")
+    for part in () if isinstance(e, _LEAVES) else [g.body for g in e.groups] if isinstance(e, Total) else e:
+        if not isinstance(part, int):
+            _check_depth(part, left - 1)
 
 
 def is_constant(expression):
@@ -189,7 +373,11 @@ def _written(expression, binds):
         own, text = 3 if math.copysign(1.0, expression.value) < 0.0 else 4, repr(expression.value)
         text = text if text == "-0.0" else text.removesuffix(".0")
     elif isinstance(expression, Component):
-        own, text = 4, f"y{expression.k + 1}"
+        own, text = 4, f"y{expression.k + 1}" if expression.k < MOST else f"y({expression.k + 1})"
+    elif isinstance(expression, Observable):
+        own, text = 4, expression.name
+    elif isinstance(expression, Total):
+        own, text = 4, f"sum({', '.join(_written(term, 0) for term in terms_of(expression))})"
     elif isinstance(expression, WholePower):
         own, text = 3, f"{_written(expression.a, 4)}^{expression.exponent}"
     else:
@@ -204,21 +392,28 @@ def _written(expression, binds):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+_OF_DIFFERENCES = (Maximum, Minimum, Less, Greater, AtMost, AtLeast)
+
+
 def singular_parts(expression):
     """[(u, p)] of a tree: parts u at whose zeros it may have no derivatives but behaves like |u|^p.
 
-    These are u in abs(u), u^0.3, log(u), 1/u, and cos of tan; p = 0 stands for jumps and poles.  Within a part of power
-    p the powers of other parts are multiplied by p where p < 1: sqrt(abs(u)) has 1/2.
+    These are u in abs(u), u^0.3, log(u), 1/u, cos of tan, and u - v in max(u, v) and u > v; p = 0 stands for jumps and
+    poles.  Within a part of power p the powers of other parts are multiplied by p where p < 1: sqrt(abs(u)) has 1/2.
     """
-    if isinstance(expression, Constant | Component):
+    if isinstance(expression, Constant | Component | Observable):
         return []
     if isinstance(expression, WholePower):
         return singular_parts(expression.a)
+    if isinstance(expression, Total):
+        return [part for term in terms_of(expression) for part in singular_parts(term)]
     own, power = None, 0.0
     if isinstance(expression, Absolute | SquareRoot | Logarithm):
         own, power = expression.a, {Absolute: 1.0, SquareRoot: 0.5}.get(type(expression), 0.0)
     elif isinstance(expression, Tangent):
         own = Cosine(expression.a)
+    elif isinstance(expression, _OF_DIFFERENCES):
+        own, power = Difference(*expression), float(isinstance(expression, Maximum | Minimum))
     elif isinstance(expression, Quotient):
         own = expression.b
     elif isinstance(expression, Power):
@@ -230,6 +425,15 @@ def singular_parts(expression):
         share = 1.0 if own is None or operand is not own else min(power, 1.0)
         parts += [(u, share * p) for u, p in singular_parts(operand)]
     return parts
+
+
+def _added(terms):
+    """The sum along the first axis in pairs: the order does not depend on the other axes, as that of NumPy does."""
+    while len(terms) > 1:
+        half, odd = divmod(len(terms), 2)
+        pairs = terms[:half] + terms[half : 2 * half]
+        terms = np.concatenate((pairs, terms[-1:])) if odd else pairs
+    return terms[0]
 
 
 def as_numpy(expression):
@@ -245,6 +449,14 @@ def as_numpy(expression):
             return y[e.k]
         if isinstance(e, WholePower):
             return whole_power(value(e.a, y), e.exponent)
+        if isinstance(e, Observable):
+            return e.values(y)
+        if isinstance(e, Each):
+            leaves = np.array([leaf[0] for leaf in e.leaves])
+            return y[leaves] if isinstance(e.leaves[0], Component) else leaves.reshape(-1, *[1] * (y.ndim - 1))
+        if isinstance(e, Total):
+            terms = [np.broadcast_to(value(g.body, y), (g.count, *y.shape[1:])) for g in e.groups]
+            return _added(np.concatenate(terms))
         return e.meaning.array(*(value(operand, y) for operand in e))
 
     def phi(y):
@@ -259,10 +471,7 @@ def as_numpy(expression):
 
 
 def functions_of(texts, dimension):
-    """:func:`as_numpy` of each of some texts.
-
-    Functions with an ``lru_cache`` take texts as arguments: as trees sin(y1) and exp(y1) are equal tuples.
-    """
+    """:func:`as_numpy` of each of some texts."""
     return [as_numpy(parse_expression(text, dimension)) for text in texts]
 
 
@@ -284,8 +493,11 @@ def range_of(expression: Any) -> Range:
     """
     if isinstance(expression, Constant):
         return expression.value, expression.value
-    if isinstance(expression, Component):
+    if isinstance(expression, Component | Observable):
         return _ALL
+    if isinstance(expression, Total):
+        ranges = [range_of(term) for term in terms_of(expression)]
+        return sum(low for low, _ in ranges), sum(high for _, high in ranges)
     if isinstance(expression, WholePower):
         return _range_of_power(range_of(expression.a), expression.exponent)
     if isinstance(expression, Quotient) and _is_sign(expression.a, expression.b):
@@ -296,8 +508,12 @@ def range_of(expression: Any) -> Range:
 
 def is_step(expression: Any) -> bool:
     """Whether an expression is piecewise constant, as (1 + (y1 - 3)/abs(y1 - 3))/2 is."""
-    if isinstance(expression, Constant | Component):
-        return isinstance(expression, Constant)
+    if isinstance(expression, _LEAVES):
+        return isinstance((expression.leaves if isinstance(expression, Each) else [expression])[0], Constant)
+    if isinstance(expression, Less | Greater | AtMost | AtLeast):
+        return True
+    if isinstance(expression, Total):
+        return all(is_step(group.body) for group in expression.groups)
     if isinstance(expression, WholePower):
         return is_step(expression.a)
     if isinstance(expression, Quotient) and _is_sign(expression.a, expression.b):
@@ -307,8 +523,7 @@ def is_step(expression: Any) -> bool:
 
 def _is_sign(a: Any, b: Any) -> bool:
     """Whether a/b is x/abs(x) or abs(x)/x, where a difference x may have its terms exchanged."""
-    # Compared by their texts: as tuples sin(y1) and exp(y1) are equal.
-    return any(canonical(x) == canonical(y) for x, y in (*_alike(a, b), *_alike(b, a)))
+    return any(x == y for x, y in (*_alike(a, b), *_alike(b, a)))
 
 
 def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:
@@ -332,6 +547,18 @@ def _of_operation(expression: Any, a: Range, b: Range = _ALL) -> Range:
             return _product(a, (1.0 / b[1], 1.0 / b[0]))
         case Absolute():
             return _absolute(a)
+        case Maximum():
+            return max(a[0], b[0]), max(a[1], b[1])
+        case Minimum():
+            return min(a[0], b[0]), min(a[1], b[1])
+        case Less() | Greater() | AtMost() | AtLeast():
+            return 0.0, 1.0
+        case HyperbolicSine():
+            return _increasing(math.sinh, a)
+        case HyperbolicCosine():
+            return _increasing(math.cosh, _absolute(a))
+        case ArcTangent():
+            return _increasing(math.atan, a)
         case Exponential():
             return _increasing(math.exp, a)
         case HyperbolicTangent():

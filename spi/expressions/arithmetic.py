@@ -1,14 +1,16 @@
 """Arithmetic in the numbers of a spec file: ``2/3``, ``cos(1.1)``, ``2^-16``, ``10^9``, ``0.1+0.3i``.
 
+    whole   = sum [ (<|>|<=|>=) sum ]            which has the value 1 or 0, in formulas alone
     sum     = term { (+|-) term }
     term    = factor { (*|/) factor }
     factor  = (+|-) factor | power
     power   = atom [ (^|**) factor ]             so -2^2 = -4, 2^3^2 = 512, 2^-3 = 1/8
-    atom    = literal[i] | pi | i | function ( sum ) | ( sum )
+    atom    = literal[i] | pi | i | function ( whole ) | ( whole )
 
 Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
 
-:class:`Numbers` defines the operations; ``__init__.py`` gives the same grammar another meaning.
+:class:`Numbers` defines the operations; ``__init__.py`` and ``spi.systems.text`` give the same grammar other meanings,
+in which the words of ``ranges.py`` stand for several terms.
 """
 
 import cmath
@@ -21,7 +23,7 @@ from typing import Any
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<literal>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<imaginary>i\b)?"
-    r"|(?P<word>[A-Za-z_]\w*)|(?P<sign>\*\*|[-+*/^()])|(?P<end>$)|(?P<other>\S))"
+    r"|(?P<word>[A-Za-z_]\w*)|(?P<sign>\*\*|[<>]=|[-+*/^()<>])|(?P<end>$)|(?P<other>\S))"
 )
 
 
@@ -55,6 +57,7 @@ class Numbers:
     """The meaning of the grammar in numbers: int, finite float, complex."""
 
     longest = 200
+    compares = False  #: whether comparisons have a value
     calls = False  #: whether a word before a parenthesis is first looked up by :meth:`call`
     functions = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
     constants = MappingProxyType({"pi": math.pi, "i": 1j})
@@ -79,6 +82,7 @@ class Numbers:
 
 
 _ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+COMPARISONS = {"<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge}
 
 
 class _Parser:
@@ -101,7 +105,7 @@ class _Parser:
         return sign
 
     def parse(self) -> Any:
-        value = self.sum()
+        value = self.whole()
         if self.token["end"] is None:
             raise self.unexpected()
         return value
@@ -109,6 +113,11 @@ class _Parser:
     def unexpected(self) -> NumberError:
         token = self.token[0].strip()
         return NumberError(f"unexpected '{token}'" if token else "it ends too early")
+
+    def whole(self) -> Any:
+        value = self.sum()
+        sign = self.take(*COMPARISONS) if self.algebra.compares else None
+        return self.algebra.combine(sign, value, self.sum()) if sign else value
 
     def sum(self) -> Any:
         value = self.term()
@@ -157,7 +166,7 @@ class _Parser:
         return self.algebra.apply(word, self.closing())
 
     def closing(self) -> Any:
-        value = self.sum()
+        value = self.whole()
         if not self.take(")"):
             raise self.unexpected() if self.token["end"] is None else NumberError("a parenthesis is not closed")
         return value

@@ -13,12 +13,13 @@ from spi.compiler.dispatch import answers
 from spi.ensemble.observer import energies, invariants_of
 from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
 from spi.exact import gibbs
-from spi.expressions import Component, as_numpy, canonical, parse_expression
+from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, parse_expression
 from spi.expressions.arithmetic import NumberError
+from spi.expressions.ranges import written_out
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
-from spi.specs.keys import shown, wrong
-from spi.systems import observables_of
+from spi.specs.keys import listed, shown, wrong
+from spi.systems import observables_of, words
 
 Array = np.ndarray
 
@@ -94,7 +95,7 @@ def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
     try:
         path_function(case.model, case.variables, entry)
     except NumberError as error:
-        variables = ", ".join(case.variables) or f"y1 .. y{dimension(case.model)}"
+        variables = listed(case.variables) or f"y1 .. y{dimension(case.model)}"
         right = f"must be an expression in {variables}{', H or C1' if conserved(case.model) else ' or H'}{more}"
         raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
@@ -111,24 +112,33 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
         text = f"{greater.strip()} - ({less.strip()})"
     own = undamped(model)
     named = observables(own) if answers(observables, own) else observables_of(own) if "energy_current" in text else {}
-    words = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
-    words |= {word[0]: word for word in _WORD.finditer(text) if word[0] in named}
-    invariants = {name: named.get(name) or _invariant(model, match) for name, match in words.items()}
+    found = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
+    found |= {word[0]: word for word in _WORD.finditer(text) if word[0] in named}
+    invariants = {name: named.get(name) or _invariant(model, match) for name, match in found.items()}
     if text in invariants:
         return PathFunction(functional, text, invariants[text])
-    d = dimension(model)
-    tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
+    observed = {name: Observable(name, values) for name, values in invariants.items()}
+    tree = parse_expression(text, dimension(model), names, {**words(own), **observed})
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
-    if invariants:
-        values = _with_invariants(as_numpy(tree), list(invariants.values()))
-    variables = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
-    written = re.sub(r"\by(\d+)\b", lambda y: variables[int(y[1])] or y[0], canonical(tree))
+    written = text if has_sum(tree) else in_names(canonical(tree), names)
     return PathFunction(functional, condition if functional == "passage" else written, values)
 
 
-def _with_invariants(function: Callable[[Array], Array], invariants: list[Callable[[Array], Array]]) -> Any:
-    """A function of states with values of invariants behind their components, as one of states."""
-    return lambda states: function(np.concatenate([states, [invariant(states) for invariant in invariants]]))
+def in_names(text: str, names: Sequence[str]) -> str:
+    """A canonical text with the names of the components."""
+    return re.sub(r"\by(\d+)\b|\by\((\d+)\)", lambda y: dict(enumerate(names, 1)).get(int(y[1] or y[2]), y[0]), text)
+
+
+def with_others(case: Any, functions: dict[str, Any]) -> dict[str, Any]:
+    """The entries of the key ``functions``, in which names of other functions stand for these."""
+    own = undamped(case.model)
+    named = observables(own) if answers(observables, own) else ()
+    invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
+    plain = [f"y{k + 1}" for k in range(dimension(case.model))]
+    try:
+        return written_out(functions, {*plain, *case.variables, *words(own), *named, *invariants})
+    except NumberError as error:
+        raise wrong(f"is a circle: {error}", "leave one of these names out", "functions") from None
 
 
 def _component(k: int, states: Array) -> Array:

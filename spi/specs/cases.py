@@ -29,12 +29,13 @@ from ..ensemble.scheme_protocol import judges, needs_areas
 from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import hidden, variables
+from ..systems import hidden, variables, words
 from ..systems.keys import MOST
 from .checks import (
     check_count,
@@ -60,6 +61,7 @@ from .keys import (
     condition,
     entries_in,
     key_of,
+    listed,
     quantity,
     shown,
     suggestion,
@@ -96,19 +98,32 @@ class FunctionKeys(Keys):
 
     @condition
     def _check_functions(self) -> Self:
-        texts = {name: canonical(self._tree(name, text)) for name, text in self.functions.items()}
-        if not self.variables:
+        taken = {*self.variables, *words(undamped(self.model)), *(f"y{k + 1}" for k in range(dimension(self.model)))}
+        try:
+            texts = written_out(self.functions, taken)
+        except NumberError as error:
+            raise wrong(f"is a circle: {error}", "leave one of these names out", "functions") from None
+        trees = {name: self._tree(name, text) for name, text in texts.items()}
+        if not self.variables and all(map(self._is_plain, self.functions.values())):
             return self
-        return self.model_copy(update={"functions": texts})
+        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+
+    def _is_plain(self, text: str) -> bool:
+        """Whether a text has no words but those of the components."""
+        try:
+            parse_expression(text, dimension(self.model))
+        except NumberError:
+            return False
+        return True
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""
         try:
-            tree = parse_expression(text, d := dimension(self.model), self.variables)
+            tree = parse_expression(text, d := dimension(self.model), self.variables, words(undamped(self.model)))
             if is_constant(tree):
                 raise NumberError("constant")
         except NumberError as error:
-            names = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
+            names = listed(self.variables) or f"y1 .. y{min(d, MOST)}"
             example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
             right = f"must be an expression in {names} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None

@@ -109,7 +109,7 @@ class OfGibbs(Keys):
             )
             right = f"must be so far from 0 that {LEAST_ACCEPTANCE:g} are; or give states of your own by law: points"
             raise wrong(fault, right, "temperature")
-        return RandomState(surface.typical, law, self.model_dump())
+        return RandomState(surface.typical, law, self.model_dump(exclude={"sweeps"}))
 
 
 class OfGauss(Keys):

@@ -23,10 +23,16 @@ from ..schemes import SCHEMES
 from ..storage.records import RENAMED_KINDS
 from .document import Location
 
+_MOST_LISTED = 64  # names in a message
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
 
 # --- words of messages -----------------------------------------------------------------------------------------------
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a row, the first and the last of very many."""
+    return ", ".join(names if len(names) <= _MOST_LISTED else [*names[:3], "...", names[-1]])
 
 
 def shown(value: Any) -> str:

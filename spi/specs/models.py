@@ -65,7 +65,9 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
         definition["sigma"] = whole["sigma"]
     try:
         if whole.get("lattice", "false") not in ("false", False):
-            return _lattice(systems.spins_of(definition, whole.get("sigma")))
+            model = _lattice(systems.spins_of(definition, whole.get("sigma")))
+            systems.remember(model, definition)
+            return model
         made = systems.made(definition, name)
         strengths = systems.strengths(definition, whole.get("sigma"))
     except systems.DefinitionError as error:

@@ -18,6 +18,7 @@ from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..compiler.inlining import uncompiled
 from ..ensemble.protocol import frozen
+from ..expressions import parse_expression
 from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
 
@@ -35,10 +36,12 @@ __all__ = [
     "names_time",
     "observables_of",
     "record",
+    "remember",
     "report",
     "spins_of",
     "strengths",
     "variables",
+    "words",
 ]
 
 
@@ -80,13 +83,32 @@ def record(
         sigma = tuple(None if old is None else float(new) for old, new in zip(model.sigma, now.sigma, strict=True))
         model = now._replace(driving=tuple(map(float, now.driving)), sigma=sigma)
     _REPORTS[_key(model)] = system.report
-    _DEFINITIONS[_key(model)] = json.dumps(definition)
+    remember(model, definition)
     return model
 
 
 def report(model: Any) -> list[str]:
     """The report about a generated model, lines for people; none for other models."""
     return _REPORTS.get(_key(model), []) if _facts_of(model) else []
+
+
+def remember(model: Any, definition: Mapping[str, Any] | None) -> None:
+    """Keep the definition of a model, of which :func:`words` and :func:`observables_of` tell, for this process."""
+    _DEFINITIONS[_key(model)] = json.dumps(definition)
+
+
+def words(model: Any) -> dict[str, float | int]:
+    """The numbers that formulas may name: parameters and sizes of a system, or the fields of another model."""
+    definition = json.loads(_DEFINITIONS.get(_key(model), "null"))
+    if definition is None:
+        fields = {} if _facts_of(model) else model._asdict()
+        numbers = {name: x for name, x in fields.items() if isinstance(x, float | int) and not isinstance(x, bool)}
+        return numbers | getattr(model, "sizes", {})
+    known: dict[str, Any] = {}
+    for name, text in [*definition.get("sizes", {}).items(), *definition.get("parameters", {}).items()]:
+        value = parse_expression(text, 0, (), known).value
+        known[name] = int(value) if name in definition.get("sizes", {}) else value
+    return known
 
 
 def observables_of(model: Any) -> dict[str, Callable]:
@@ -153,7 +175,8 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
     """
     if not any(map(has_range, texts)):
         return texts
-    from .text import Symbols, entries, expression
+    from ..expressions.ranges import entries
+    from .text import Symbols, expression
 
     symbols = Symbols(indices=_facts_of(model).get("sizes") or getattr(model, "sizes", {}))
     numbers = []

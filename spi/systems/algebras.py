@@ -27,8 +27,10 @@ from typing import Any
 import numpy as np
 import sympy
 
+from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import parts, whole
 from .brackets import Given, Polynomial
-from .text import NumberError, Symbols, parts, whole
+from .text import Symbols
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Lie algebras of matrices by their generators: brackets, minus the commutators, and Casimir functions, by traces.

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import sympy
 
+from ..expressions.ranges import whole
 from .brackets import shortened
 from .definition import _Reader, strengths
 from .keys import DefinitionError
-from .text import Symbols, addends, whole
+from .text import Symbols, addends
 
 _SO3 = re.compile(r"\s*(?:so\(3\)|su\(2\))\s*\^\s*\(?\s*(\w+)\s*\)?\s*")
 _SMALL = 1e-14

@@ -18,6 +18,8 @@ import sympy
 
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
+from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import TAKEN, entries, parts, repeated, whole
 from . import splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
@@ -38,7 +40,7 @@ from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
 from .splitting import merged
-from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
+from .text import Symbols, addends, expression, names
 
 
 def define(data: Mapping[str, Any]) -> System:

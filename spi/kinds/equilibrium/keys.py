@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import PathFunction, check_function, path_function
+from spi.kinds.functions import PathFunction, check_function, path_function, with_others
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
@@ -149,7 +149,7 @@ class Case(BaseCase):
         if not self.functions and answers(frozen, undamped(self.model)):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
-        functions = self.functions or {"H": "H"}
+        functions = with_others(self, self.functions) or {"H": "H"}
         for name, text in functions.items():
             check_function(self, name, text)
         if both := self.derived.keys() & functions.keys():

@@ -11,7 +11,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
+from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function, with_others
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.specs.cases import StepCase
@@ -212,7 +212,7 @@ class Case(StepCase):
     def _check_functions(self) -> Self:
         """The case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
-        functions = self.functions or {name: name for name in names[:4]}
+        functions = with_others(self, self.functions) or {name: name for name in names[:4]}
         for name, entry in functions.items():
             check_function(self, name, entry, _FUNCTIONAL)
         case = self.model_copy(update={"functions": functions})
