@@ -43,7 +43,7 @@ __all__ = [
 
 _MOST_WHOLE = 15
 _MOST_RECORDS = 200_000  # of an expression, with the terms of its sums
-_DEEPEST = 200  # operations within each other, as Python's recursions end
+_DEEPEST = 300  # operations within each other, as Python's recursions end
 
 
 class Constant(NamedTuple):

@@ -58,7 +58,8 @@ class Words:
 
     def unknown(self, word: str) -> NumberError:
         """The error about a word without a meaning."""
-        near = difflib.get_close_matches(word, [*self.constants, *self.families, *self.functions], 1)
+        words = [*self.constants, *(family for family in self.families if family != word), *self.functions]
+        near = difflib.get_close_matches(word, words, 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
 
     def call(self, word: str, inside: str) -> Any:

@@ -9,11 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from spi import expressions
-from spi.expressions import (
-    as_numpy,
-    canonical,
-    parse_expression,
-)
+from spi.expressions import as_numpy, canonical, is_step, parse_expression, range_of
 from spi.expressions.arithmetic import NumberError
 from spi.numerics.rng import LANES
 
@@ -91,7 +87,16 @@ def test_canonical_text(text, expected):
         ("y1*10^10^10", 3, "too large"),
         ("y1+2i", 3, "complex"),
         ("y1^(2*i^2)", 3, "complex"),
-        ("+".join(["y1"] * 134), 3, "longer than 400 characters"),
+        ("+".join(["y1"] * 302), 3, "more than 300 operations within each other; sum(a, b, c) has many terms"),
+        (
+            "+".join(["sum(i*y1 + i^2*y2*y3 + y1 for i = 1..10000)"] * 4),
+            3,
+            "more than 200000 operations and terms of sums",
+        ),
+        ("sum(y1 for i = 1..10001)", 3, "the range runs over more than 10000 values"),
+        ("y(4)", 3, "there is no y(4); on a ring of n write y(mod(i, n) + 1) for the next"),
+        ("max(y1)", 3, "max needs two values or more, as in max(a, b)"),
+        ("y1 < 2i", 3, "complex"),
         ("(" * 199 + "y1" + ")" * 199, 3, "too deeply nested"),
     ],
 )
@@ -187,12 +192,43 @@ EACH = [
     "abs(y1)^1.5 + y2^20 + 2^y3",
     "tan(y1) + tanh(y2)",
     "sin(cos(y1*y2) + exp(sin(y3)))",
+    "sinh(y1) + cosh(y2) + atan(y3)",
+    "max(y1, y2, 0) - min(y1, y3)",
+    "(y1 < y2) + (y1 > 0.5) + (y2 <= y3) + (y3 >= 0)",
+    "sum(i*y(i)^2 + y(mod(i, 3) + 1) for i = 1..3)",
 ]
 
 
 def test_every_record_occurs_here():
     text = str([parse_expression(text, 3) for text in EACH])
     assert all(cls.__name__ + "(" in text for cls in vars(expressions).values() if hasattr(cls, "meaning"))
+
+
+def test_a_sum_over_a_lattice():
+    """Against NumPy on a ring of 1,000 spins, one record of the loop; two ranges; comparisons; names of components."""
+    n = 1000
+    names = [f"{x}({i})" for i in range(1, n + 1) for x in "xyz"]
+    s = np.random.default_rng(1).standard_normal((n, 3, 5))
+    words = {"n": n, "J": 0.5}
+    text = "J*sum(x(i)*x(mod(i+1,n)+1) + y(i)*y(mod(i+1,n)+1) + z(i)*z(mod(i+1,n)+1) for i = 1..n)/n"
+    tree = parse_expression(text, 3 * n, names, words)
+    expected = 0.5 * (s * np.roll(s, -2, axis=0)).sum(axis=1).mean(axis=0)
+    np.testing.assert_allclose(as_numpy(tree)(s.reshape(3 * n, 5)), expected, rtol=1e-12)
+    assert expressions.has_sum(tree) and len(str(tree)) < 200_000 and not is_step(tree)
+    share = parse_expression("sum(z(i) > 1/2 for i = 1..n)/n", 3 * n, names, words)
+    np.testing.assert_allclose(as_numpy(share)(s.reshape(3 * n, 5)), (s[:, 2] > 0.5).mean(axis=0))
+    assert is_step(share) and range_of(share) == (0.0, 1.0)
+    pairs = parse_expression("sum(y(i)*y(j)/(i + j) for i = 1..3, j = 1..i-1)", 3)
+    y = states()
+    expected = y[1] * y[0] / 3 + y[2] * y[0] / 4 + y[2] * y[1] / 5
+    np.testing.assert_allclose(as_numpy(pairs)(y), expected, rtol=1e-14)
+    whole, alone = as_numpy(tree)(s.reshape(3 * n, 5)), as_numpy(tree)(s[:, :, 2:3].reshape(3 * n, 1))
+    assert whole[2] == alone[0]  # the order of a sum does not depend on what is evaluated beside
+
+
+def test_singular_parts_of_new_words():
+    assert [part.power for part in as_numpy(parse_expression("max(y1, y2) + (y3 > 0)", 3)).singular] == [1.0, 0.0]
+    assert range_of(parse_expression("atan(y1) + max(0, min(y2, 1))", 3)) == (-math.pi / 2, math.pi / 2 + 1)
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 1e7])
