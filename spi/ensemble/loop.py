@@ -19,6 +19,7 @@ from ..compiler.vectors import without_refcount
 from ..numerics.rng import LANES, STEPS_PER_DRAW
 from .increments import (
     Given,
+    brownian,
     coins_length,
     coins_of_step,
     copy_coins,
@@ -300,6 +301,18 @@ def integrated(*run):
     for arguments in _calls(*run):
         integrate(*arguments)
     return arguments[2], arguments[6]
+
+
+def one_step(scheme, model, h, states):
+    """Each of some states (n, d) after one step of size h without noise."""
+    blocks = -(-len(states) // LANES)
+    padded = np.resize(states, (blocks * LANES, states.shape[1]))
+    y = padded.reshape(blocks, LANES, -1).transpose(0, 2, 1).reshape(blocks, -1)
+    times = grid(h, 1)
+    begun = np.zeros((blocks, 1, y.shape[1] + largest_sizes(times.reference_scheme, scheme, model)[1]))
+    begun[:, 0, : y.shape[1]] = y
+    ends, _ = integrated(scheme, model, begun, times, brownian(0), 0, blocks, len(padded))
+    return paths_of(ends, states.shape[1])[0].T[: len(states)]
 
 
 def thread_count():

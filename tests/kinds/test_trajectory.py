@@ -12,6 +12,7 @@ from spi.kinds.trajectory import study
 from spi.kinds.trajectory.results import SolverMeans
 from spi.report import views
 from spi.schemes import SCHEMES
+from spi.storage import Part
 
 SPEC = """\
 kind: trajectory
@@ -88,3 +89,55 @@ def test_printed(results):
     assert rows["midpoint"] == ["2^-2", "4", "1.66667", "1.0e-15", "2.0e-15", "-1", "2", "3.2"]
     assert rows["splitting"] == ["2^-2", "4", "1.66667", "-1"]
     assert text.count(" C1") == 1 and text.count("failures") == 1
+
+
+SECTION = """\
+title: t
+kind: trajectory
+model: {algebra: so(3), hamiltonian: y3, noises: [y3], sigma: 0}
+initial: [3/5, 0, 4/5]
+final_time: 32
+step: 1/4
+schemes: [splitting_symmetric]
+functions: {flat: y1^2 + y2^2, twice: 2*flat}
+section: {of: y2, direction: both, store: [y1, H]}
+panels: [functions, section]
+"""
+
+
+def test_functions_and_a_section_by_the_map_of_the_step(spec):
+    """A turn of period 2 pi, of which each flow is exact: so are the crossings, unlike those on lines between states."""
+    plan = study.plan(spec(SECTION).cases[0], Part("splitting_symmetric"))
+    found = plan.results(finished(plan))
+    np.testing.assert_allclose(found.values.value, [np.full(129, 0.36), np.full(129, 0.72)], rtol=1e-13)
+    section = found.section
+    turns = np.pi * np.arange(1, 11)
+    np.testing.assert_allclose(section.t[-10:], turns, atol=1e-12)
+    np.testing.assert_allclose(section.value[0][-10:], 0.6 * np.cos(turns), atol=1e-12)
+    np.testing.assert_allclose(section.value[1], 0.8, rtol=1e-14)
+    y, n = found.y[:, 1], np.floor(turns * 4).astype(int)
+    lines = (n + y[n] / (y[n] - y[n + 1])) / 4
+    assert abs(lines - turns).max() > 1e-4
+    up = study.plan(spec(SECTION, "direction: both", "direction: up").cases[0], Part("splitting_symmetric"))
+    assert len(up.results(finished(up)).section.t) in (5, 6)
+
+
+def test_a_section_of_a_noisy_path_is_on_lines(spec):
+    plan = study.plan(spec(SECTION, "sigma: 0", "sigma: 1").cases[0], Part("splitting_symmetric"))
+    found = plan.results(finished(plan))
+    y, n = found.y[:, 1], np.floor(found.section.t[1:] * 4).astype(int)
+    np.testing.assert_allclose(found.section.t[1:], (n + y[n] / (y[n] - y[n + 1])) / 4, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("of: y2", "of: y4", "the state has y1 .. y3"),
+        ("step: 1/4", "step: 1/4\nevery: 2", "must be 1 for a section"),
+        ("functions: {flat: y1^2 + y2^2, twice: 2*flat}\n", "", "is 'functions', and the key functions is missing"),
+        ("[functions, section]", "[spins]", "which is for the model spins"),
+        ("2*flat", "flat + twice", "is a circle: twice names twice"),
+    ],
+)
+def test_faults_of_functions_and_sections(error, old, new, told):
+    assert told in error(SECTION, old, new)

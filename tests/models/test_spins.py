@@ -287,3 +287,17 @@ def test_damped_flow(exponent):
     arguments = (*n, exponent, *s)  # |b| is 1
     assert np.allclose(towards(*arguments), exact, rtol=0, atol=1e-15)
     assert (abs(np.array(towards_near(*arguments)) - exact).max() < 1e-15) == (exponent <= NEAR)
+
+
+def test_topological_charge():
+    """A whole number of any state of a periodic lattice; 1 of a map that covers the sphere once."""
+    model = Spins("square", (24, 24), (Terms(1.0),))
+    charge = model.observables()["charge"]
+    values = charge(spins_of(9, 576).reshape(1728, LANES))
+    np.testing.assert_allclose(values, np.round(values), atol=1e-10)
+    x, y = np.meshgrid(np.arange(24) - 11.5, np.arange(24) - 11.5, indexing="ij")
+    r = np.hypot(x, y)
+    polar = np.pi * np.maximum(1 - r / 11, 0)
+    whirl = np.stack([np.sin(polar) * x / r, np.sin(polar) * y / r, np.cos(polar)], axis=-1)
+    assert abs(charge(whirl.reshape(-1))) == pytest.approx(1, abs=1e-12)
+    assert "charge" not in Spins("honeycomb", (4, 4), (Terms(1.0),)).observables()

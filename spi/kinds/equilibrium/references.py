@@ -101,7 +101,8 @@ def derived_quantity(text: str, names: tuple[str, ...]) -> Callable[[np.ndarray,
     values = as_numpy(tree)
 
     def quantity(means: np.ndarray, temperature: float) -> np.ndarray:
-        columns = np.moveaxis(np.atleast_1d(means), -1, 0)
-        return np.asarray(values(np.concatenate([columns, np.full_like(columns[:1], temperature)])))
+        columns = np.moveaxis(np.atleast_2d(means), -1, 0)
+        found = np.asarray(values(np.concatenate([columns, np.full_like(columns[:1], temperature)])))
+        return found.reshape(means.shape[:-1])
 
     return quantity

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble import loop
-from spi.ensemble.increments import brownian
 from spi.ensemble.protocol import in_kernels
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
@@ -231,19 +230,10 @@ def linear_waves(case: Any, waves: Array) -> tuple[Array, Array]:
     plane = np.exp(-2j * np.pi * (waves / cells) @ places.T)  # (Q, sites)
     frequencies = []
     for h in (case.step / 1024, case.step):
-        ends = _one_step(row.record, model, h, turned.reshape(4 * sites, -1)).reshape(turned.shape)
+        ends = loop.one_step(row.record, in_kernels(model), h, turned.reshape(4 * sites, -1)).reshape(turned.shape)
         change = np.einsum("stjc,uc->just", (ends[0] - ends[1]) / (2 * _SMALL), tangents)
         values, vectors = np.linalg.eig(change.reshape(2 * sites, 2 * sites))
         amplitudes = np.abs(np.einsum("qj,juv->quv", plane, vectors.reshape(sites, 2, -1))) ** 2
         best = amplitudes.sum(axis=1).argmax(axis=1)
         frequencies.append(np.abs(np.angle(values[best])) / h)
     return frequencies[0], frequencies[1]
-
-
-def _one_step(scheme: Any, model: Any, h: float, states: Array) -> Array:
-    """Each of some states (n, d) after one step of a scheme without noise."""
-    blocks = -(-len(states) // LANES)
-    padded = np.resize(states, (blocks * LANES, states.shape[1]))
-    y = padded.reshape(blocks, LANES, -1).transpose(0, 2, 1).reshape(blocks, 1, -1)
-    ends, _ = loop.integrated(scheme, in_kernels(model), y, loop.grid(h, 1), brownian(1), 0, blocks, len(padded))
-    return loop.paths_of(ends, states.shape[1])[0].T[: len(states)]

@@ -1,5 +1,6 @@
 """The figure of trajectories: quantities over time, the phase plane, the sphere, vorticity on the torus, and a film."""
 
+import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -457,7 +458,99 @@ def _show(screens: Sequence[Screen], frames: int, frame: int) -> None:
         ax.set_title(f"{style.label(reading.about)}, $t={reading.t[state]:.{digits}f}${lost}")
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Sections, and lattices of spins.
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _section(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The first two quantities that are stored at crossings, or the only one against the time."""
+
+    def own(ax: plots.Axes) -> list[plots.Entry]:
+        for one, section in ((one, one.section) for one in readings if one.section):
+            x, y = section.value[:2] if len(section.stored) > 1 else (section.t, section.value[0])
+            ax.plot(x, y, linestyle="none", marker=".", markersize=2.5, color=looks[one.about.variant][1])
+        return [
+            plots.mark(".", style.label(one.about), color=looks[one.about.variant][1])
+            for one in readings
+            if one.section
+        ]
+
+    first = readings[0]
+    if first.section is not None and first.section.stored:
+        names = [style.maths(name, first.about.variables) for name in (*first.section.stored, *first.section.stored)]
+        x, y = names[:2] if len(first.section.stored) > 1 else ("time $t$", names[0])
+        title = f"section {style.maths(first.section.of, first.about.variables)}$=0$"
+        yield plots.Plot(title=title, x=x, y=y, own=own, aspect=0.9)
+
+
+_MOST_ARROWS = 41  # along a side
+
+
+def colours_of_spins(s: np.ndarray) -> np.ndarray:
+    """(..., 3) red, green and blue of spins (..., 3): the angle of (x, y) as hue, z as lightness, black at z = -1."""
+    hue = np.arctan2(s[..., 1], s[..., 0])[..., np.newaxis] - np.array([0.0, 2.0, 4.0]) * np.pi / 3
+    pure = np.clip(0.5 + np.cos(hue), 0.0, 1.0)
+    light = 0.5 * (1 + s[..., 2:3])
+    return np.asarray(np.clip(np.where(light < 0.5, 2 * light * pure, 1 - 2 * (1 - light) * (1 - pure)), 0.0, 1.0))
+
+
+def _spins(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
+    for one in (one for one in readings if one.lattice_of_spins):
+        lattice = json.loads(one.lattice_of_spins)
+        size, sites, vectors = (*lattice["size"], 1, 1)[:3], np.array(lattice["sites"]), np.array(lattice["vectors"])
+        if len(lattice["size"]) == 1:
+            yield plots.Plot(title=style.label(one.about), x="site", y="time $t$", own=partial(_chain, one))
+            continue
+        cells = np.stack(np.meshgrid(*map(np.arange, size[:2]), indexing="ij"), axis=-1).reshape(-1, 2)
+        places = (cells @ vectors[:2])[:, np.newaxis, :2] + sites[:, :2]
+        for i in one.shown:
+            s = one.y[i].reshape(*size, len(sites), 3)[:, :, 0].reshape(-1, 3)
+            own = partial(_layer, places.reshape(-1, 2), s, max(size[:2]) < _MOST_ARROWS)
+            yield plots.Plot(title=f"{style.label(one.about)}, $t={one.t[i]:.4g}$", own=own, aspect=0.9)
+
+
+def _layer(places: np.ndarray, s: np.ndarray, arrows: bool, ax: plots.Axes) -> list[plots.Entry]:
+    """Spins at their places in colours, with arrows where they are few, and the key of the colours."""
+    span = float(np.ptp(places, axis=0).max()) or 1.0
+    ax.set(aspect="equal", xticks=[], yticks=[], xlim=(places[:, 0].min() - 1, places[:, 0].max() + 1))
+    ax.set_ylim(places[:, 1].min() - 1, places[:, 1].max() + 1)
+    ax.scatter(
+        places[:, 0],
+        places[:, 1],
+        c=colours_of_spins(s),
+        s=(180 / span) ** 2,
+        marker="s",
+        linewidths=0,
+        rasterized=True,
+    )
+    if arrows:
+        ax.quiver(*places.T, *s[:, :2].T, pivot="mid", scale=1.3 * span, width=0.004, color="#404040")
+    key = ax.inset_axes((1.02, 0.0, 0.18, 0.18), projection="polar")
+    angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, 1, 21))
+    polar = 0.5 * np.pi * radius
+    ball = np.stack([np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)], axis=-1)
+    key.pcolormesh(angle, radius, colours_of_spins(ball)[:-1, :-1], rasterized=True)
+    key.set(xticks=[], yticks=[])
+    key.set_title("$(s_x,s_y)$", fontsize=6, pad=2)
+    return []
+
+
+def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.Entry]:
+    """s_z of the sites of a chain at all times."""
+    chosen = plots.spread(len(one.t), 512)
+    z = one.y[chosen].reshape(len(chosen), -1, 3)[..., 2]
+    look: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -1, "vmax": 1, "shading": "nearest", "rasterized": True}
+    image = ax.pcolormesh(np.arange(1, z.shape[1] + 1), one.t[chosen], z, **look)
+    ax.figure.colorbar(image, ax=ax, label="$s_z$")
+    return []
+
+
 PANELS: dict[str, Any] = {
+    "functions": [panels.CurvePanel("value", "t", "function", label="${f}$")],
+    "section": [panels.Own(_section)],
+    "spins": [panels.Own(_spins)],
     "casimirs": [_over_time("casimirs", "{name}$(y)$", "casimir")],
     "casimir_errors": [_over_time("changes", "{name}$(y)-${name}$(y_0)$", "casimir", True, _but_for_damping)],
     "hamiltonian": [_over_time("hamiltonian", "$H(y)$")],

@@ -6,10 +6,14 @@ import pydantic
 from annotated_types import Ge, Le, MinLen
 
 from spi.ensemble.protocol import NonNegative, dimension
+from spi.expressions.arithmetic import NumberError
+from spi.kinds.functions import check_function, path_function, with_others
+from spi.models.delegation import undamped
+from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
 from spi.specs.cases import StepCase
 from spi.specs.checks import check_every, times_on_grid
-from spi.specs.keys import condition, entries_in, key_of, wrong
+from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, shown, wrong
 from spi.specs.sweep import Swept
 from spi.statistics.claims import claimable
 
@@ -18,6 +22,7 @@ from .results import Trajectory
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
 PANELS = (
+    *("functions", "section", "spins"),
     *("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase"),
     *OF_FIELDS,
 )
@@ -30,6 +35,14 @@ _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
 
 
+class Section(Keys):
+    """A Poincaré section."""
+
+    of: key_of(str, "the function whose zeros make the section, such as y2 or H - 1")
+    direction: key_of(Literal["up", "down", "both"], "in which its sign changes") = "up"
+    store: key_of(tuple[str, ...], "functions of the state whose values are stored, as in [y1, y3]")
+
+
 class Case(StepCase):
     """One path of each scheme, all on the same Brownian path."""
 
@@ -40,12 +53,18 @@ class Case(StepCase):
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
     ) = ()
 
+    functions: key_of(
+        Functions, "by name an expression in the state such as y1^2, H or a Casimir function C1, along the path"
+    ) = pydantic.Field(default_factory=dict)
+    section: key_of(Section | None, "the states at which a function of the state changes its sign") = None
+
     sweep: key_of(Swept, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
         default=None, exclude=True
     )
 
-    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times"}
-    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "times": ()}
+    scoping: ClassVar = ("functions",)
+    neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times", "functions", "section"}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
 
     @property
@@ -79,8 +98,30 @@ class Case(StepCase):
         return self.model_copy(update={"times": times})
 
     @condition
+    def _check_functions(self) -> Self:
+        """The case with functions in which names of others are written out."""
+        functions = with_others(self, self.functions)
+        for name, text in functions.items():
+            check_function(self, name, text)
+        section = self.section
+        for key, text in [("of", section.of), *(("store", text) for text in section.store)] if section else ():
+            try:
+                path_function(self.model, self.variables, text)
+            except NumberError as error:
+                raise wrong(
+                    f"is {shown(text)} ({error})", "must be an expression in the state", "section", key
+                ) from None
+        if section and self.every != 1:
+            raise wrong(f"is {self.every}", "must be 1 for a section, which looks at each step", "every")
+        return self.model_copy(update={"functions": functions})
+
+    @condition
     def _check_panels(self) -> Self:
         for i, panel in enumerate(self.panels):
+            if panel == "spins" and not isinstance(undamped(self.model), Spins):
+                raise wrong("is 'spins', which is for the model spins", "leave it out", "panels", i)
+            if panel in ("functions", "section") and not getattr(self, panel):
+                raise wrong(f"is '{panel}', and the key {panel} is missing", f"add {panel}:", "panels", i)
             if panel in OF_FIELDS and lattice_of(self.model) is None:
                 raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self

@@ -20,6 +20,24 @@ class SolverMeans(Described):
     largest_residual: float = fact("largest relative residual")
 
 
+class Values(Described):
+    """Functions of the state along a path."""
+
+    functions: tuple[str, ...] = axis("function", name="function")
+    texts: tuple[str, ...] = fact("what the functions are")
+    value: Array = array("function t", "value of the function", claim="equal")
+
+
+class Crossings(Described):
+    """The states at which a function of the state changes its sign: a Poincaré section."""
+
+    of: str = fact("the function that changes its sign")
+    t: Array = axis("time of the crossing", "time", name="crossing_t")
+    stored: tuple[str, ...] = axis("what is stored at crossings", name="stored")
+    value: Array = array("stored crossing_t", "value at the crossing", name="crossing")
+    located: str = fact("how crossings are found")
+
+
 class Trajectory(Stored):
     """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
 
@@ -71,6 +89,9 @@ class Trajectory(Stored):
     preserves: str = fact("what the scheme preserves")
     largest_angle: float = fact("largest angle of a rotation; 0 up to pi/4", "rad", default=0.0)
     solver: SolverMeans | None = nested(prefix="solver_", default=None)
+    values: Values | None = nested(default=None)
+    section: Crossings | None = nested(prefix="section_", default=None)
+    lattice_of_spins: str = fact("the lattice of spins, its cell and its size, as JSON", default="")
     surface: str | None = fact("where y is a vorticity", name="lattice", default=None)
 
     @property
@@ -134,7 +155,10 @@ class Trajectory(Stored):
             return float(np.abs(self.hamiltonian - self.hamiltonian[0]).max())
 
     def remarks(self) -> Iterator[str]:
-        """The quantities that are not defined along a path which did not diverge."""
+        """Crossings, and the quantities that are not defined along a path which did not diverge."""
+        if self.section is not None:
+            count = len(self.section.t)
+            yield f"{self.about.label}: {count} crossings of {self.section.of} = 0, {self.section.located}"
         count = self.casimirs.shape[1]
         named = {f"C{c + 1 if count > 1 else ''}": self.casimirs[:, c] for c in range(count)}
         for name, values in {"H": self.hamiltonian, **named}.items():

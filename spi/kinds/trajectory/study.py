@@ -1,5 +1,6 @@
 """Trajectories: one path of each scheme, all on the same Brownian path, with the Hamiltonian and the Casimirs."""
 
+import json
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -7,20 +8,25 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
+from spi.compiler.dispatch import answers
 from spi.ensemble.drivers import at_once
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, large
+from spi.ensemble.protocol import decay_rates, frozen, large
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, report_columns
+from spi.kinds.functions import evaluated, path_function
 from spi.kinds.plans import Cost, Done, PathsPlan, State, each_scheme
+from spi.models.delegation import undamped
+from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 
-from .results import SolverMeans, Trajectory
+from .results import Crossings, SolverMeans, Trajectory, Values
 
 
 class Path(NamedTuple):
@@ -138,6 +144,59 @@ class TrajectoryPlan(PathsPlan):
         """The part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
 
+    def _values(self, y: np.ndarray) -> Values | None:
+        """The functions of the case along the path."""
+        case = self.case
+        if not case.functions:
+            return None
+        functions = [path_function(case.model, case.variables, text) for text in case.functions.values()]
+        texts = tuple(function.label for function in functions)
+        return Values(functions=tuple(case.functions), texts=texts, value=evaluated(functions, y.T))
+
+    def _section(self, y: np.ndarray) -> Crossings | None:
+        """The crossings of the section of the case.
+
+        Without noise a crossing is where a step of size theta h from the state before it leads, theta by the secant
+        method within its bracket; with noise, and where H depends on time, it is on the line between two states.
+        """
+        case = self.case
+        if case.section is None:
+            return None
+        of, *stored = (path_function(case.model, case.variables, f) for f in (case.section.of, *case.section.store))
+        with np.errstate(all="ignore"):
+            g = np.asarray(of.values(y.T), float)
+        up, down = (g[:-1] < 0) & (g[1:] >= 0), (g[:-1] >= 0) & (g[1:] < 0)
+        at = np.flatnonzero({"up": up, "down": down, "both": up | down}[case.section.direction])
+        by_steps = not self.is_random and not answers(frozen, undamped(case.model))
+        theta, states = g[at] / (g[at] - g[at + 1]), y[at] + 0.0
+        for k, n in enumerate(at.tolist()):
+            if by_steps:
+                theta[k], states[k] = self._crossing(y[n], of.values, float(g[n]), float(g[n + 1]))
+            else:
+                states[k] += theta[k] * (y[n + 1] - y[n])
+        return Crossings(
+            of=of.label,
+            t=(at + theta) * case.step,
+            stored=case.section.store,
+            value=evaluated(stored, states.T),
+            located="by the map of the step" if by_steps else "on lines between states",
+        )
+
+    def _crossing(self, y: np.ndarray, of: Any, low: float, high: float) -> tuple[float, np.ndarray]:
+        """(theta, state) after a step of size theta h from y at which the function is 0; it is low at 0, high at 1."""
+        found = y
+
+        def value(theta: float) -> float:
+            nonlocal found
+            found = one_step(self.scheme, self.model, theta * self.case.step, y[np.newaxis])[0]
+            return float(of(found[:, np.newaxis])[0])
+
+        theta = low / (low - high)
+        if high:
+            theta = brentq(lambda x: low if x == 0 else high if x == 1 else value(x), 0.0, 1.0, xtol=1e-15)
+        value(theta)
+        return theta, found
+
     def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
@@ -161,10 +220,21 @@ class TrajectoryPlan(PathsPlan):
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else None,
                 "times": case.times or (),
                 "preserves": self.row.preserves,
+                "values": self._values(path.y),
+                "section": self._section(path.y),
+                "lattice_of_spins": _places(case.model),
                 "surface": None if lattice_of(case.model) is None else "torus",
             }
         )
         return Trajectory(**fields)
+
+
+def _places(model: Any) -> str:
+    """The places of the sites of a lattice of spins and its size, as JSON; empty of other models."""
+    spins = undamped(model)
+    if not isinstance(spins, Spins):
+        return ""
+    return json.dumps({"sites": spins.cell.sites, "vectors": spins.cell.vectors, "size": spins.size})
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:

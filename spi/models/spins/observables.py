@@ -94,6 +94,20 @@ def _spin_temperature(model: Any, states: Array) -> Any:
     return (turning**2).sum(axis=(0, 1)) / (2 * (s * b).sum(axis=(0, 1)))
 
 
+def _charge(model: Any, states: Array) -> Any:
+    """The topological charge of a square lattice: the solid angles of the triangles of its cells over 4 pi.
+
+    tan of half an angle is a . (b x c) / (1 + a . b + b . c + c . a) (Berg and Luescher, Nuclear Physics B 190, 1981).
+    """
+    s = np.moveaxis(_components(states).reshape(*model.size, 3, *np.shape(states)[1:]), 2, 0)
+    right, above = np.roll(s, -1, axis=1), np.roll(s, -1, axis=2)
+    corner, total = np.roll(above, -1, axis=1), 0.0
+    for a, b, c in ((s, right, corner), (s, corner, above)):
+        volume = (a * np.cross(b, c, axis=0)).sum(axis=0)
+        total = total + np.arctan2(volume, 1 + (a * b + b * c + c * a).sum(axis=0)).sum(axis=(0, 1))
+    return total / (2 * np.pi)
+
+
 def _conserves(model: Any, c: int) -> bool:
     """Whether the total of mu s_c is conserved: a turn about axis c changes neither a bond nor the energy of a site."""
     of, turn = tables(model, np.inf), np.cross(np.eye(3)[c], np.eye(3))
@@ -123,6 +137,8 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
             for c, x in enumerate("xyz")
             if _conserves(model, c)
         }
+    if model.is_periodic and len(model.size) == 2 and len(model.cell.sites) == 1:
+        named["charge"] = functools.partial(_charge, model)
     named["H"] = functools.partial(_energy, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named
