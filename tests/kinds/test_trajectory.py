@@ -106,7 +106,7 @@ panels: [functions, section]
 
 
 def test_functions_and_a_section_by_the_map_of_the_step(spec):
-    """A turn of period 2 pi, of which each flow is exact: so are the crossings, unlike those on lines between states."""
+    """A turn of period 2 pi with exact flows: so are the crossings, unlike those on lines between states."""
     plan = study.plan(spec(SECTION).cases[0], Part("splitting_symmetric"))
     found = plan.results(finished(plan))
     np.testing.assert_allclose(found.values.value, [np.full(129, 0.36), np.full(129, 0.72)], rtol=1e-13)
