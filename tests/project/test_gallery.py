@@ -57,7 +57,7 @@ def test_pictures_are_wide_enough(tmp_path):
 LESS = ("samples", "seconds", "final_time", "warm_up", "repeats", "step_count")
 MORE = ("accuracy", "standard_error", "reference_step")
 SOME = ("schemes", "estimators", "eps", "extrapolate")
-LOOKS = ("every", "times", "prefixes", "pullback", "density", "expect")
+LOOKS = ("every", "times", "prefixes", "pullback", "density", "time_correlations", "expect")
 
 
 def number(value):
