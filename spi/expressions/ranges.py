@@ -22,6 +22,7 @@ OF_SEVERAL = ("max", "min")
 _WORDS = (*OF_SEVERAL, "mod", "sum")
 #: Names that no variable, parameter or size can have.
 TAKEN = (*FUNCTIONS, *_WORDS, "pi", "for")
+_LONGEST = 100_000  # characters of a formula in which others are written out
 _MOST = 10_000  # entries that one range may stand for
 _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
 
@@ -150,20 +151,29 @@ def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
 def written_out(functions: Mapping[str, Any], words: Collection[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 
-    Entries that are no texts stay as they are.  NumberError if formulas name each other in a circle.
+    An entry may be a mapping with a text.  NumberError if formulas name each other in a circle, or grow too long.
     """
     named = [name for name, text in functions.items() if isinstance(text, str) and name not in words]
     word = re.compile(rf"\b({'|'.join(map(re.escape, named))})\b(?!\s*\()") if named else None
 
     def replaced(text: str, within: tuple[str, ...]) -> str:
+        indices = re.findall(r"\b(\w+)\s*=", text)
+
         def formula(match: re.Match[str]) -> str:
+            if match[1] in indices:
+                return match[1]
             if match[1] in within:
                 raise NumberError(f"{' names '.join((*within, match[1]))}")
             return f"({replaced(functions[match[1]], (*within, match[1]))})"
 
-        return word.sub(formula, text) if word else text
+        written = word.sub(formula, text) if word else text
+        if len(written) > _LONGEST:
+            raise NumberError(f"more than {_LONGEST} characters with the formulas of other functions")
+        return written
 
     def own(name: str, text: Any) -> Any:
+        if isinstance(text, Mapping):
+            return {key: replaced(inner, ()) if isinstance(inner, str) else inner for key, inner in text.items()}
         return replaced(text, (name,)) if isinstance(text, str) and text.strip() != name else text
 
     return {name: own(name, text) for name, text in functions.items()}

@@ -138,7 +138,7 @@ def with_others(case: Any, functions: dict[str, Any]) -> dict[str, Any]:
     try:
         return written_out(functions, {*plain, *case.variables, *words(own), *named, *invariants})
     except NumberError as error:
-        raise wrong(f"is a circle: {error}", "leave one of these names out", "functions") from None
+        raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
 
 
 def _component(k: int, states: Array) -> Array:

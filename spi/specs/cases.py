@@ -102,7 +102,7 @@ class FunctionKeys(Keys):
         try:
             texts = written_out(self.functions, taken)
         except NumberError as error:
-            raise wrong(f"is a circle: {error}", "leave one of these names out", "functions") from None
+            raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
         trees = {name: self._tree(name, text) for name, text in texts.items()}
         if not self.variables and all(map(self._is_plain, self.functions.values())):
             return self
@@ -285,9 +285,9 @@ class BaseCase(Keys):
         """The facts that schemes need hold for the model."""
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
-                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for kind equilibrium with "
+                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory, "
             )
-            right += "samples: 1, splittings without coins, and periodic lengths that can be cut into 64 equal parts"
+            right += "and equilibrium with samples: 1, splittings without coins, and periodic lengths that can be cut into 64 equal parts"
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             needs = self.row(name).needs

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from spi import expressions
 from spi.expressions import as_numpy, canonical, is_step, parse_expression, range_of
 from spi.expressions.arithmetic import NumberError
+from spi.expressions.ranges import written_out
 from spi.numerics.rng import LANES
 
 PAPER = "sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)"
@@ -252,3 +253,14 @@ def test_what_has_no_value_is_nan_or_infinite():
     assert values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:].tolist() != [0.0]
     assert np.isnan(values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:]).all()
     assert (values_of(["exp(1000*y1)"], 1.0 + np.abs(y))[0, 10:] == math.inf).all()
+
+
+def test_formulas_that_name_others():
+    functions = {"m": "y1 + y2", "k": "m^2", "s": "sum(y(k) for k = 1..3)", "most": {"maximum": "k - m"}, "y1": "y1"}
+    written = written_out(functions, {"y1", "y2"})
+    assert written["k"] == "(y1 + y2)^2" and written["s"] == functions["s"] and written["y1"] == "y1"
+    assert written["most"] == {"maximum": "((y1 + y2)^2) - (y1 + y2)"}
+    with pytest.raises(NumberError, match="a names b names a"):
+        written_out({"a": "b + 1", "b": "2*a"}, ())
+    with pytest.raises(NumberError, match="more than 100000 characters"):
+        written_out({f"f{i}": f"f{i + 1} + f{i + 1}" for i in range(20)} | {"f20": "y1"}, {"y1"})

@@ -136,7 +136,7 @@ def test_a_section_of_a_noisy_path_is_on_lines(spec):
         ("step: 1/4", "step: 1/4\nevery: 2", "must be 1 for a section"),
         ("functions: {flat: y1^2 + y2^2, twice: 2*flat}\n", "", "is 'functions', and the key functions is missing"),
         ("[functions, section]", "[spins]", "which is for the model spins"),
-        ("2*flat", "flat + twice", "is a circle: twice names twice"),
+        ("2*flat", "flat + twice", "cannot be written out: twice names twice"),
     ],
 )
 def test_faults_of_functions_and_sections(error, old, new, told):

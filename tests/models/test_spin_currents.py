@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from states import finished
 
+from spi.ensemble.protocol import one_path
 from spi.kinds.statistics import study
 from spi.kinds.trajectory import study as trajectory
 from spi.models.spins import Anisotropy, Spins, Terms
@@ -278,3 +279,30 @@ def test_current_of_an_xyz_ring_by_another_program(spec):
         error = np.hypot(values[lag].std() / 64, time.correlation_stderr[0, lag])
         assert abs(values[lag].mean() - time.correlation[0, lag]) < 4 * error < 0.06
     assert time.correlation[0, 0] - time.correlation[0, 8] > 0.2
+
+
+LARGE = """
+title: t
+kind: trajectory
+model: {name: spins, lattice: square, size: [64, 32], bonds: {exchange: 1}, alpha: 0.5, by: sites}
+temperature: 0.3
+initial: {spins: random}
+final_time: 48
+step: 1/4
+every: 64
+schemes: [splitting_metropolis]
+panels: [hamiltonian]
+"""
+
+
+def test_a_large_lattice_along_its_path(spec):
+    """More noises than paths may have: the bits of the mover of one lattice, also where it goes on."""
+    plan = trajectory.plan(spec(LARGE).cases[0], Part("splitting_metropolis"))
+    assert plan.case.in_parts and len(plan.case.initial) == 6144
+    mover = one_path(plan.case.model, plan.scheme, 0.25)
+    states, _ = mover.moved(np.array(plan.case.initial), 0, 192, 64, 1, 0)
+    np.testing.assert_array_equal(plan.results(finished(plan)).y[1:], states)
+
+
+def test_a_large_lattice_needs_a_scheme_of_flows(error):
+    assert "paths have at most 4096" in error(LARGE, "[splitting_metropolis]", "[euler_maruyama]")

@@ -5,12 +5,14 @@ from typing import Annotated, ClassVar, Literal, Self
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.ensemble.protocol import NonNegative, dimension
+from spi.compiler.dispatch import answers
+from spi.ensemble.protocol import NonNegative, dimension, noises, one_path
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import check_function, path_function, with_others
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
+from spi.numerics.rng import MOST_NOISES
 from spi.specs.cases import StepCase
 from spi.specs.checks import check_every, times_on_grid
 from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, shown, wrong
@@ -71,6 +73,11 @@ class Case(StepCase):
     def steps_stored(self) -> int:
         """The number of states stored after the initial one."""
         return round(self.final_time / self.step) // self.every
+
+    @property
+    def in_parts(self) -> bool:
+        alone = noises(self.model) > MOST_NOISES and not self.driver and answers(one_path, self.model)
+        return alone and all(one_path(self.model, self.row(name).record, self.step) for name in self.schemes)
 
     @condition
     def _check_sweep(self) -> Self:

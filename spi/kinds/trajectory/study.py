@@ -14,11 +14,11 @@ from spi.compiler.dispatch import answers
 from spi.ensemble.drivers import at_once
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, frozen, large
+from spi.ensemble.protocol import decay_rates, frozen, large, one_path
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, report_columns
 from spi.kinds.functions import evaluated, path_function
-from spi.kinds.plans import Cost, Done, PathsPlan, State, each_scheme
+from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
@@ -128,9 +128,12 @@ class TrajectoryPlan(PathsPlan):
             began, stop = time.perf_counter(), self._stop(path.steps)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
             to_come = y[np.newaxis, path.steps // self.case.every :]  # the first of them is where the path goes on
-            recorder = state_recorder(times, to_come, self.case.every, lane)
-            start, end = self._start(y, path.steps), self.case.path + 1
-            _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
+            if self.case.in_parts:
+                report = self._moved(to_come[0], path.steps, stop)
+            else:
+                recorder = state_recorder(times, to_come, self.case.every, lane)
+                start, end = self._start(y, path.steps), self.case.path + 1
+                _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
             path = Path(
                 paths=int(stop == self.grid.reference_steps),
                 seconds=path.seconds + time.perf_counter() - began,
@@ -139,6 +142,20 @@ class TrajectoryPlan(PathsPlan):
                 report=add_reports(path.report[np.newaxis], report)[0],
             )
             yield [(chunks[0], path)]
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of the block of the path, or of the large lattice."""
+        if not self.case.in_parts:
+            return super().kernel_calls()
+        return [KernelCall(*one_path(self.case.model, self.scheme, self.case.step).call)]
+
+    def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
+        """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
+        case = self.case
+        mover = one_path(case.model, self.scheme, case.step)
+        stored, _ = mover.moved(y[0], steps, stop - steps, case.every, int(self.stream.seed), case.path)
+        y[1 : 1 + len(stored)] = stored
+        return np.zeros((1, len(REPORT)))
 
     def progress(self, state: State) -> Done:
         """The part of the path that is done, of 1, and no standard error."""
