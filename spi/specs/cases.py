@@ -285,9 +285,9 @@ class BaseCase(Keys):
         """The facts that schemes need hold for the model."""
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
-                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory, and "
-                "equilibrium with samples: 1, by splittings without coins, and periodic lengths that can be cut into 64 "
-                "equal parts"
+                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory "
+                "and equilibrium with samples: 1, by splittings without coins, and periodic lengths that divide into "
+                "64 equal parts"
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
