@@ -18,6 +18,7 @@ from spi.specs.cases import StepCase
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.statistics.claims import claimable
+from spi.statistics.estimators import GROUPS
 
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
@@ -27,6 +28,7 @@ from .stationary import MOST_WAVES, WINDOWS, modes_of
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
 _MOST_NUMBERS = 10**7  # of what is summed up
+_MOST_OF_WAVES = 5 * 10**7  # the same of modes of spins
 _NAMES = tuple(FUNCTIONALS)
 _Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
 
@@ -127,7 +129,10 @@ class Correlated(Keys):
         model = undamped(case.model)
         if not isinstance(model, Spins) or not model.is_periodic:
             raise wrong("is for periodic lattices of spins", "leave it out", "time_correlations", "spins")
-        modes_of(self, model)
+        numbers = 2 * GROUPS * len(modes_of(self, model)) * (round(self.until / between) + 1)
+        if numbers > _MOST_OF_WAVES:
+            right = f"must be at most {quantity(self.until * _MOST_OF_WAVES / numbers)}, or take fewer wave vectors"
+            raise wrong(f"is {quantity(self.until)}, for {numbers:.2g} sums", right, "time_correlations", "until")
         if self.about is not None and model.sites.sites > MOST_WAVES:
             mistake = f"is for at most {MOST_WAVES} spins, and there are {model.sites.sites}"
             raise wrong(mistake, "leave it out", "time_correlations", "about")

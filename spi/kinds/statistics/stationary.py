@@ -154,45 +154,46 @@ def estimates(case: Any, sums: Any) -> TimeCorrelations:
     for name, of in {"correlation": covariance, "integral": integral}.items():
         fields[name], fields[f"{name}_stderr"] = each(of, *of_functions)
     fields["spectrum"], fields["spectrum_stderr"] = each(lambda *c: spectrum(covariance(*c)), *of_functions)
-    structure = None
-    if given.spins is not None:
-        model = undamped(case.model)
-        waves = modes_of(given, model)
-
-        def complex_of(c: Array) -> Array:
-            return c[..., 0] + 1j * c[..., 1]
-
-        factor, factor_stderr = each(lambda c: spectrum(complex_of(c)), sums.waves)
-        peak, peak_stderr = each(lambda c: _peaks(spectrum(complex_of(c))), sums.waves)
-        value, error = each(lambda c: c, sums.waves)
-        distance = None
-        own: dict[str, Any] = {}
-        if given.through is None and len(model.size) == len(model.cell.sites) == 1:
-            distance = np.arange(model.size[0] // 2 + 1)
-            own["between"], own["between_stderr"] = each(
-                lambda c: np.fft.irfft(complex_of(c), model.size[0], axis=-2)[..., : len(distance), :], sums.waves
-            )
-        unit = np.pi / (between * (lags - 1))
-        exact, of_step = linear_waves(case, waves) if given.about is not None else (None, None)
-        structure = Structure(
-            q=np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waves / model.size, axis=0), axis=1))])
-            + (np.linalg.norm(waves[0] / model.size)),
-            wave_vector=waves / np.array(model.size),
-            mode=value[..., 0],
-            mode_stderr=error[..., 0],
-            factor=factor,
-            factor_stderr=factor_stderr,
-            peak=peak * unit,
-            peak_stderr=peak_stderr * unit,
-            waves=exact,
-            waves_of_step=of_step,
-            distance=distance,
-            **own,
-        )
     return TimeCorrelations(
         lag=between * np.arange(lags),
         omega=np.pi / (between * (lags - 1)) * np.arange(lags),
-        structure=structure,
+        structure=_structure(case, sums.waves, each, spectrum) if given.spins else None,
+        **fields,
+    )
+
+
+def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any) -> Structure:
+    """The record of the modes of spins, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
+    given, model = case.time_correlations, undamped(case.model)
+    waves = modes_of(given, model)
+    vectors = waves / np.array(model.size)
+    along = np.cumsum(np.linalg.norm(np.diff(vectors, axis=0, prepend=np.zeros_like(vectors[:1])), axis=1))
+    unit = np.pi / (case.stride * case.step * (lags_of(case) - 1))
+
+    def complex_of(c: Array) -> Array:
+        return c[..., 0] + 1j * c[..., 1]
+
+    factor, factor_stderr = each(lambda c: spectrum(complex_of(c)), sums)
+    peak, peak_stderr = each(lambda c: unit * _peaks(spectrum(complex_of(c))), sums)
+    mode, mode_stderr = each(lambda c: c[..., 0], sums)
+    fields: dict[str, Any] = {}
+    if given.through is None and len(model.size) == len(model.cell.sites) == 1:
+        length = model.size[0]
+        fields["distance"] = np.arange(length // 2 + 1)
+        fields["between"], fields["between_stderr"] = each(
+            lambda c: np.fft.irfft(complex_of(c), length, axis=-2)[..., : length // 2 + 1, :], sums
+        )
+    if given.about is not None:
+        fields["waves"], fields["waves_of_step"] = linear_waves(case, waves)
+    return Structure(
+        q=along,
+        wave_vector=vectors,
+        mode=mode,
+        mode_stderr=mode_stderr,
+        factor=factor,
+        factor_stderr=factor_stderr,
+        peak=peak,
+        peak_stderr=peak_stderr,
         **fields,
     )
 
