@@ -57,7 +57,7 @@ def _law():
     )
 
 
-def averages_group(scheme, **more):
+def averages_group(scheme, quantities=None, **more):
     """Means of H and of y3^2 at T = 1/4: a bias of order 2 and one that is not resolved."""
     h, lag = 2.0 ** -np.array([2, 4, 6]), 0.25 * np.arange(8.0)
     each, cells = np.ones((3, 2)), np.linspace(1.0, 0.2, 10) * np.ones((3, 2, 10))
@@ -91,6 +91,7 @@ def averages_group(scheme, **more):
         density=cells,
         density_stderr=0.01 * cells,
         density_exact=cells,
+        quantities=quantities,
     )
     panels = ("growth", "means", "histogram", "autocorrelation", "heat")
     return equilibrium_group(scheme, "held", panels=panels, law=False, averages=averages, **more)

@@ -54,7 +54,7 @@ def fields_of(cls, sizes, panels, outer=Meaning()):  # noqa: B008
 
 #: Panels for which the filled records lack something: several eps, prefixes of paths, a third component, a fluid.
 SPECIAL = {
-    "trajectory": ("sphere", "vorticity", "spectrum", "enstrophy"),
+    "trajectory": ("spins", "sphere", "vorticity", "spectrum", "enstrophy"),
     "weak": ("seconds", "eps"),
     "statistics": ("variance",),
     "equilibrium": ("histogram",),

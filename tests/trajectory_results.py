@@ -12,7 +12,7 @@ THREE = tuple(LABELS)
 
 
 def trajectory_group(
-    scheme, t, y, casimirs, case="main", panels=("casimirs",), hamiltonian=None, eps=None, **attributes
+    scheme, t, y, casimirs, case="main", panels=("casimirs",), hamiltonian=None, eps=None, values=None, **attributes
 ):
     """A path (t, component) and its Casimirs (t, casimir), by default of a system without a name."""
     lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
@@ -36,6 +36,7 @@ def trajectory_group(
         y=y,
         hamiltonian=1 + y[:, 0] ** 2 if hamiltonian is None else hamiltonian,
         casimirs=casimirs,
+        values=values,
         step=float(t[1]),
         path=3,
         panels=panels,

@@ -15,8 +15,10 @@ from weak_results import at_eps, weak, weak_group
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.kinds.equilibrium.results import Derived
 from spi.kinds.lyapunov.results import Exponents
-from spi.kinds.statistics.results import Quantiles, Statistics
+from spi.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
+from spi.kinds.trajectory.results import Values
 from spi.printing import as_csv, as_json, tables
 from spi.report import views
 from spi.running import run as runs
@@ -219,6 +221,7 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
 # What comes out of each kind
 # ---------------------------------------------------------------------------------------------------------------------
 
+TIMES = ("correlation", "integral", "spectrum")
 HALF = np.array([[[1.0], [1.75]]])
 MEANS = Statistics(
     about=Description.of(strong_group("splitting")),
@@ -237,6 +240,11 @@ MEANS = Statistics(
     since=np.ones(1),
     difference=np.array([[0.0, 0.3]]),
     difference_stderr=np.array([[0.1, 0.1]]),
+    time=TimeCorrelations(
+        lag=np.array([0.0, 1.0]),
+        omega=np.array([0.0, 2.0]),
+        **{f"{name}{end}": np.array([[2.0, 3.0]]) for name in TIMES for end in ("", "_stderr")},
+    ),
     nonfinite=0,
     step=0.5,
     samples=10,
@@ -257,7 +265,14 @@ EXPONENTS = Exponents(
     samples=10,
     ns_per_step=1.0,
 )
-PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
+PATH = trajectory_group(
+    "splitting",
+    np.arange(3.0),
+    np.array([[1.0], [-2.0], [3.0]]),
+    np.array([[1.0], [1.5], [1.0]]),
+    values=Values(functions=("f",), texts=("y1^2",), value=np.array([[1.0, 4.0, 9.0]])),
+)
+DERIVED = Derived(quantities=("q",), formulas=("H^2",), value=np.full((3, 1), 2.0), stderr=np.full((3, 1), 0.1))
 WHOLE = {
     "strong": strong(strong_group("splitting")),
     "trajectory": trajectories(PATH),
@@ -265,7 +280,9 @@ WHOLE = {
         *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
-    "equilibrium": equilibrium(*map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting")),
+    "equilibrium": equilibrium(
+        *map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting", DERIVED)
+    ),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     **{
         kind: Results({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
@@ -292,7 +309,7 @@ def test_all_that_may_be_expected_comes_out(kind):
 
 def test_what_comes_out_is_what_the_results_hold():
     path = {one.name: one.value for one in quantities_of("trajectory")}
-    assert path == {"casimir_drift": 0.5, "hamiltonian_drift": 8.0, "lowest": -2.0, "nonfinite": 0.0}
+    assert path == {"value": 9.0, "casimir_drift": 0.5, "hamiltonian_drift": 8.0, "lowest": -2.0, "nonfinite": 0.0}
     group = WHOLE["weak"].groups[0]
     errors = [one for one in quantities_of("weak") if (one.name, one.about.estimator) == ("error", "plain")]
     second = next(one for one in errors if one.function == "square" and one.h == group.coordinates["h"][1])

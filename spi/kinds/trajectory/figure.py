@@ -529,7 +529,7 @@ def _layer(places: np.ndarray, s: np.ndarray, arrows: bool, ax: plots.Axes) -> l
         ax.quiver(*places.T, *s[:, :2].T, pivot="mid", scale=1.3 * span, width=0.004, color="#404040")
     key = ax.inset_axes((1.02, 0.0, 0.18, 0.18), projection="polar")
     angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, 1, 21))
-    polar = 0.5 * np.pi * radius
+    polar = np.pi * radius
     ball = np.stack([np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)], axis=-1)
     key.pcolormesh(angle, radius, colours_of_spins(ball)[:-1, :-1], rasterized=True)
     key.set(xticks=[], yticks=[])

@@ -76,7 +76,9 @@ class Case(StepCase):
 
     @property
     def in_parts(self) -> bool:
+        """Whether the path is that of a lattice with more noises than paths may have, whose state threads share."""
         alone = noises(self.model) > MOST_NOISES and not self.driver and answers(one_path, self.model)
+        alone = alone and not getattr(self, "truncate_noise", False)
         return alone and all(one_path(self.model, self.row(name).record, self.step) for name in self.schemes)
 
     @condition

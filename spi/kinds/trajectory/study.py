@@ -14,9 +14,9 @@ from spi.compiler.dispatch import answers
 from spi.ensemble.drivers import at_once
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, frozen, large, one_path
+from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strengths
 from spi.ensemble.random_states import RandomState
-from spi.ensemble.scheme_protocol import REPORT, report_columns
+from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds.functions import evaluated, path_function
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
@@ -173,8 +173,8 @@ class TrajectoryPlan(PathsPlan):
     def _section(self, y: np.ndarray) -> Crossings | None:
         """The crossings of the section of the case.
 
-        Without noise a crossing is where a step of size theta h from the state before it leads, theta by the secant
-        method within its bracket; with noise, and where H depends on time, it is on the line between two states.
+        Without noise, coins and memory of the scheme a crossing is where a step of size theta h from the state before
+        leads, theta by Brent's method within its bracket.  Otherwise it is on the line between two states.
         """
         case = self.case
         if case.section is None:
@@ -183,8 +183,12 @@ class TrajectoryPlan(PathsPlan):
         with np.errstate(all="ignore"):
             g = np.asarray(of.values(y.T), float)
         up, down = (g[:-1] < 0) & (g[1:] >= 0), (g[:-1] >= 0) & (g[1:] < 0)
-        at = np.flatnonzero({"up": up, "down": down, "both": up | down}[case.section.direction])
-        by_steps = not self.is_random and not answers(frozen, undamped(case.model))
+        found = {"up": up, "down": down, "both": up | down}[case.section.direction]
+        found[:1] &= g[:1] != 0  # a path that begins on the section does not cross it there
+        at, record = np.flatnonzero(found), self.model
+        noisy = bool(np.any(np.asarray(strengths(record), float))) or answers(frozen, undamped(case.model))
+        coins = judges(self.scheme) or any(stage.coin is not None for stage in getattr(self.scheme, "stages", ()))
+        by_steps = not noisy and not coins and not memory_size(self.scheme, record)
         theta, states = g[at] / (g[at] - g[at + 1]), y[at] + 0.0
         for k, n in enumerate(at.tolist()):
             if by_steps:
