@@ -15,9 +15,9 @@ from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamilt
 from spi.exact import gibbs
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.expressions.ranges import written_out
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
+from spi.specs import cases
 from spi.specs.keys import listed, shown, wrong
 from spi.systems import observables_of, words
 
@@ -90,14 +90,14 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
     return value if math.isfinite(value) else 0.0
 
 
-def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
-    """Raise the error about an entry of the key ``functions`` that is no function; `more` names what else is valid."""
+def check_function(case: Any, name: str, entry: Any, more: str = "", key: str = "functions") -> None:
+    """Raise the error about the entry `name` of a key that is no function; `more` names what else is valid."""
     try:
         path_function(case.model, case.variables, entry)
     except NumberError as error:
         variables = listed(case.variables) or f"y1 .. y{dimension(case.model)}"
         right = f"must be an expression in {variables}{', H or C1' if conserved(case.model) else ' or H'}{more}"
-        raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
+        raise wrong(f"is {shown(entry)} ({error})", right, key, name) from None
 
 
 def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:
@@ -126,7 +126,8 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
 
 def in_names(text: str, names: Sequence[str]) -> str:
     """A canonical text with the names of the components."""
-    return re.sub(r"\by(\d+)\b|\by\((\d+)\)", lambda y: dict(enumerate(names, 1)).get(int(y[1] or y[2]), y[0]), text)
+    by_number = dict(enumerate(names, 1))
+    return re.sub(r"\by(\d+)\b|\by\((\d+)\)", lambda y: by_number.get(int(y[1] or y[2]), y[0]), text)
 
 
 def with_others(case: Any, functions: dict[str, Any]) -> dict[str, Any]:
@@ -134,11 +135,7 @@ def with_others(case: Any, functions: dict[str, Any]) -> dict[str, Any]:
     own = undamped(case.model)
     named = observables(own) if answers(observables, own) else ()
     invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
-    plain = [f"y{k + 1}" for k in range(dimension(case.model))]
-    try:
-        return written_out(functions, {*plain, *case.variables, *words(own), *named, *invariants})
-    except NumberError as error:
-        raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
+    return cases.with_others(case, functions, (*named, *invariants))
 
 
 def _component(k: int, states: Array) -> Array:

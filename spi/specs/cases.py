@@ -1,7 +1,7 @@
 """Cases: the keys that several kinds of experiment have in common, and conditions between them."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
@@ -98,12 +98,7 @@ class FunctionKeys(Keys):
 
     @condition
     def _check_functions(self) -> Self:
-        taken = {*self.variables, *words(undamped(self.model)), *(f"y{k + 1}" for k in range(dimension(self.model)))}
-        try:
-            texts = written_out(self.functions, taken)
-        except NumberError as error:
-            raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
-        trees = {name: self._tree(name, text) for name, text in texts.items()}
+        trees = {name: self._tree(name, text) for name, text in with_others(self, self.functions).items()}
         if not self.variables and all(map(self._is_plain, self.functions.values())):
             return self
         return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
@@ -128,6 +123,20 @@ class FunctionKeys(Keys):
             right = f"must be an expression in {names} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
+
+
+def with_others(case: Any, functions: Mapping[str, Any], named: Iterable[str] = ()) -> dict[str, Any]:
+    """The entries of the key ``functions``, names of others being their formulas; those in `named` stay."""
+    taken = {
+        *case.variables,
+        *words(undamped(case.model)),
+        *(f"y{k + 1}" for k in range(dimension(case.model))),
+        *named,
+    }
+    try:
+        return written_out(functions, taken)
+    except NumberError as error:
+        raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
 
 
 class BaseCase(Keys):

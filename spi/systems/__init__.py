@@ -99,15 +99,20 @@ def remember(model: Any, definition: Mapping[str, Any] | None) -> None:
 
 def words(model: Any) -> dict[str, float | int]:
     """The numbers that formulas may name: parameters and sizes of a system, or the fields of another model."""
-    definition = json.loads(_DEFINITIONS.get(_key(model), "null"))
-    if definition is None:
-        fields = {} if _facts_of(model) else model._asdict()
-        numbers = {name: x for name, x in fields.items() if isinstance(x, float | int) and not isinstance(x, bool)}
-        return numbers | getattr(model, "sizes", {})
+    if (definition := _DEFINITIONS.get(_key(model), "null")) != "null":
+        return _words(definition)
+    fields = {} if _facts_of(model) else model._asdict()
+    numbers = {name: x for name, x in fields.items() if isinstance(x, float | int) and not isinstance(x, bool)}
+    return numbers | getattr(model, "sizes", {})
+
+
+@functools.lru_cache(maxsize=16)
+def _words(definition: str) -> dict[str, float | int]:
+    sizes, parameters = (json.loads(definition).get(key, {}) for key in ("sizes", "parameters"))
     known: dict[str, Any] = {}
-    for name, text in [*definition.get("sizes", {}).items(), *definition.get("parameters", {}).items()]:
+    for name, text in [*sizes.items(), *parameters.items()]:
         value = parse_expression(text, 0, (), known).value
-        known[name] = int(value) if name in definition.get("sizes", {}) else value
+        known[name] = int(value) if name in sizes else value
     return known
 
 

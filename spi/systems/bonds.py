@@ -15,7 +15,7 @@ import sympy
 
 from ..expressions.ranges import whole
 from .brackets import shortened
-from .definition import _Reader, strengths
+from .definition import Reader, strengths
 from .keys import DefinitionError
 from .text import Symbols, addends
 
@@ -25,7 +25,7 @@ _SMALL = 1e-14
 
 def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     """The fields of a ``spins`` model; DefinitionError, with the reason, where the system is no such sum."""
-    reader = _Reader(data)
+    reader = Reader(data)
     for key in ("pieces", "inner", "casimirs", "initial_time", "bracket"):
         if key in data:
             raise DefinitionError("is given beside lattice; leave one of them out", key)
@@ -88,13 +88,13 @@ def _terms(parts: list[Any], place: Mapping[Any, int], names: list[str]) -> Any:
     for part in parts:
         for term in sympy.Add.make_args(sympy.expand(part)):
             factor, powers = sympy.Integer(1), []
-            words = {symbol: sympy.Symbol(names[k]) for symbol, k in place.items() if symbol in term.free_symbols}
             for base, exponent in term.as_powers_dict().items():
                 if base in place and exponent in (1, 2):
                     powers += [place[base]] * int(exponent)
                 elif base.is_number and exponent.is_number:
                     factor *= base**exponent
                 else:
+                    words = {symbol: sympy.Symbol(names[k]) for symbol, k in place.items()}
                     text = shortened(str(term.xreplace(words)).replace("**", "^"))
                     raise _refused(f"has '{text}'")
             if not factor.is_real or len(powers) not in (1, 2):

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import sympy
 
-from .definition import _Reader
+from .definition import Reader
 
 _INDEX = re.compile(r".*\((\d+)\)")
 
 
 def energy_current(data: Mapping[str, Any]) -> Callable[[np.ndarray], np.ndarray] | None:
     """J of states (d, ...); None where variables have no index, H depends on time or terms have no places."""
-    reader = _Reader(data)
+    reader = Reader(data)
     world, formulas = reader.symbols()
     indices = [_INDEX.fullmatch(name) for name in world.bracket.variables]
     if not all(indices):

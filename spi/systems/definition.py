@@ -48,12 +48,12 @@ def define(data: Mapping[str, Any]) -> System:
     unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
         raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
-    return _Reader(data).read()
+    return Reader(data).read()
 
 
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
-    reader = _Reader(data if given is None else {**data, "sigma": given})
+    reader = Reader(data if given is None else {**data, "sigma": given})
     formulas = Symbols(parameters=reader.parameters, indices=reader.sizes).in_time(TIME)
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
@@ -72,7 +72,9 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
 T = TypeVar("T")
 
 
-class _Reader:
+class Reader:
+    """Reads the texts of a definition; DefinitionError, with the place, about a mistake."""
+
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.data = data
         self.sizes = {

@@ -72,17 +72,18 @@ def lengths(case: Any) -> dict[str, int]:
 
 def added(case: Any, sums: Any, y: Array, values: Array, first: int, end: int) -> Any:
     """Sums with blocks of states (blocks, T, d * LANES) and values of functions (blocks, T, columns, LANES)."""
-    for block, states in enumerate(y):
-        functions = np.moveaxis(values[block, :, : len(case.functions)], 0, 1)
-        own = contributions(case, functions, states[case.places], first + block, end)
-        sums = sums.with_blocks(own, slice(None), first + block, end)
-    return sums
+    functions = np.moveaxis(values[:, :, : len(case.functions)], 1, 2)
+    each = [
+        contributions(case, functions[block], states[case.places], first + block, end) for block, states in enumerate(y)
+    ]
+    own = {name: np.array([of_block[name] for of_block in each]) for name in each[0]}
+    return sums.with_blocks(own, slice(None), first, end)
 
 
 def contributions(case: Any, functions: Array, y: Array, first: int, end: int) -> dict[str, Array]:
     """Sums over the paths of each part of one block: functions (F, T, LANES) and states y (T, d * LANES).
 
-    `means` (1, F, PARTS), `lagged` (1, F, lags, PARTS) and `waves` (1, Q, lags, 2, PARTS), real and imaginary.
+    `means` (F, PARTS), `lagged` (F, lags, PARTS) and `waves` (Q, lags, 2, PARTS), real and imaginary.
     """
     used = (first * LANES + np.arange(LANES) < end).astype(float)
     lags = lags_of(case)
@@ -96,7 +97,7 @@ def contributions(case: Any, functions: Array, y: Array, first: int, end: int) -
         waves = modes(model, modes_of(case.time_correlations, model), case.time_correlations.spins, y) * used
         total = sum(_lagged(wave, lags) for wave in waves)
         sums["waves"] = np.stack([total.real, total.imag], axis=2) / model.sites.sites
-    return {name: values[np.newaxis] for name, values in sums.items()}
+    return sums
 
 
 def modes(model: Spins, waves: Array, components: tuple[str, ...], y: Array) -> Array:
@@ -223,11 +224,9 @@ def linear_waves(case: Any, waves: Array) -> tuple[Array, Array]:
     for sign, site, t in np.ndindex(2, sites, 2):
         turned[sign, site, t, site] += (1 - 2 * sign) * _SMALL * tangents[t]
     turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-    cells, per_cell = np.array(model.size), len(model.cell.sites)
-    places = (
-        np.stack(np.unravel_index(np.arange(sites) // per_cell, cells), axis=1)
-        + model.cell.fractions[np.arange(sites) % per_cell]
-    )
+    cells = np.array(model.size)
+    cell = np.stack(np.unravel_index(np.arange(sites) // len(model.cell.sites), cells), axis=1)
+    places = cell + model.cell.fractions[model.sites.of_cell]
     plane = np.exp(-2j * np.pi * (waves / cells) @ places.T)  # (Q, sites)
     frequencies = []
     for h in (case.step / 1024, case.step):

@@ -467,14 +467,13 @@ def _section(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """The first two quantities that are stored at crossings, or the only one against the time."""
 
     def own(ax: plots.Axes) -> list[plots.Entry]:
+        entries = []
         for one, section in ((one, one.section) for one in readings if one.section):
             x, y = section.value[:2] if len(section.stored) > 1 else (section.t, section.value[0])
-            ax.plot(x, y, linestyle="none", marker=".", markersize=2.5, color=looks[one.about.variant][1])
-        return [
-            plots.mark(".", style.label(one.about), color=looks[one.about.variant][1])
-            for one in readings
-            if one.section
-        ]
+            colour = looks[one.about.variant][1]
+            ax.plot(x, y, linestyle="none", marker=".", markersize=2.5, color=colour)
+            entries.append(plots.mark(".", style.label(one.about), color=colour))
+        return entries
 
     first = readings[0]
     if first.section is not None and first.section.stored:

@@ -7,15 +7,14 @@ from annotated_types import Ge, Le, MinLen
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, dimension, noises, one_path
-from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import check_function, path_function, with_others
+from spi.kinds.functions import check_function, with_others
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import MOST_NOISES
 from spi.specs.cases import StepCase
 from spi.specs.checks import check_every, times_on_grid
-from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, shown, wrong
+from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, wrong
 from spi.specs.sweep import Swept
 from spi.statistics.claims import claimable
 
@@ -114,12 +113,7 @@ class Case(StepCase):
             check_function(self, name, text)
         section = self.section
         for key, text in [("of", section.of), *(("store", text) for text in section.store)] if section else ():
-            try:
-                path_function(self.model, self.variables, text)
-            except NumberError as error:
-                raise wrong(
-                    f"is {shown(text)} ({error})", "must be an expression in the state", "section", key
-                ) from None
+            check_function(self, key, text, key="section")
         if section and self.every != 1:
             raise wrong(f"is {self.every}", "must be 1 for a section, which looks at each step", "every")
         return self.model_copy(update={"functions": functions})

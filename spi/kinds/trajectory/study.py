@@ -5,10 +5,10 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.drivers import at_once
@@ -51,6 +51,11 @@ class TrajectoryPlan(PathsPlan):
     """One path of one scheme: number ``case.path`` of the seed."""
 
     record = Trajectory
+
+    @cached_property
+    def one_path(self) -> Any:
+        """The mover of one large lattice, None where the path is one of a block."""
+        return one_path(self.case.model, self.scheme, self.case.step) if self.case.in_parts else None
 
     @property
     def samples(self) -> int:
@@ -110,6 +115,8 @@ class TrajectoryPlan(PathsPlan):
     @property
     def _paths(self) -> int:
         """The number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
+        if self.one_path is not None:
+            return 1
         return self.case.path % LANES + 1 if large(self.model) else LANES
 
     @property
@@ -128,7 +135,7 @@ class TrajectoryPlan(PathsPlan):
             began, stop = time.perf_counter(), self._stop(path.steps)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
             to_come = y[np.newaxis, path.steps // self.case.every :]  # the first of them is where the path goes on
-            if self.case.in_parts:
+            if self.one_path is not None:
                 report = self._moved(to_come[0], path.steps, stop)
             else:
                 recorder = state_recorder(times, to_come, self.case.every, lane)
@@ -145,15 +152,12 @@ class TrajectoryPlan(PathsPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the block of the path, or of the large lattice."""
-        if not self.case.in_parts:
-            return super().kernel_calls()
-        return [KernelCall(*one_path(self.case.model, self.scheme, self.case.step).call)]
+        return super().kernel_calls() if self.one_path is None else [KernelCall(*self.one_path.call)]
 
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
-        mover = one_path(case.model, self.scheme, case.step)
-        stored, _ = mover.moved(y[0], steps, stop - steps, case.every, int(self.stream.seed), case.path)
+        stored, _ = self.one_path.moved(y[0], steps, stop - steps, case.every, int(self.stream.seed), case.path)
         y[1 : 1 + len(stored)] = stored
         return np.zeros((1, len(REPORT)))
 
@@ -205,6 +209,8 @@ class TrajectoryPlan(PathsPlan):
 
     def _crossing(self, y: np.ndarray, of: Any, low: float, high: float) -> tuple[float, np.ndarray]:
         """(theta, state) after a step of size theta h from y at which the function is 0; it is low at 0, high at 1."""
+        from scipy.optimize import brentq  # not needed to start the program
+
         found = y
 
         def value(theta: float) -> float:

@@ -95,7 +95,7 @@ def _spin_temperature(model: Any, states: Array) -> Any:
 
 
 def _charge(model: Any, states: Array) -> Any:
-    """The topological charge of a square lattice: the solid angles of the triangles of its cells over 4 pi.
+    """The topological charge in two dimensions: the solid angles of both triangles of each cell over 4 pi.
 
     tan of half an angle is a . (b x c) / (1 + a . b + b . c + c . a) (Berg and Luescher, Nuclear Physics B 190, 1981).
     """
