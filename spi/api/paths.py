@@ -129,7 +129,7 @@ def _one_path(plan: Any, line: Line) -> xr.Dataset:
 
 def times_of(plan: TrajectoryPlan) -> np.ndarray:
     """The times of the stored states."""
-    return np.arange(plan.case.steps_stored + 1) * plan.case.every * plan.case.step
+    return np.arange(plan.case.recorded + 1) * plan.case.spacing * plan.case.step
 
 
 def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.ndarray]:
@@ -137,7 +137,7 @@ def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.
 
     Warns where they take much memory; SpecError if this machine has less.
     """
-    times, d, every = plan.case.steps_stored + 1, len(plan.initial), plan.case.every
+    times, d, every = plan.case.recorded + 1, len(plan.initial), plan.case.every
     most, total = max(1, int(_BATCH_BYTES / (8 * LANES * times * d))), math.ceil(samples / LANES)
     paths = LANES * (total if at_once else min(most, total))
     size, memory = 8.0 * paths * times * d, physical_memory()

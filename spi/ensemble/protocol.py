@@ -72,6 +72,11 @@ def squared_length_is_casimir(model):
     """Whether the first Casimir function is |y|^2."""
 
 
+@trait(int, default=0)
+def sphere_size(model):
+    """The components of each sphere on which the state moves, one sphere after the other; 0 if it is not of spheres."""
+
+
 @trait(bool, default=False)
 def structure_is_cross_product(model):
     """Whether B(y) v = y x v; also so of every model that answers ``axis_inertias``."""

@@ -9,17 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import answers
-from spi.ensemble.observer import energies, invariants_of
-from spi.ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
+from spi.ensemble.protocol import conserved, dimension
 from spi.exact import gibbs
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.models.delegation import undamped
-from spi.numerics.rng import LANES
-from spi.specs import cases
 from spi.specs.keys import listed, shown, wrong
-from spi.systems import observables_of, words
+from spi.specs.names import Code, check_values, named_in
 
 Array = np.ndarray
 
@@ -32,8 +27,6 @@ FUNCTIONALS = {
     "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
-_WORD = re.compile(r"\b[A-Za-z]\w*")
-_INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 
 
 class PathFunction(NamedTuple):
@@ -93,16 +86,28 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
 def check_function(case: Any, name: str, entry: Any, more: str = "", key: str = "functions") -> None:
     """Raise the error about the entry `name` of a key that is no function; `more` names what else is valid."""
     try:
-        path_function(case.model, case.variables, entry)
+        check_values(case, function_of(case, entry).values)
     except NumberError as error:
         variables = listed(case.variables) or f"y1 .. y{dimension(case.model)}"
         right = f"must be an expression in {variables}{', H or C1' if conserved(case.model) else ' or H'}{more}"
         raise wrong(f"is {shown(entry)} ({error})", right, key, name) from None
 
 
-def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:
-    """The function of an entry of the key ``functions``; NumberError, with a reason, if it is none."""
+def function_of(case: Any, entry: Any) -> PathFunction:
+    """The function of an entry of the key ``functions`` of a case; NumberError, with a reason, if it is none."""
+    return path_function(case.model, case.variables, entry, case.python)
+
+
+def path_function(model: Any, names: tuple[str, ...], entry: Any, code: Code | None = None) -> PathFunction:
+    """:func:`function_of` for a model with the `names` of its components, and the functions of a Python file."""
     functional, text = ("", entry) if isinstance(entry, str) else next(iter(entry.items()))
+    return _path_function(model, names, functional, text, code)
+
+
+@functools.lru_cache(maxsize=256, typed=True)  # as models of two classes may be equal tuples
+def _path_function(
+    model: Any, names: tuple[str, ...], functional: str, text: str, code: Code | None = None
+) -> PathFunction:
     condition = text
     if functional == "passage":
         sides = _CONDITION.fullmatch(text)
@@ -110,16 +115,12 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    own = undamped(model)
-    named = observables(own) if answers(observables, own) else observables_of(own) if "energy_current" in text else {}
-    found = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in names}
-    found |= {word[0]: word for word in _WORD.finditer(text) if word[0] in named}
-    invariants = {name: named.get(name) or _invariant(model, match) for name, match in found.items()}
-    if text in invariants:
-        return PathFunction(functional, text, invariants[text])
-    observed = {name: Observable(name, values) for name, values in invariants.items()}
-    tree = parse_expression(text, dimension(model), names, {**words(own), **observed})
-    values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
+    tree = parse_expression(text, dimension(model), names, named_in(text, model, names, code))
+    values = as_numpy(tree)
+    if isinstance(tree, Component):
+        values = partial(_component, tree.k)
+    elif isinstance(tree, Observable):
+        values = tree.values
     written = text if has_sum(tree) else in_names(canonical(tree), names)
     return PathFunction(functional, condition if functional == "passage" else written, values)
 
@@ -130,58 +131,9 @@ def in_names(text: str, names: Sequence[str]) -> str:
     return re.sub(r"\by(\d+)\b|\by\((\d+)\)", lambda y: by_number.get(int(y[1] or y[2]), y[0]), text)
 
 
-def with_others(case: Any, functions: dict[str, Any]) -> dict[str, Any]:
-    """The entries of the key ``functions``, in which names of other functions stand for these."""
-    own = undamped(case.model)
-    named = observables(own) if answers(observables, own) else ()
-    invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
-    return cases.with_others(case, functions, (*named, *invariants))
-
-
 def _component(k: int, states: Array) -> Array:
     """Component k of states, as a view."""
     return np.asarray(states)[k]
-
-
-def _take_arrays(model: Any) -> bool:
-    """Whether H and the Casimir functions take arrays: elementary functions of models take numbers only."""
-    y = tuple(np.full((dimension(model), 2), 0.5))
-    try:
-        with np.errstate(all="ignore"):
-            hamiltonian(model, y), casimirs(model, y)
-    except Exception:  # of the compiler, or of Python without it
-        return False
-    return True
-
-
-def _invariant(model: Any, match: re.Match[str]) -> Callable[[Array], Array]:
-    """H, or a Casimir function by its number from 1 on, C being the only one."""
-    count = conserved(model)
-    if match[0] == "H" and answers(frozen, undamped(model)):
-        raise NumberError("H depends on time; write it as a function of the state")
-    if match[0] == "H":
-        number = None
-    elif not count or not (number := int(match[1] or (count == 1))) or number > count:
-        names = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
-        raise NumberError(f"known are {names}")
-
-    takes_arrays = not large(model) and _take_arrays(model)
-    model = in_kernels(model)
-
-    def values(states: Array) -> Array:
-        if number is None and states.ndim == 4:
-            by_block = np.ascontiguousarray(np.moveaxis(states, 0, 2))
-            energy = np.empty((*by_block.shape[:2], LANES))
-            energies(model, by_block.reshape(*by_block.shape[:2], -1), energy)
-            return energy
-        if large(model) or not takes_arrays:
-            rows = np.ascontiguousarray(states.reshape(len(states), -1).T)
-            energy, others = invariants_of(model, rows, np.zeros(len(rows)))
-            return (energy if number is None else others[:, number - 1]).reshape(states.shape[1:])
-        y = tuple(states)
-        return np.asarray(hamiltonian(model, y) if number is None else casimirs(model, y)[number - 1])
-
-    return values
 
 
 def evaluated(functions: Sequence[PathFunction], states: Array) -> Array:
@@ -200,11 +152,10 @@ def check_named(case: Any, name: str) -> None:
 
 
 @functools.lru_cache(maxsize=64, typed=True)
-def gibbs_mean(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> tuple[float, float]:
+def gibbs_mean(model: Any, initial: Any, temperature: float, function: PathFunction) -> tuple[float, float]:
     """Mean of a function under the Gibbs law and its numerical error; ValueError, with a reason, where it is not known.
 
     Cached, as all schemes have the same; typed, because models of two classes may be equal tuples.
     """
-    values = path_function(model, names, text).values
-    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(function.values)
     return expectation

@@ -54,6 +54,8 @@ _L5, _L6, _L7 = 1.818357216161805012e-01, 1.531383769920937332e-01, 1.4798198605
 _SIGNIFICAND = np.int64(0x000FFFFFFFFFFFFF)
 _SQRT_HALF = np.int64(0x3FE6A09E667F3BCD)  # the bits of sqrt(1/2)
 _52 = np.int64(52)
+_52_OF_WORDS, _2_63 = np.uint64(52), np.uint64(2**63)
+_2_52 = np.int64(0x4330000000000000)  # the bits of 2^52
 
 
 def bits(x):
@@ -78,6 +80,12 @@ def _(i):
 
 def _cast(context, builder, signature, arguments):
     return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+
+@device
+def whole_float(i):
+    """The float64 of an integer 0 <= i < 2^52, by its bits: 256-bit vectors have no conversion of 64-bit integers."""
+    return from_bits(i | _2_52) - 2.0**52
 
 
 @device
@@ -175,7 +183,7 @@ def log_normal(x):
     """
     i = bits(x) - _SQRT_HALF
     f = from_bits((i & _SIGNIFICAND) + _SQRT_HALF) - 1.0
-    k = float(i >> _52)
+    k = whole_float(np.int64((np.uint64(i) ^ _2_63) >> _52_OF_WORDS)) - 2048.0  # i >> 52, without signed shifts
     s = f / (2.0 + f)
     z = s * s
     w = z * z

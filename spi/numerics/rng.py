@@ -9,10 +9,10 @@ are in use; a noise that is off costs nothing.
 import numpy as np
 
 from ..compiler.dispatch import device
-from .elementary import log_normal, sin_versine_small
+from .elementary import log_normal, sin_versine_small, whole_float
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
-STREAM_VERSION = 5
+STREAM_VERSION = 6
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
@@ -22,7 +22,7 @@ BRIDGES = 2**15  # Brownian bridges, channel = 2^12 * number of the bridge + pro
 AREAS = 2**14  # Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
 INITIAL = 2**13  # random initial states
 DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brownian motion
-SITES = 2**15 + 2**14  # normal and uniform numbers of the sites of one large lattice, channel = site of a part
+SITES = 2**15 + 2**14  # turns, normal and uniform numbers of the sites of one large lattice, channel = site of a part
 UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
 # streams of increments and of points:
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
@@ -62,16 +62,27 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 
 @device
+def uniform(word):
+    """The number (word + 1/2) / 2^32 of (0, 1) of a 32-bit word."""
+    return whole_float(np.int64(word)) * 2.0**-32 + 2.0**-33
+
+
+@device
 def normal_pair(radius_word, angle_word, scale=1.0):
     """Two independent normals of standard deviation `scale` from two 32-bit words (Box and Muller).
 
     The radius is scale sqrt(-2 ln u), u = (word + 1/2) / 2^32, hence at most 6.76 scale.  The angle lies within pi/4 of
     the first axis by 30 bits of its word; one more bit exchanges the two coordinates and one changes both signs.
     """
-    radius = scale * np.sqrt(-2.0 * log_normal(np.float64(np.int64(radius_word)) * 2.0**-32 + 2.0**-33))
-    word = np.int64(angle_word)
+    return on_circle(scale * np.sqrt(-2.0 * log_normal(uniform(radius_word))), angle_word)
+
+
+@device
+def on_circle(radius, word):
+    """The point of a circle, of either sign of its radius, at the angle of a 32-bit word."""
+    word = np.int64(word)
     radius = -radius if (word & 0x80000000) != 0 else radius
-    s, v = sin_versine_small((np.float64(word & 0x3FFFFFFF) - 536870911.5) * _ANGLE)
+    s, v = sin_versine_small((whole_float(word & 0x3FFFFFFF) - 536870911.5) * _ANGLE)
     c = radius - radius * v
     s = radius * s
     swap = (word & 0x40000000) != 0
@@ -134,10 +145,10 @@ def draw_uniforms(seed, stream, step, block, uniforms):
         rows = uniforms[first * LANES :]
         for lane in range(LANES):
             w0, w1, w2, w3 = philox(np.uint64(step // 4), c1, c2 + np.uint64(lane), c3, k0, k1)
-            rows[lane] = np.float64(np.int64(w0)) * 2.0**-32 + 2.0**-33
-            rows[LANES + lane] = np.float64(np.int64(w1)) * 2.0**-32 + 2.0**-33
-            rows[2 * LANES + lane] = np.float64(np.int64(w2)) * 2.0**-32 + 2.0**-33
-            rows[3 * LANES + lane] = np.float64(np.int64(w3)) * 2.0**-32 + 2.0**-33
+            rows[lane] = uniform(w0)
+            rows[LANES + lane] = uniform(w1)
+            rows[2 * LANES + lane] = uniform(w2)
+            rows[3 * LANES + lane] = uniform(w3)
 
 
 @device

@@ -1,4 +1,4 @@
-"""Explicit schemes of vector fields: Euler-Maruyama, the same with its length corrected, and Rößler's RS2.
+"""Explicit schemes of vector fields: Euler-Maruyama and Heun, with their lengths corrected, and Rößler's RS2.
 
 Euler-Maruyama is the paper's first comparator.  RS2 is of weak order 2 for Stratonovich equations with any noises, see
 docs/literature_schemes.md.
@@ -9,12 +9,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.dispatch import device, number, unrolled
-from ..ensemble.fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, noise_field, scaled
+from ..ensemble.fields import (
+    add_ito_correction,
+    add_noise_fields,
+    add_scaled,
+    dot,
+    drift_field,
+    noise_field,
+    scaled,
+    step_field,
+)
 from ..ensemble.increments import first_lane
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, strengths
 from ..numerics.rng import LANES
-from .large import euler_step_of_large, size_or
+from .large import euler_step_of_large, heun_step_of_large, size_or
 
 
 @device
@@ -53,6 +62,27 @@ class RenormalisedEulerMaruyama(NamedTuple):
             state = load_lane(model, y, lane)
             new = euler_step(model, h, dW, lane, state)
             store_lane(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))
+
+
+class RenormalisedHeun(NamedTuple):
+    """Heun's z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k, scaled back to spheres.
+
+    That is |y| z / |z| where |y|^2 is a Casimir function, and each spin by itself of a lattice.
+    """
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            field = step_field(model, h, dW, lane, state)
+            second = step_field(model, h, dW, lane, add_scaled(state, 1.0, field))
+            new = add_scaled(add_scaled(state, 0.5, field), 0.5, second)
+            store_lane(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))
+
+    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+        heun_step_of_large(model, paths, h, dW, y, work)
+
+    def work_size(scheme, model):
+        return size_or(0, model)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -29,17 +29,19 @@ from ..ensemble.protocol import (
     noise_groups,
     noises,
     pieces,
+    sphere_size,
     strengths,
 )
 from ..ensemble.scheme_protocol import REPORT
-from ..numerics.elementary import expm1
+from ..numerics.elementary import bits, expm1, from_bits
 from ..numerics.rng import LANES
 from .stages import FINEST, Backwards, Symmetric, stages_known
-from .sweeps import report_judged
+from .sweeps import report_judged, report_solves
 
 _ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
 _SMALL = 0.25 * np.pi  # angles above it are reported
+_ENOUGH = 2.0**-48  # relative change of the last iteration
 
 
 @device(by_type=True)
@@ -50,8 +52,8 @@ def width_of(model):
 
 @device
 def large_work(model):
-    """The floats of scratch for a step: states, field, times, and scratch of the flows."""
-    return (2 * dimension(model) + noises(model)) * width_of(model) + block_work(model)
+    """The floats of scratch for a step: states, two more, times, and scratch of the flows."""
+    return (3 * dimension(model) + noises(model)) * width_of(model) + block_work(model)
 
 
 @device(by_type=True)
@@ -254,6 +256,97 @@ def euler_step_of_large(model, paths, h, dW, y, work):
         add_block_noises(model, times, width, states, new, scratch)
         put(y, some, width, new)
         done += count
+
+
+@device(inline=False)
+def add_half_field(model, h, width, at, out, times, work):
+    """out + F(at) / 2, F = h f + sum_k sigma_k dW_k f_k, where `times` are half the increments."""
+    add_block_drift(model, 0.5 * h, width, at, out, work)
+    add_block_noises(model, times, width, at, out, work)
+
+
+@device(inline=False)
+def heun_step_of_large(model, paths, h, dW, y, work):
+    """A step of Heun's scheme for the first `paths` states of a block, in place, back on the spheres."""
+    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
+    n = width_of(model)
+    states, new = work[: d * n], work[d * n : 2 * d * n]
+    times, scratch = work[2 * d * n : (2 * d + m) * n], work[(2 * d + m) * n :]
+    while done < paths:
+        count, width = group_size(model, paths - done)
+        some = lanes[done : done + count]
+        take(y, some, width, states)
+        take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
+        for i in range(d * n):
+            new[i] = states[i]
+        add_half_field(model, h, width, states, new, times, scratch)
+        for i in range(d * n):
+            states[i] = 2.0 * new[i] - states[i]
+        add_half_field(model, h, width, states, new, times, scratch)
+        renormalise(model, width, new)
+        put(y, some, width, new)
+        done += count
+
+
+@device(inline=False)
+def renormalise(model, width, states):
+    """Scale states to spheres of radius 1."""
+    size = sphere_size(model)
+    for first in range(0, dimension(model), size):
+        for j in range(first * width, (first + 1) * width):
+            square = 0.0
+            for i in range(size):
+                square += states[j + i * width] * states[j + i * width]
+            factor = 1.0 / np.sqrt(square)
+            for i in range(size):
+                states[j + i * width] *= factor
+
+
+@device(inline=False)
+def midpoint_step_of_large(model, paths, h, dW, y, work, report, tolerance, most_iterations):
+    """A step of the implicit midpoint rule for the first `paths` states of a block, in place.
+
+    x = y + F(x) / 2 by iteration from x = y, until no component changes by more than 2^-48 of the largest one.
+    """
+    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
+    n = width_of(model)
+    states, x, new = work[: d * n], work[d * n : 2 * d * n], work[2 * d * n : 3 * d * n]
+    times, scratch = work[3 * d * n : (3 * d + m) * n], work[(3 * d + m) * n :]
+    while done < paths:
+        count, width = group_size(model, paths - done)
+        some, iterations, residual = lanes[done : done + count], 0, 1.0
+        take(y, some, width, states)
+        take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
+        for i in range(d * n):
+            x[i] = states[i]
+        while not residual <= _ENOUGH and iterations < most_iterations:
+            for i in range(d * n):
+                new[i] = states[i]
+            add_half_field(model, h, width, x, new, times, scratch)
+            residual = relative_distance(x, new)
+            for i in range(d * n):
+                x[i] = new[i]
+            iterations += 1
+        failures = 0
+        if not residual <= tolerance:
+            add_half_field(model, h, width, x, states, times, scratch)  # y + F(x) / 2
+            for j in range(count):
+                failures += 0 if relative_distance(x, states, j, width) <= tolerance else 1
+            take(y, some, width, states)
+        for i in range(d * n):
+            states[i] = 2.0 * x[i] - states[i]
+        put(y, some, width, states)
+        done += count
+        report_solves(report, iterations, failures, residual, count)
+
+
+@device(inline=False)
+def relative_distance(a, b, first=0, between=1):
+    """The largest difference of components over the largest component, of one state or of all; NaN if any is."""
+    difference, size = 0, 0
+    for i in range(first, len(a), between):  # integers, because a maximum of floats is not vectorised
+        difference, size = max(difference, bits(abs(a[i] - b[i]))), max(size, bits(abs(b[i])))
+    return from_bits(difference) / (from_bits(size) + 1e-300)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -44,6 +44,7 @@ from ..ensemble.protocol import (
 from ..ensemble.scheme_protocol import advance, work_size
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
+from .large import midpoint_step_of_large, size_or
 from .munthe_kaas import MuntheKaasMidpoint
 from .stages import gradient, hessian, structure_along, structure_derivative_along
 from .sweeps import report_solves
@@ -154,7 +155,7 @@ class Midpoint(NamedTuple):
     Newton's method for the midpoint x = y + F(x)/2, started from y + F(y)/2, all lanes of a block together, until the
     correction of every lane is below 2^-30 |x|: the residual is of the order of its square.  The new state is y + F(x),
     so that the change of a quadratic Casimir is |F| times the residual.  A solve with
-    |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.
+    |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.  States that are arrays iterate x = y + F(x)/2 instead.
     """
 
     tolerance: float = 1e-13
@@ -162,7 +163,11 @@ class Midpoint(NamedTuple):
 
     def work_size(scheme, model):
         d = dimension(model)
-        return LANES * (d + d * (d + 1) + 2)
+        return size_or(LANES * (d + d * (d + 1) + 2), model)
+
+    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+        most = 10 * scheme.most_iterations  # which converge more slowly than those of Newton's method
+        midpoint_step_of_large(model, paths, h, dW, y, work, report, scheme.tolerance, most)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         d = dimension(model)

@@ -54,10 +54,10 @@ def report_angle(largest, report):
 
 
 @device
-def report_solves(report, iterations, failures, residual):
-    """Report that the equations of a block were solved, with so many iterations each."""
-    report[0] += LANES
-    report[1] += LANES * iterations
+def report_solves(report, iterations, failures, residual, paths=LANES):
+    """Report that the equations of so many paths were solved, with so many iterations each."""
+    report[0] += paths
+    report[1] += paths * iterations
     report[2] += failures
     report[_LARGEST_RESIDUAL] = np.maximum(report[_LARGEST_RESIDUAL], residual)  # keeps NaN
 

@@ -11,14 +11,18 @@ from ..ensemble.protocol import (
     dimension,
     flow_ns,
     has_friction,
+    in_kernels,
+    in_place,
     inexact_noises,
     inexact_pieces,
+    large,
     noise_indices,
+    sphere_size,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import advance_large, needs_areas, substeps
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .explicit import EulerMaruyama, RenormalisedEulerMaruyama, RoesslerRS2
+from .explicit import EulerMaruyama, RenormalisedEulerMaruyama, RenormalisedHeun, RoesslerRS2
 from .metropolis import Metropolis
 from .midpoint import IsospectralMidpoint, Midpoint, turns_alone
 from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
@@ -45,13 +49,19 @@ _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
 _TYPICAL_TERMS = 1  # of the Fourier series of areas
 _INNER_FLOWS = 8  # an inner step of three components
+_LARGE_SOLVE = 4  # iterations of an array-state model, over those of Newton's method for three components
 
 
 def _flows(stages, model):
-    """The number of flows of a composition; an inner step counts as 8 flows for each three components."""
+    """The number of flows of a composition; an inner step counts as 8 flows for each three components.
+
+    The noises of a model whose flows move a lattice in place are together one flow, and so is their friction.
+    """
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
+    together = 1 / max(1, len(noise_indices(model))) if in_place(in_kernels(model)) else 1
+    weights = {"noise": together, "friction": together}
     return sum(
-        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
+        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else weights.get(part, 1)
         for _, part, k, *_ in sweeps(stages, model)
     )
 
@@ -63,7 +73,7 @@ def typical_ns(entry, model):
     """
     flows = entry.work if entry.composition is None else _flows(entry.composition, model)
     if entry.solves:
-        flows *= dimension(model) / 3
+        flows *= _LARGE_SOLVE if large(model) else dimension(model) / 3
     draws = len(noise_indices(model)) * substeps(entry.record)
     if needs_areas(entry.record) and area_pairs(model):
         draws *= 1 + 2 * _TYPICAL_TERMS
@@ -113,6 +123,11 @@ class Scheme(NamedTuple):
 
 
 SCHEMES: dict[str, Scheme] = {}
+
+
+def on_spheres(model):
+    """Whether states can be scaled back to spheres: that of |y|, or those of the spins of a lattice."""
+    return sphere_size(model) > 0 or (squared_length_is_casimir(model) and not large(model))
 
 
 def register_scheme(name, **entry):
@@ -254,6 +269,20 @@ register_scheme(
     work=5.5,
     needs=squared_length_is_casimir,
     left_out=noise_field_derivative,
+)
+register_scheme(
+    "heun_renormalised",
+    record=RenormalisedHeun(),
+    label="Heun, renormalised",
+    formula="|y| z / |z|, z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k; of a lattice each spin",
+    reference="doi:10.1007/978-3-662-12616-5",
+    look=("P", "#E69F00"),
+    strong_order=0.5,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="|y|",
+    work=6.0,
+    needs=on_spheres,
 )
 register_scheme(
     "midpoint",

@@ -1,7 +1,7 @@
 """Cases: the keys that several kinds of experiment have in common, and conditions between them."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
@@ -27,7 +27,7 @@ from ..ensemble.protocol import (
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
 from ..exact.surfaces import casimir_form, semidefinite
-from ..expressions import canonical, is_constant, parse_expression
+from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import written_out
 from ..models import MODELS
@@ -35,7 +35,7 @@ from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import hidden, variables, words
+from ..systems import hidden, variables
 from ..systems.keys import MOST
 from .checks import (
     check_count,
@@ -68,6 +68,7 @@ from .keys import (
     wrong,
 )
 from .models import Model, check_words, name_of
+from .names import CodeKeys, check_values, named_in, taken
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -75,12 +76,12 @@ LAWS = ("law", "distance")  # panels about a stationary law
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
 
-class FunctionKeys(Keys):
+class FunctionKeys(CodeKeys):
     """The test functions of a case."""
 
-    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
-        pydantic.Field(default_factory=dict)
-    )
+    functions: key_of(
+        Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2, energy: H}, or the text of one named phi"
+    ) = pydantic.Field(default_factory=dict)
 
     if TYPE_CHECKING:  # attributes of every case
         model: Any
@@ -89,7 +90,11 @@ class FunctionKeys(Keys):
     @property
     def expressions(self) -> tuple:
         """The trees of the test functions, in the order of their names."""
-        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
+        return tuple(map(self._parsed, self.functions.values()))
+
+    def _parsed(self, text: str, names: tuple[str, ...] = ()) -> Any:
+        known = named_in(text, self.model, self.variables, self.python)
+        return parse_expression(text, dimension(self.model), names, known)
 
     @pydantic.field_serializer("functions")
     def _canonical(self, functions: dict[str, str]) -> Any:
@@ -114,27 +119,22 @@ class FunctionKeys(Keys):
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""
         try:
-            tree = parse_expression(text, d := dimension(self.model), self.variables, words(undamped(self.model)))
+            tree = self._parsed(text, self.variables)
             if is_constant(tree):
                 raise NumberError("constant")
+            check_values(self, as_numpy(tree))
         except NumberError as error:
-            names = listed(self.variables) or f"y1 .. y{min(d, MOST)}"
+            names = listed(self.variables) or f"y1 .. y{min(dimension(self.model), MOST)}"
             example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
             right = f"must be an expression in {names} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
 
 
-def with_others(case: Any, functions: Mapping[str, Any], named: Iterable[str] = ()) -> dict[str, Any]:
-    """The entries of the key ``functions``, names of others being their formulas; those in `named` stay."""
-    taken = {
-        *case.variables,
-        *words(undamped(case.model)),
-        *(f"y{k + 1}" for k in range(dimension(case.model))),
-        *named,
-    }
+def with_others(case: Any, functions: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of the key ``functions``, names of others being their formulas."""
     try:
-        return written_out(functions, taken)
+        return written_out(functions, taken(case))
     except NumberError as error:
         raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
 
@@ -169,7 +169,9 @@ class BaseCase(Keys):
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
     #: key -> the value with which it is left out of the data that decide results, as in specs from before it was a key.
-    unsaid: ClassVar[Mapping[str, Any]] = {"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact"}
+    unsaid: ClassVar[Mapping[str, Any]] = {
+        **{"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact", "python": None}
+    }
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
@@ -259,7 +261,7 @@ class BaseCase(Keys):
 
     @pydantic.model_serializer(mode="wrap")
     def _without_unsaid(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        left_out = {key for key, value in self.unsaid.items() if getattr(self, key) == value}
+        left_out = {key for key, value in self.unsaid.items() if getattr(self, key, value) == value}
         return {key: value for key, value in write(self).items() if key not in left_out}
 
     @condition

@@ -133,7 +133,6 @@ def test_a_section_of_a_noisy_path_is_on_lines(spec):
     ("old", "new", "told"),
     [
         ("of: y2", "of: y4", "the state has y1 .. y3"),
-        ("step: 1/4", "step: 1/4\nevery: 2", "must be 1 for a section"),
         ("functions: {flat: y1^2 + y2^2, twice: 2*flat}\n", "", "is 'functions', and the key functions is missing"),
         ("[functions, section]", "[spins]", "which is for the model spins"),
         ("2*flat", "flat + twice", "cannot be written out: twice names twice"),
@@ -156,3 +155,43 @@ def test_crossings_have_the_order_of_the_scheme(spec):
         first[k] = plan.results(finished(plan)).section.t[0]
     errors = [abs(first[k] - first[8]) for k in (3, 4, 5)]
     assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1 and 1.9 < np.log2(errors[1] / errors[2]) < 2.1
+
+
+def test_what_is_stored_does_not_change_what_is_seen(spec):
+    """States at times, or one of several, are those of all steps, and a section looks at each step."""
+    some, every, whole = (
+        (plan := study.plan(spec(SECTION + more).cases[0], Part("splitting_symmetric"))).results(finished(plan))
+        for more in ("save: [3.25, 10, 32]\n", "every: 8\n", "")
+    )
+    np.testing.assert_array_equal(some.t, [0, 3.25, 10, 32])
+    np.testing.assert_array_equal(some.y, whole.y[[0, 13, 40, 128]])
+    np.testing.assert_array_equal(every.y, whole.y[::8])
+    for other in (some, every):
+        np.testing.assert_array_equal(other.section.value, whole.section.value)
+    spare = study.plan(
+        spec(
+            SECTION,
+            "section: {of: y2, direction: both, store: [y1, H]}\n",
+            "save: [10, 32]\n",
+            "[functions, section]",
+            "[functions]",
+        ).cases[0],
+        Part("splitting_symmetric"),
+    )
+    assert spare.case.spacing == 8 and finished(spare).total().y.shape == (17, 3)
+
+
+def test_functions_of_a_python_file(spec, tmp_path):
+    """They are words of formulas, whose values are those of the same formula, to the last bit; the text decides."""
+    (tmp_path / "my.py").write_text("def flat2(y):\n    return y[0] * y[0] + y[1] * y[1]\n", encoding="utf-8")
+    text = SECTION.replace(
+        "functions: {flat: y1^2", "python: my.py\nfunctions: {mine: flat2, double: 2*mine, flat: y1^2"
+    )
+    experiment = spec(text)
+    plan = study.plan(experiment.cases[0], Part("splitting_symmetric"))
+    mine, double, flat, twice = plan.results(finished(plan)).values.value
+    np.testing.assert_array_equal(mine, flat)
+    np.testing.assert_array_equal(double, twice)
+    assert [name for name, _ in experiment.files] == ["my.py"]
+    (tmp_path / "my.py").write_text("def flat2(y):\n    return 2 * y[0]\n", encoding="utf-8")
+    assert spec(text).hash != experiment.hash

@@ -16,6 +16,7 @@ from view_helpers import legend_texts, line_of, title
 from spi import cli, storage
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
+from spi.kinds.trajectory.figure import colours_of_spins
 from spi.models import RigidBody, SineEuler, Zeitlin
 from spi.models.delegation import damped
 from spi.models.zeitlin import fields
@@ -278,6 +279,20 @@ def test_a_film(tmp_path):
     np.testing.assert_array_equal(film.figure.axes[0].images[0].get_array().T, last)
 
 
+def test_a_film_of_spins():
+    """In the colours of the first layer of each state."""
+    y = np.random.default_rng(3).normal(size=(4, 3, 2, 2, 3))
+    y /= np.linalg.norm(y, axis=-1, keepdims=True)
+    lattice = '{"sites": [[0, 0, 0]], "vectors": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "size": [3, 2, 2]}'
+    states, t = y.reshape(4, -1), np.arange(4.0)
+    film = views.film(trajectories(trajectory_group("splitting", t, states, np.ones((4, 1)), lattice_of_spins=lattice)))
+    assert film.frames == 4
+    film.show(3)
+    (points,) = film.figure.axes[0].collections
+    np.testing.assert_array_equal(points.get_facecolors()[:, :3], colours_of_spins(y[3, :, :, 0].reshape(-1, 3)))
+    np.testing.assert_array_equal(points.get_offsets()[:3], [[0, 0], [0, 1], [1, 0]])
+
+
 def test_a_long_film_has_200_frames():
     """Of a path with fewer states each is shown for longer."""
     t = np.arange(1001) * 0.25
@@ -319,5 +334,5 @@ def test_the_option_film(tmp_path, monkeypatch, capfd):
     assert (code, lines) == (0, [f"wrote {tmp_path}/a.{form}" for form in ("pdf", "png", "gif")])
     still = trajectory_group("splitting", T, np.outer(1 + T, np.ones(3)), np.ones((11, 1)))
     code, lines = plotted("b.h5", still)
-    told = f"spi: {tmp_path}/b.h5: the results hold no vorticity, so there is no film; leave out --film"
+    told = f"spi: {tmp_path}/b.h5: the results hold no vorticity and no spins in two dimensions; leave out --film"
     assert (code, lines[-1:]) == (1, [told]) and not (tmp_path / "b.gif").exists()

@@ -22,10 +22,10 @@ from spi.ensemble.protocol import (
 )
 from spi.models.delegation import thermal
 from spi.models.spins import Anisotropy, Spins, Terms, Transport
-from spi.models.spins.flows import NEAR, towards, towards_near
+from spi.models.spins.flows import NEAR, towards, towards_near, versines_of_noise
 from spi.models.spins.lattices import LATTICES, lattice
 from spi.models.spins.tables import moves
-from spi.numerics.rng import LANES
+from spi.numerics.rng import LANES, draw_normals
 from spi.schemes import SCHEMES, of_model
 
 pytestmark = pytest.mark.xdist_group("spins")
@@ -189,6 +189,30 @@ def test_free_spins_forget(alpha):
     assert abs(mean - np.exp(-2 * alpha * 0.6)) > 5 * error
 
 
+def test_turns_about_random_axes_have_the_means_of_noise():
+    """Of spherical harmonics of degree l: exact for l = 1 and 2, and for others up to the cube of the variance."""
+    errors = {}
+    for v in (0.005, 0.01, 0.5, 2.0, 40.0):
+        angles = np.arccos(1 - np.array(versines_of_noise(v)))
+        for ell in range(1, 6):
+            mean = np.mean((1 + 2 * np.cos(np.outer(np.arange(1, ell + 1), angles)).sum(axis=0)) / (2 * ell + 1))
+            errors[ell, v] = mean - np.exp(-ell * (ell + 1) * v / 2)
+    assert max(abs(error) for (ell, _), error in errors.items() if ell < 3) < 1e-14
+    assert all(7 < errors[ell, 0.01] / errors[ell, 0.005] < 9 for ell in (3, 4, 5))
+
+
+def test_free_spins_of_one_lattice():
+    """E s(t) . s(0) = exp(-2 alpha T t / mu), and that of (s(t) . s(0))^2, at any step: here two turns of v = 1.2."""
+    model = at_temperature(Spins("ring", (1 << 15,), (), mu=1.5, alpha=0.5), 1.8)
+    mover = one_path(model, of_model(SCHEMES["splitting"], model).record, 1.0)
+    first = spins_of(4, 1 << 15, 1)[:, :, 0]
+    _, last = mover.moved(first.ravel(), 0, 2, 0, 7, 0)
+    along = np.einsum("ia,ia->i", first, last.reshape(-1, 3))
+    for values, exact in ((along, np.exp(-2.4)), (along**2, (1 + 2 * np.exp(-7.2)) / 3)):
+        mean, error = mean_and_error(values)
+        assert abs(mean - exact) < 4 * error < 0.015
+
+
 @pytest.mark.parametrize(("by", "mu"), [("bonds", (1.0,)), ("sites", (1.0, 3.0))])
 def test_energies_of_chains(by, mu):
     """1/K - coth K a bond (Fisher 1964), whatever the moments, exact at large steps where flows are judged.
@@ -315,3 +339,32 @@ def test_topological_charge():
     whirl = np.stack([np.sin(polar) * x / r, np.sin(polar) * y / r, np.cos(polar)], axis=-1)
     assert abs(charge(whirl.reshape(-1))) == pytest.approx(1, abs=1e-12)
     assert "charge" not in Spins("honeycomb", (4, 4), (Terms(1.0),)).observables()
+
+
+def field_of(s, dW, h, alpha=0.3):
+    """h f + sum_k sigma_k dW_k f_k of a ring, in NumPy."""
+    b = np.roll(s, 1, axis=0) + np.roll(s, -1, axis=0) + np.array([0.3, 0.2, -0.5])
+    return np.cross(h * b + dW, s) + h * alpha * np.cross(s, np.cross(b, s))
+
+
+@pytest.mark.parametrize("scheme", ["heun_renormalised", "midpoint"])
+def test_steps_of_other_programs(scheme):
+    """A step against NumPy: of Heun's scheme, each spin back to length 1, and of the equation of the midpoint rule."""
+    model = at_temperature(Spins("ring", (6,), (Terms(1.0),), field=(0.3, 0.2, -0.5), alpha=0.3), 0.5)
+    first, h = spins_of(3, 6, 1)[:, :, 0], 0.125
+    last = paths(model.model, 0.5, scheme, h, 1, 1, first, 5)
+    w = np.empty((18, 4, LANES))
+    for k in range(18):
+        draw_normals(
+            np.uint64(5), np.uint64(0), np.uint64(k), np.uint64(0), np.uint64(0), np.empty(256, np.uint64), w[k].ravel()
+        )
+    dW = (np.sqrt(2 * 0.3 * 0.5 * h) * w[:, 0]).reshape(6, 3, LANES)
+    for lane in (0, 63):
+        z, noise = last[:, :, lane], dW[:, :, lane]
+        if scheme == "midpoint":
+            np.testing.assert_allclose(z - first, field_of((first + z) / 2, noise, h), atol=1e-13)
+            assert abs(np.linalg.norm(z, axis=1) - 1).max() < 1e-14
+        else:
+            added = field_of(first, noise, h)
+            new = first + (added + field_of(first + added, noise, h)) / 2
+            np.testing.assert_allclose(z, new / np.linalg.norm(new, axis=1, keepdims=True), atol=1e-14)

@@ -10,12 +10,13 @@ from pydantic import BeforeValidator, Field
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import PathFunction, check_function, path_function, with_others
+from spi.kinds.functions import PathFunction, check_function, function_of
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
-from spi.specs.cases import CLIP, BaseCase
+from spi.specs.cases import CLIP, BaseCase, with_others
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
+from spi.specs.names import CodeKeys
 from spi.statistics.claims import claimable
 
 from .references import EXACT, FINEST, check, derived_quantity
@@ -31,7 +32,7 @@ _BURNT = 0.2  # of the time
 _MOST_BYTES = 2**29  # of states that are recorded at a time
 
 
-class Case(BaseCase):
+class Case(CodeKeys, BaseCase):
     """Equilibrium: Casimirs over very many steps, the law of the states after a long time, and means over time."""
 
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5", "time")
@@ -91,7 +92,7 @@ class Case(BaseCase):
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
         """The functions, in the order of their names."""
-        return tuple(path_function(self.model, self.variables, text) for text in self.functions.values())
+        return tuple(function_of(self, text) for text in self.functions.values())
 
     @property
     def between(self) -> float:

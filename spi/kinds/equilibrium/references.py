@@ -8,9 +8,10 @@ import numpy as np
 
 from spi.exact import gibbs
 from spi.expressions import as_numpy, is_constant, parse_expression
-from spi.expressions.arithmetic import NumberError, parse
-from spi.kinds.functions import check_named, gibbs_mean, path_function
+from spi.expressions.arithmetic import NumberError
+from spi.kinds.functions import PathFunction, check_named, function_of, gibbs_mean
 from spi.specs.keys import shown, wrong
+from spi.specs.names import numbers_of
 
 EXACT, FINEST = "exact", "finest"
 
@@ -25,12 +26,12 @@ class Known(NamedTuple):
     shares: np.ndarray  #: (S, F, bins) probabilities of bins
 
 
-def number_in(text: str) -> float:
-    """The real number that is the value of a formula without variables; NumberError if it is none."""
-    number = parse(text)
-    if isinstance(number, complex):
-        raise NumberError("complex")
-    return float(number)
+def number_in(case: Any, text: str) -> float:
+    """The number that is the value of a formula in parameters of the model and T; NumberError if it is none."""
+    tree = parse_expression(text, 0, (), numbers_of(case))
+    if not is_constant(tree):
+        raise NumberError("not a number")
+    return float(tree.value)
 
 
 def check(case: Any, name: str, reference: str) -> None:
@@ -41,15 +42,15 @@ def check(case: Any, name: str, reference: str) -> None:
             raise wrong(f"is '{FINEST}', and there is one step size", "give more steps", "reference", name)
     elif reference == EXACT:
         try:
-            gibbs_mean(case.model, case.initial, case.temperature, case.variables, case.functions[name])
+            gibbs_mean(case.model, case.initial, case.temperature, function_of(case, case.functions[name]))
         except ValueError as error:
             right = f"use a formula such as 1/3, or {FINEST}"
             raise wrong(f"is '{EXACT}', but {error}", right, "reference", name) from None
     else:
         try:
-            number_in(reference)
+            number_in(case, reference)
         except NumberError as error:
-            right = f"must be a formula without variables, {EXACT} or {FINEST}"
+            right = f"must be a formula in parameters and T, {EXACT} or {FINEST}"
             raise wrong(f"is {shown(reference)} ({error})", right, "reference", name) from None
 
 
@@ -58,23 +59,23 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
     value, error, variance = np.full((3, len(case.functions)), np.nan)
     shares = np.full((len(edges), len(case.functions), edges[0].shape[1] - 1), np.nan)
     given = [case.reference.get(name, "") for name in case.functions]
-    law = case.model, case.initial, case.temperature, case.variables
-    for f, (reference, text) in enumerate(zip(given, case.functions.values(), strict=True)):
+    law = case.model, case.initial, case.temperature
+    for f, (reference, function) in enumerate(zip(given, case.path_functions, strict=True)):
         if reference == EXACT:
-            value[f], error[f] = gibbs_mean(*law, text)
-            variance[f] = _variance(*law, text)
+            value[f], error[f] = gibbs_mean(*law, function)
+            variance[f] = _variance(*law, function)
             for i, of_step in enumerate(edges):
-                shares[i, f] = _shares(*law, text, tuple(of_step[f].tolist()))
+                shares[i, f] = _shares(*law, function, tuple(of_step[f].tolist()))
         elif reference not in ("", FINEST):
-            value[f], error[f] = number_in(reference), 0.0
+            value[f], error[f] = number_in(case, reference), 0.0
     return Known(value, error, variance, np.array([reference == FINEST for reference in given]), shares)
 
 
 @functools.lru_cache(maxsize=64, typed=True)
-def _variance(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> float:
+def _variance(model: Any, initial: Any, temperature: float, function: PathFunction) -> float:
     """Variance of a function whose mean is known; NaN where it is not known, as of sums over many spheres."""
-    law, values = gibbs.law_of(model, initial, temperature), path_function(model, names, text).values
-    mean, _ = gibbs_mean(model, initial, temperature, names, text)
+    law, values = gibbs.law_of(model, initial, temperature), function.values
+    mean, _ = gibbs_mean(model, initial, temperature, function)
     try:
         return float(law.expectation(lambda y: (values(y) - mean) ** 2)[0])
     except ValueError:
@@ -83,12 +84,12 @@ def _variance(model: Any, initial: Any, temperature: float, names: tuple[str, ..
 
 @functools.lru_cache(maxsize=64, typed=True)
 def _shares(
-    model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str, edges: tuple[float, ...]
+    model: Any, initial: Any, temperature: float, function: PathFunction, edges: tuple[float, ...]
 ) -> np.ndarray:
     """The probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
     law = gibbs.law_of(model, initial, temperature)
     try:
-        return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))
+        return np.asarray(law.probabilities(function.values, np.array(edges)))
     except ValueError:
         return np.full(len(edges) - 1, np.nan)
 

@@ -102,8 +102,9 @@ class EquilibriumPlan(Plan):
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         blocks = -(-self.case.samples // LANES)
-        steps = sum(self.case.counts) * blocks * LANES
-        idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared by threads
+        alone = self.case.in_parts  # one lattice, whose sites threads share; a block cannot be shared
+        steps = sum(self.case.counts) * (1 if alone else blocks * LANES)
+        idle = 1 if alone else loop.thread_count() / min(loop.thread_count(), blocks)
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         bare = replace(self, case=self.case.model_copy(update={"functions": {}}))
         of_a_block = sum(np.asarray(values).nbytes for values in bare.empty(0, 1))

@@ -18,11 +18,11 @@ import numpy as np
 
 from spi.ensemble.loop import Grid, thread_count
 from spi.ensemble.observer import path_observer
-from spi.ensemble.protocol import casimirs, dimension, populations
+from spi.ensemble.protocol import casimirs, populations
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import can_solve_equation, exact_expectations, seconds_of_equation
-from spi.expressions import as_numpy, canonical, functions_of
+from spi.expressions import as_numpy, canonical
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
 from spi.kinds.plans import Cost, State, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Sums, joined, reports
@@ -58,13 +58,13 @@ _ACCURACY = 1e-3  # numerical error that they may have
 
 @functools.lru_cache(maxsize=256, typed=True)
 def _true_expectations(
-    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple
 ) -> tuple[np.ndarray, np.ndarray]:
     """E phi(y(T)) and its numerical error, (F,) each.
 
     Cached, because it is the same for all schemes; typed, because models of two classes may be equal tuples.
     """
-    phis = functions_of(functions, dimension(model))
+    phis = [*map(as_numpy, functions)]
     return exact_expectations(model, initial, final_time, phis, _ACCURACY, most_seconds=_MOST_SECONDS)
 
 
@@ -125,7 +125,7 @@ class StabilityPlan(BlocksPlan):
     @property
     def seconds_of_truth(self) -> float:
         """The seconds that the true expectations take, roughly."""
-        phis, end = functions_of(map(canonical, self.case.expressions), dimension(self.model)), self.case.final_time
+        phis, end = [*map(as_numpy, self.case.expressions)], self.case.final_time
         return float(seconds_of_equation(self.model, self.initial, end, phis, most_seconds=_MOST_SECONDS))
 
     def initial_extra(self) -> Truth:
@@ -153,7 +153,7 @@ class StabilityPlan(BlocksPlan):
 
     def finalise(self, state: State) -> Iterator[Truth]:
         """Compute the true expectations."""
-        extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
+        extra, functions = state.extra, self.case.expressions
         if self.has_truth and np.isnan(extra.truth).any():
             began = time.perf_counter()
             truth = _true_expectations(self.model, self.initial, self.case.final_time, functions)

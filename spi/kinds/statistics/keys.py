@@ -11,12 +11,13 @@ from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function, with_others
+from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, function_of
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
-from spi.specs.cases import StepCase
+from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
+from spi.specs.names import CodeKeys
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
 
@@ -138,7 +139,7 @@ class Correlated(Keys):
             raise wrong(mistake, "leave it out", "time_correlations", "about")
 
 
-class Case(StepCase):
+class Case(CodeKeys, StepCase):
     """Statistics over many paths of functions of the state, at many times."""
 
     samples: key_of(Samples, "number of Brownian paths")
@@ -180,7 +181,7 @@ class Case(StepCase):
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
         """The functions, in the order of their names."""
-        return tuple(path_function(self.model, self.variables, entry) for entry in self.functions.values())
+        return tuple(function_of(self, entry) for entry in self.functions.values())
 
     @property
     def quantile_names(self) -> tuple[str, ...]:

@@ -13,9 +13,10 @@ from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
 from spi.exact.sphere_law import stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import check_named, gibbs_mean, path_function
+from spi.kinds.functions import PathFunction, check_named, function_of, gibbs_mean
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
+from spi.specs.names import numbers_of
 
 EXACT, STATIONARY = "exact", "stationary"
 RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
@@ -61,14 +62,14 @@ def check(case: Any, name: str, reference: str | Curve) -> None:
         try:
             if re.search(r"\by1\b", reference):
                 raise NumberError("unknown name 'y1'")
-            parse_expression(reference, 1, ("t",))
+            parse_expression(reference, 1, ("t",), numbers_of(case))
         except NumberError as error:
             raise wrong(f"is {shown(reference)} ({error})", RIGHT, "reference", name) from None
 
 
 def _unknown(case: Any, name: str, reference: str) -> str | None:
     """The reason why a mean is not known without sampling; None if it is known."""
-    function = path_function(case.model, case.variables, case.functions[name])
+    function = function_of(case, case.functions[name])
     if function.functional:
         return "that is known of functions of the state, not of the path"
     if reference == EXACT and case.noise is not None:
@@ -80,7 +81,7 @@ def _unknown(case: Any, name: str, reference: str) -> str | None:
         if law and law["law"] not in ("uniform_on_surface", "gibbs") and not law.get("project"):
             return "that is known of paths on one sphere, and here each has its own"
         try:
-            _stationary(case.model, case.initial, case.temperature, case.variables, case.functions[name])
+            _stationary(case.model, case.initial, case.temperature, function)
         except ValueError as error:
             return str(error)
         return None
@@ -96,21 +97,24 @@ def _unknown(case: Any, name: str, reference: str) -> str | None:
 def seconds_of_means(case: Any) -> float:
     """The seconds of :func:`known_means`, roughly."""
     exact = [case.functions[name] for name, reference in case.reference.items() if reference == EXACT]
-    functions = (path_function(case.model, case.variables, entry) for entry in exact)
+    functions = (function_of(case, entry) for entry in exact)
     return sum(seconds_of_equation(case.model, case.initial, case.t, [phi.values]) for phi in functions)
 
 
 def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
     """Reference means (F, T), NaN where there is none, and their standard errors or numerical errors."""
     value, error = np.full((2, len(case.functions), len(case.t)), np.nan)
-    for f, (name, entry) in enumerate(case.functions.items()):
+    for f, (name, function) in enumerate(zip(case.functions, case.path_functions, strict=True)):
         reference = case.reference.get(name)
         if reference == EXACT:
-            value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), case.variables, entry)
+            value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), function)
         elif reference == STATIONARY:
-            value[f], error[f] = _stationary(case.model, case.initial, case.temperature, case.variables, entry)
+            value[f], error[f] = _stationary(case.model, case.initial, case.temperature, function)
         elif isinstance(reference, str):
-            value[f], error[f] = as_numpy(parse_expression(reference, 1, ("t",)))(case.t[np.newaxis]), 0.0
+            value[f], error[f] = (
+                as_numpy(parse_expression(reference, 1, ("t",), numbers_of(case)))(case.t[np.newaxis]),
+                0.0,
+            )
         elif reference is not None:
             value[f], error[f] = _in_curve(reference, case.t, case.step)
     return value, error
@@ -125,26 +129,23 @@ def _in_curve(curve: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.
     return value, error
 
 
-def _stationary(
-    model: Any, initial: Any, temperature: float, names: tuple[str, ...], entry: str
-) -> tuple[float, float]:
+def _stationary(model: Any, initial: Any, temperature: float, function: PathFunction) -> tuple[float, float]:
     """The mean of a function under the Gibbs law, uniform without a temperature, and its numerical error.
 
     ValueError, with the reason in a phrase, where no such law is known.
     """
     if math.isinf(temperature):
-        return float(stationary_means(model, initial, [path_function(model, names, entry).values])[0]), 0.0
-    return gibbs_mean(model, initial, temperature, names, entry)
+        return float(stationary_means(model, initial, [function.values])[0]), 0.0
+    return gibbs_mean(model, initial, temperature, function)
 
 
 @functools.lru_cache(maxsize=256, typed=True)
 def _exact(
-    model: Any, initial: tuple[float, ...], times: tuple[float, ...], variables: tuple[str, ...], entry: str
+    model: Any, initial: tuple[float, ...], times: tuple[float, ...], function: PathFunction
 ) -> tuple[np.ndarray, np.ndarray]:
     """Exact means of a function of the state and their numerical errors.
 
     Cached, as all schemes and steps have the same; typed, because models of two classes may be equal tuples.
     """
-    values = path_function(model, variables, entry).values
-    mean, error = exact_expectations(model, initial, np.array(times), [values], _ACCURACY)
+    mean, error = exact_expectations(model, initial, np.array(times), [function.values], _ACCURACY)
     return mean[0], error[0]

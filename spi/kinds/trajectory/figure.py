@@ -400,14 +400,15 @@ MOST_FRAMES = 200
 LARGE, SMALL = 3.0, 2.0  # inches of a field, where they are few and where they are many
 _FEW = 4
 
-Screen = tuple[plots.Axes, Any, Trajectory, list[int]]  #: axes and image of a path, and the states that are shown
+#: Axes of a path, the function that shows its state of a number, the path, and the states that are shown.
+Screen = tuple[plots.Axes, Callable[[int], None], Trajectory, list[int]]
 
 
 def film(title: str, cases: Sequence[Readings]) -> Film:
-    """The film of the paths of all cases that are vorticities; ValueError if none is."""
-    rows = [readings for readings in cases if readings[0].lattice]
+    """The film of the paths of all cases that are vorticities or spins in the plane; ValueError if none is."""
+    rows = [readings for readings in cases if readings[0].lattice or _places(readings[0]) is not None]
     if not rows:
-        raise ValueError("the results hold no vorticity, so there is no film; leave out --film")
+        raise ValueError("the results hold no vorticity and no spins in two dimensions; leave out --film")
     columns = max(map(len, rows))
     side = LARGE if len(rows) * columns <= _FEW else SMALL
     fig = Figure()
@@ -417,8 +418,8 @@ def film(title: str, cases: Sequence[Readings]) -> Film:
         for ax in line[len(readings) :]:
             ax.set_axis_off()
         name = f"{style.plain(readings[0].about.case_title)}\n" if len(rows) > 1 else ""
-        line[0].set_ylabel(f"{name}$x_2$")
-    for ax in axes[-1]:
+        line[0].set_ylabel(f"{name}$x_2$" if readings[0].lattice else name)
+    for ax in axes[-1] if rows[-1][0].lattice else ():
         ax.set_xlabel("$x_1$")
     frames = max(len(states) for *_, states in screens)
     style.dress(fig, 1.0 + columns * side + 0.8 * len(rows), len(rows) * (side + 0.5), title, [])
@@ -429,16 +430,27 @@ def film(title: str, cases: Sequence[Readings]) -> Film:
 
 
 def _screens(fig: Figure, readings: Readings, axes: np.ndarray) -> list[Screen]:
-    """The fields of one case at the start, in colours that suit all of its frames."""
+    """The fields or spins of one case at the start, fields in colours that suit all of its frames."""
     states = [plots.spread(len(reading.t), MOST_FRAMES) for reading in readings]
+    shows: list[Callable[[int], Any]]
+    if (places := _places(readings[0])) is not None:
+        points = [_draw_spins(ax, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
+        shows = [partial(_recolour, image, one) for image, one in zip(points, readings, strict=True)]
+        return list(zip(axes, shows, readings, states, strict=False))
     colours = colours_of(readings, [_extremes(one, chosen) for one, chosen in zip(readings, states, strict=True)])
-    screens = []
-    for ax, reading, chosen in zip(axes, readings, states, strict=False):
-        image = draw_field(ax, field_values(reading, [0])[0], colours)
-        screens.append((ax, image, reading, chosen))
+    images = [draw_field(ax, field_values(one, [0])[0], colours) for ax, one in zip(axes, readings, strict=False)]
+    shows = [partial(_refill, image, one) for image, one in zip(images, readings, strict=True)]
     look: dict[str, Any] = {"extend": colours.beyond, "shrink": 0.9, "aspect": 22, "pad": 0.02}
-    fig.colorbar(image, ax=list(axes[: len(readings)]), label=r"vorticity $\omega$", **look)
-    return screens
+    fig.colorbar(images[-1], ax=list(axes[: len(readings)]), label=r"vorticity $\omega$", **look)
+    return list(zip(axes, shows, readings, states, strict=False))
+
+
+def _refill(image: Any, one: Trajectory, state: int) -> None:
+    image.set_data(field_values(one, [state])[0].T)
+
+
+def _recolour(image: Any, one: Trajectory, state: int) -> None:
+    image.set_facecolors(colours_of_spins(_layer(one, state)))
 
 
 def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]:
@@ -448,13 +460,12 @@ def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]
 
 def _show(screens: Sequence[Screen], frames: int, frame: int) -> None:
     """Show frame number `frame`; a path with fewer states stays longer at each."""
-    for ax, image, reading, states in screens:
+    for ax, show, reading, states in screens:
         state = states[frame * len(states) // frames]
-        field = field_values(reading, [state])[0]
-        image.set_data(field.T)
+        show(state)
         between = float(reading.t[states[1]]) if len(states) > 1 else 1.0
         digits = max(0, 1 - math.floor(math.log10(between)))
-        lost = "" if np.isfinite(field).all() else ", not finite"
+        lost = "" if np.isfinite(reading.y[state]).all() else ", not finite"
         ax.set_title(f"{style.label(reading.about)}, $t={reading.t[state]:.{digits}f}${lost}")
 
 
@@ -494,37 +505,50 @@ def colours_of_spins(s: np.ndarray) -> np.ndarray:
     return np.asarray(np.clip(np.where(light < 0.5, 2 * light * pure, 1 - 2 * (1 - light) * (1 - pure)), 0.0, 1.0))
 
 
+def _places(one: Trajectory) -> np.ndarray | None:
+    """(sites, 2): where the spins of the first layer are; None for chains and other states."""
+    lattice = json.loads(one.lattice_of_spins or "{}")
+    if len(lattice.get("size", ())) < 2:
+        return None
+    sites, vectors = np.array(lattice["sites"]), np.array(lattice["vectors"])
+    cells = np.stack(np.meshgrid(*map(np.arange, lattice["size"][:2]), indexing="ij"), axis=-1).reshape(-1, 2)
+    places: np.ndarray = (cells @ vectors[:2])[:, np.newaxis, :2] + sites[:, :2]
+    return places.reshape(-1, 2)
+
+
+def _layer(one: Trajectory, state: int) -> np.ndarray:
+    """(sites, 3): the spins of the first layer."""
+    lattice = json.loads(one.lattice_of_spins)
+    size = (*lattice["size"], 1)[:3]
+    return one.y[state].reshape(*size, len(lattice["sites"]), 3)[:, :, 0].reshape(-1, 3)
+
+
 def _spins(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     """The spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
     for one in (one for one in readings if one.lattice_of_spins):
-        lattice = json.loads(one.lattice_of_spins)
-        size, sites, vectors = (*lattice["size"], 1, 1)[:3], np.array(lattice["sites"]), np.array(lattice["vectors"])
-        if len(lattice["size"]) == 1:
+        places = _places(one)
+        if places is None:
             yield plots.Plot(title=style.label(one.about), x="site", y="time $t$", own=partial(_chain, one))
             continue
-        cells = np.stack(np.meshgrid(*map(np.arange, size[:2]), indexing="ij"), axis=-1).reshape(-1, 2)
-        places = (cells @ vectors[:2])[:, np.newaxis, :2] + sites[:, :2]
         for i in one.shown:
-            s = one.y[i].reshape(*size, len(sites), 3)[:, :, 0].reshape(-1, 3)
-            own = partial(_layer, places.reshape(-1, 2), s, max(size[:2]) < _MOST_ARROWS)
+            own = partial(_picture, places, _layer(one, i))
             yield plots.Plot(title=f"{style.label(one.about)}, $t={one.t[i]:.4g}$", own=own, aspect=0.9)
 
 
-def _layer(places: np.ndarray, s: np.ndarray, arrows: bool, ax: plots.Axes) -> list[plots.Entry]:
-    """Spins at their places in colours, with arrows where they are few, and the key of the colours."""
+def _draw_spins(ax: plots.Axes, places: np.ndarray, s: np.ndarray) -> Any:
+    """Spins at their places in colours."""
     span = float(np.ptp(places, axis=0).max()) or 1.0
     ax.set(aspect="equal", xticks=[], yticks=[], xlim=(places[:, 0].min() - 1, places[:, 0].max() + 1))
     ax.set_ylim(places[:, 1].min() - 1, places[:, 1].max() + 1)
-    ax.scatter(
-        places[:, 0],
-        places[:, 1],
-        c=colours_of_spins(s),
-        s=(180 / span) ** 2,
-        marker="s",
-        linewidths=0,
-        rasterized=True,
-    )
-    if arrows:
+    look: dict[str, Any] = {"marker": "s", "linewidths": 0, "rasterized": True}
+    return ax.scatter(places[:, 0], places[:, 1], c=colours_of_spins(s), s=(180 / span) ** 2, **look)
+
+
+def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.Entry]:
+    """Spins in colours, with arrows where they are few, and the key of the colours."""
+    _draw_spins(ax, places, s)
+    span = float(np.ptp(places, axis=0).max()) or 1.0
+    if len(places) < _MOST_ARROWS**2:
         ax.quiver(*places.T, *s[:, :2].T, pivot="mid", scale=1.3 * span, width=0.004, color="#404040")
     key = ax.inset_axes((1.02, 0.0, 0.18, 0.18), projection="polar")
     angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, 1, 21))

@@ -1,20 +1,23 @@
 """The keys of an experiment of kind trajectory."""
 
+import math
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, dimension, noises, one_path
-from spi.kinds.functions import check_function, with_others
+from spi.kinds.functions import check_function
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import MOST_NOISES
-from spi.specs.cases import StepCase
+from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import check_every, times_on_grid
-from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, wrong
+from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, quantity, wrong
+from spi.specs.names import CodeKeys
 from spi.specs.sweep import Swept
 from spi.statistics.claims import claimable
 
@@ -44,14 +47,17 @@ class Section(Keys):
     store: key_of(tuple[str, ...], "functions of the state whose values are stored, as in [y1, y3]")
 
 
-class Case(StepCase):
+class Case(CodeKeys, StepCase):
     """One path of each scheme, all on the same Brownian path."""
 
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
+    save: key_of(
+        Times, "times whose states are stored beside that at the start, multiples of step; default: every n-th", "time"
+    ) = ()
     times: key_of(
-        Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
+        Times, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
     ) = ()
 
     functions: key_of(
@@ -65,13 +71,26 @@ class Case(StepCase):
 
     scoping: ClassVar = ("functions",)
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times", "functions", "section"}
-    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "times": (), "functions": {}, "section": None}
+    unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "save": (), "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
 
     @property
-    def steps_stored(self) -> int:
-        """The number of states stored after the initial one."""
-        return round(self.final_time / self.step) // self.every
+    def spacing(self) -> int:
+        """The steps between states that are recorded: those that are stored, and those that a section looks at."""
+        steps = (round(t / self.step) for t in (self.final_time, *self.save))
+        return 1 if self.section else math.gcd(*steps) if self.save else self.every
+
+    @property
+    def recorded(self) -> int:
+        """The number of states recorded after the initial one."""
+        return round(self.final_time / self.step) // self.spacing
+
+    @property
+    def stored(self) -> np.ndarray:
+        """The numbers of the recorded states that are stored, among them the initial one."""
+        if not self.save:
+            return np.arange(0, self.recorded + 1, self.every // self.spacing)
+        return np.unique([0, *(round(t / self.step) // self.spacing for t in self.save)])
 
     @property
     def in_parts(self) -> bool:
@@ -89,20 +108,34 @@ class Case(StepCase):
 
     @condition
     def _check_every(self) -> Self:
+        """The case with times of stored states that are exactly multiples of the step."""
         check_every(self)
-        steps, d = round(self.final_time / self.step), dimension(self.model)
-        if (self.steps_stored + 1) * d > _MOST_NUMBERS:
-            mistake = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
-            least = -(-steps // (_MOST_NUMBERS // d - 1))
-            raise wrong(mistake, f"must be at least {least}, for 2*10^8 numbers in all", "every")
-        return self
+        if self.save and self.every != 1:
+            raise wrong("is given beside every", "leave out one of them", "save")
+        case = self.model_copy(update={"save": times_on_grid(self, self.step, "the step {}", self.save, "save")})
+        d = dimension(self.model)
+        if (case.recorded + 1) * d > _MOST_NUMBERS:
+            key = "section" if case.section else "save" if case.save else "every"
+            least = -(-case.recorded * case.spacing // (_MOST_NUMBERS // d - 1))
+            now, right = f"{case.recorded + 1} states of {d} numbers", f"must be at least {least}"
+            if key == "every":
+                mistake = f"is {self.every}, so that {now} would be stored"
+            else:
+                mistake = f"needs {now}, one after {case.spacing} steps each"
+                right = f"take times so that {least} steps lie between them"
+            raise wrong(mistake, f"{right}, for 2*10^8 numbers in all", key)
+        return case
 
     @condition
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
-        times = times_on_grid(self, self.every * self.step, "{}, the time between stored states", self.times, "times")
+        between = self.step if self.save else self.every * self.step
+        times = times_on_grid(self, between, "{}, the time between stored states", self.times, "times")
+        for i, t in enumerate(times):
+            if self.save and t not in (0, *self.save):
+                raise wrong(f"is {quantity(t)}", "must be 0 or one of save", "times", i)
         return self.model_copy(update={"times": times})
 
     @condition
@@ -114,8 +147,6 @@ class Case(StepCase):
         section = self.section
         for key, text in [("of", section.of), *(("store", text) for text in section.store)] if section else ():
             check_function(self, key, text, key="section")
-        if section and self.every != 1:
-            raise wrong(f"is {self.every}", "must be 1 for a section, which looks at each step", "every")
         return self.model_copy(update={"functions": functions})
 
     @condition

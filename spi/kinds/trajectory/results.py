@@ -39,7 +39,7 @@ class Crossings(Described):
 
 
 class Trajectory(Stored):
-    """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
+    """One path of a scheme at the times t_n = n k h, where one of k states is stored, or at times that are saved."""
 
     headline = ("casimir_drift", "hamiltonian_drift")
     measures = (
@@ -52,7 +52,7 @@ class Trajectory(Stored):
             "",
             [
                 Column(lambda one, _: power_of_two(one.step), "step"),
-                Column(lambda one, _: (len(one.y) - 1) * one.every, "steps"),
+                Column(lambda one, _: round(one.t[-1] / one.step), "steps"),
                 Column("hamiltonian", "H at the\nend", form=".6g", missing="nan"),
                 Column("casimir_drift", "drift\n{}", over="casimir"),
                 Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
@@ -98,7 +98,7 @@ class Trajectory(Stored):
     def shown(self) -> list[int]:
         """The numbers of the states that are drawn as fields: by default the first, the middle and the last one."""
         if self.times:
-            return np.searchsorted(self.t, [t - self.t[1] / 2 for t in self.times]).tolist()
+            return np.searchsorted(self.t, [t - self.step / 2 for t in self.times]).tolist()
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
 
     @derived("t casimir", "changes of the Casimirs without damping")

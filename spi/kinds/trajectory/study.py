@@ -17,7 +17,7 @@ from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
-from spi.kinds.functions import evaluated, path_function
+from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
@@ -35,7 +35,7 @@ class Path(NamedTuple):
     paths: int  #: 0 until all steps are made
     seconds: float  #: wall clock
     steps: int  #: number of those made
-    y: np.ndarray  #: (stored + 1, d), at first (0, d)
+    y: np.ndarray  #: (recorded + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),) of the whole block
 
     def plus(self, later: "Path") -> "Path":
@@ -65,7 +65,7 @@ class TrajectoryPlan(PathsPlan):
     def cost(self) -> Cost:
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
-        stored = 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4)
+        stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
         return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -86,7 +86,7 @@ class TrajectoryPlan(PathsPlan):
     @property
     def _unit(self) -> int:
         """The number of steps after whose multiples a path can go on from its state."""
-        return math.lcm(STEPS_PER_TOSS, self.case.every)
+        return math.lcm(STEPS_PER_TOSS, self.case.spacing)
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """One path."""
@@ -101,7 +101,7 @@ class TrajectoryPlan(PathsPlan):
         if not large(self.model):
             return self.initial
         states = np.zeros((1, 1, len(self.initial) * LANES))
-        states[0, 0, self.case.path % LANES :: LANES] = y[n // self.case.every]
+        states[0, 0, self.case.path % LANES :: LANES] = y[n // self.case.spacing]
         return states
 
     def _stop(self, n: int) -> int:
@@ -128,24 +128,24 @@ class TrajectoryPlan(PathsPlan):
         """Run the path, at once or, of a large model, in batches."""
         block, lane = divmod(self.case.path, LANES)
         path = started or self.empty(0)
-        y = np.empty((self.case.steps_stored + 1, len(self.initial)))
+        y = np.empty((self.case.recorded + 1, len(self.initial)))
         y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
-            to_come = y[np.newaxis, path.steps // self.case.every :]  # the first of them is where the path goes on
+            to_come = y[np.newaxis, path.steps // self.case.spacing :]  # the first of them is where the path goes on
             if self.one_path is not None:
                 report = self._moved(to_come[0], path.steps, stop)
             else:
-                recorder = state_recorder(times, to_come, self.case.every, lane)
+                recorder = state_recorder(times, to_come, self.case.spacing, lane)
                 start, end = self._start(y, path.steps), self.case.path + 1
                 _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
             path = Path(
                 paths=int(stop == self.grid.reference_steps),
                 seconds=path.seconds + time.perf_counter() - began,
                 steps=stop,
-                y=y[: stop // self.case.every + 1],
+                y=y[: stop // self.case.spacing + 1],
                 report=add_reports(path.report[np.newaxis], report)[0],
             )
             yield [(chunks[0], path)]
@@ -157,7 +157,7 @@ class TrajectoryPlan(PathsPlan):
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
-        stored, _ = self.one_path.moved(y[0], steps, stop - steps, case.every, int(self.stream.seed), case.path)
+        stored, _ = self.one_path.moved(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
         y[1 : 1 + len(stored)] = stored
         return np.zeros((1, len(REPORT)))
 
@@ -170,7 +170,7 @@ class TrajectoryPlan(PathsPlan):
         case = self.case
         if not case.functions:
             return None
-        functions = [path_function(case.model, case.variables, text) for text in case.functions.values()]
+        functions = [function_of(case, text) for text in case.functions.values()]
         texts = tuple(function.label for function in functions)
         return Values(functions=tuple(case.functions), texts=texts, value=evaluated(functions, y.T))
 
@@ -183,7 +183,7 @@ class TrajectoryPlan(PathsPlan):
         case = self.case
         if case.section is None:
             return None
-        of, *stored = (path_function(case.model, case.variables, f) for f in (case.section.of, *case.section.store))
+        of, *stored = (function_of(case, f) for f in (case.section.of, *case.section.store))
         with np.errstate(all="ignore"):
             g = np.asarray(of.values(y.T), float)
         up, down = (g[:-1] < 0) & (g[1:] >= 0), (g[:-1] >= 0) & (g[1:] < 0)
@@ -227,10 +227,9 @@ class TrajectoryPlan(PathsPlan):
     def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
-        n = len(path.y)
-        t = np.arange(n) * case.every * case.step
-        energy, conserved = invariants_of(self.model, path.y, t)
-        lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
+        y, t = path.y[case.stored], case.stored * case.spacing * case.step
+        energy, conserved = invariants_of(self.model, y, t)
+        lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
@@ -239,7 +238,7 @@ class TrajectoryPlan(PathsPlan):
             | _reported(path.report)
             | {
                 "t": t,
-                "y": path.y,
+                "y": y,
                 "hamiltonian": energy,
                 "casimirs": conserved,
                 "damped_changes": change if decay_rates(self.model) else None,
@@ -247,7 +246,7 @@ class TrajectoryPlan(PathsPlan):
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else None,
                 "times": case.times or (),
                 "preserves": self.row.preserves,
-                "values": self._values(path.y),
+                "values": self._values(y),
                 "section": self._section(path.y),
                 "lattice_of_spins": _places(case.model),
                 "surface": None if lattice_of(case.model) is None else "torus",

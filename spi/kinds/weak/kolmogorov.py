@@ -10,10 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import thread_count
-from spi.ensemble.protocol import dimension, has_friction
+from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import Demands, Expectations, can_solve, demands, expectations
-from spi.expressions import canonical, functions_of
+from spi.expressions import as_numpy
 from spi.kinds.plans import Cost, Done, State
 from spi.models import MODELS
 from spi.schemes.stages import compositions, has_loops, has_shared
@@ -198,15 +198,15 @@ def demands_of(case: Any, rows: tuple, steps: Iterable[float]) -> Demands:
 
 def question(case: Any, rows: tuple, steps: Iterable[float]) -> tuple:
     """The arguments of the solvers about a composition of flows, hashable, so that results can be cached."""
-    acting, texts = compositions(rows, case.model), tuple(map(canonical, case.expressions))
-    return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), texts, case.accuracy
+    acting = compositions(rows, case.model)
+    return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), case.expressions, case.accuracy
 
 
 @functools.lru_cache(maxsize=256, typed=True)  # as models of two classes may be equal tuples
 def _demands(
     model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
 ) -> Demands:
-    return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)
+    return demands(model, acting, initial, final_time, steps, [*map(as_numpy, functions)], accuracy)
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
@@ -218,5 +218,5 @@ def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
 def _solution(
     model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
 ) -> Expectations:
-    callables = functions_of(functions, dimension(model))
+    callables = [*map(as_numpy, functions)]
     return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)

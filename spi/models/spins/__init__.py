@@ -92,7 +92,7 @@ class Spins(NamedTuple):
     ] = ()
 
     large = True
-    conserved = 1
+    conserved, sphere_size = 1, 3
 
     def has_friction(model):
         return isinstance(model, Spins) and model.alpha > 0  # of the class it is not known
@@ -102,6 +102,9 @@ class Spins(NamedTuple):
 
     def pieces(model):
         return pieces(model.in_kernels())
+
+    def flow_ns(model):
+        return 8.0 * dimension(model) / 3
 
     def noises(model):
         if model.noise is None:

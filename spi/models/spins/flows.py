@@ -13,7 +13,9 @@ import numpy as np
 
 from ...compiler.dispatch import device
 from ...numerics.angles import sinc_versinc
+from ...numerics.elementary import expm1
 from ...numerics.motions import sinh_coshm1
+from ...numerics.rng import on_circle, uniform
 
 NEAR = 0.5
 _S1, _S2, _S3, _S4, _S5, _S6 = (1.0 / math.factorial(2 * k + 1) for k in range(1, 7))
@@ -81,3 +83,24 @@ def noise_factor(square):
     spherical harmonics of all degrees l: E sum_m cos(m |w|) / (2l + 1) = exp(-l(l+1) v / 2) + O(v^3).
     """
     return 1.0 / (1.0 + square * (1.0 / 120.0))
+
+
+@device
+def versines_of_noise(v):
+    """1 - cos of the two angles, equally likely, of a turn about a random axis that has the means of noise.
+
+    With e = 1 - exp(-v), v the variance of a component of the Gaussian vector, they are e (3/2 +- (3/2 - 5 e/4)^(1/2)).
+    Then E sum_m cos(m angle) / (2l + 1) = exp(-l(l+1) v / 2) holds exactly for l = 1 and 2, and up to O(v^3) for all l,
+    because l = 1 and 2 determine the means of angle^2 and angle^4 up to the square of v.
+    """
+    e = -expm1(-v)
+    root = np.sqrt(1.5 - 1.25 * e)
+    return e * (1.5 - root), e * (1.5 + root)
+
+
+@device
+def direction(first, second):
+    """A unit vector, uniformly distributed, from two 32-bit words: its z, and the angle of (x, y)."""
+    u = uniform(first)
+    x, y = on_circle(2.0 * np.sqrt(u * (1.0 - u)), second)
+    return x, y, u - (1.0 - u)

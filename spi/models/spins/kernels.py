@@ -14,7 +14,7 @@ from ...ensemble.protocol import friction_after
 from ...numerics.angles import REDUCED_ANGLES, SMALL_ANGLES, sin_versine
 from ...numerics.elementary import REDUCIBLE, SMALL, bits, expm1, from_bits
 from ...numerics.rng import LANES
-from .flows import NEAR, change_by_turn, cross, noise_factor, towards, towards_near, unit_factor
+from .flows import NEAR, change_by_turn, cross, direction, noise_factor, towards, towards_near, unit_factor
 
 SPIN = 3 * LANES  #: floats of a site
 
@@ -58,11 +58,11 @@ class SpinTables(NamedTuple):
 
     large = True
     in_place = True
-    conserved = 1
+    conserved, sphere_size = 1, 3
     dimension, pieces, noises = FieldOf("d"), FieldOf("p"), FieldOf("m")
 
     def flow_ns(model):
-        return 4.0 * len(model.member) / model.p
+        return 8.0 * len(model.moment)
 
     def noise_groups(model):
         return 1 if model.m > 0 else 0
@@ -99,10 +99,10 @@ class SpinTables(NamedTuple):
                 bx, by, bz = work[lane], work[LANES + lane], work[2 * LANES + lane]
                 x, y_, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
                 dx, dy, dz = cross(bx, by, bz, x, y_, z)
-                along = bx * x + by * y_ + bz * z
-                added[lane] += inverse * (dx + model.alpha * (bx - along * x))
-                added[LANES + lane] += inverse * (dy + model.alpha * (by - along * y_))
-                added[2 * LANES + lane] += inverse * (dz + model.alpha * (bz - along * z))
+                ex, ey, ez = cross(x, y_, z, dx, dy, dz)  # tangent also off the sphere, as the midpoint rule needs
+                added[lane] += inverse * (dx + model.alpha * ex)
+                added[LANES + lane] += inverse * (dy + model.alpha * ey)
+                added[2 * LANES + lane] += inverse * (dz + model.alpha * ez)
 
     def add_block_noises(model, times, width, y, out, work):
         for i in range(len(model.moment)):
@@ -557,6 +557,21 @@ def turn_by_vectors_within(angles, w, s):
         x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
         dx, dy, dz = change_by_turn(angles, factor * wx, factor * wy, factor * wz, x, y, z)
         s[lane], s[LANES + lane], s[2 * LANES + lane] = x + dx, y + dy, z + dz
+
+
+@device
+def turn_about_random_axes(low, high, words, spin):
+    """Turn a spin in each lane about a random axis by one of two angles of versines `low` and `high`, by a coin.
+
+    `words` (2 LANES) are those of :func:`~.flows.direction`; the last bit of the first is the coin.
+    """
+    low_sine, high_sine = np.sqrt(low * (2.0 - low)), np.sqrt(high * (2.0 - high))
+    for lane in range(LANES):
+        a, b, c = direction(words[lane], words[LANES + lane])
+        coin = (words[lane] & np.uint64(1)) != 0
+        s, v = (low_sine, low) if coin else (high_sine, high)
+        x, y, z = spin[lane], spin[LANES + lane], spin[2 * LANES + lane]
+        spin[lane], spin[LANES + lane], spin[2 * LANES + lane] = turn_about(s, v, a, b, c, x, y, z)
 
 
 @device

@@ -15,10 +15,21 @@ import numpy as np
 from numba import get_num_threads, prange
 
 from ...compiler.dispatch import device, kernel
+from ...compiler.vectors import without_refcount
 from ...ensemble.scheme_protocol import judges
-from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair
+from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair, uniform
+from .flows import versines_of_noise
 from .kernels import SITES as BY_SITES
-from .kernels import SPIN, add_field, judge_turns, move_members, spin_of, take_away_roundings, turn_at_random
+from .kernels import (
+    SPIN,
+    add_field,
+    judge_turns,
+    move_members,
+    spin_of,
+    take_away_roundings,
+    turn_about_random_axes,
+    turn_at_random,
+)
 from .tables import tables
 
 #: The kinds of rows of a program: flows of a piece, of friction, of the noise, judged noise of a colour of sites.
@@ -286,11 +297,22 @@ def draw_site(i, draw, seed, path, words, normals, scale):
 
 @device(inline=False)
 def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
-    """The noise of the sites of a part from `begin` to before `end` over the time t."""
+    """The noise of the sites of a part from `begin` to before `end` over the time t.
+
+    One evaluation of the generator serves two sites, which turn about random axes; about a given axis, one.
+    """
     words, normals = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES)
-    for i in range(begin, end):
-        draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
-        turn_at_random(model, i, i + 1, normals, y)
+    if len(model.noise_axis) > 0:
+        for i in range(begin, end):
+            draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
+            turn_at_random(model, i, i + 1, normals, y)
+    else:
+        for i in range(begin, end):
+            if i == begin or i % 2 == 0:
+                draw_words(seed, np.uint64(SITES), np.uint64(i // 2), draw, path, words)
+            low, high = versines_of_noise(t * model.strength[i] * model.strength[i])
+            own = without_refcount(words[2 * LANES :] if i % 2 else words[: 2 * LANES])
+            turn_about_random_axes(low, high, own, spin_of(y, i))
     take_away_roundings(model, begin, end, y)
 
 
@@ -303,7 +325,7 @@ def judge_sites(model, h, begin, end, y, draw, seed, path, work):
         draw_site(i, draw, seed, path, words, normals, np.sqrt(h))
         draw_words(seed, np.uint64(SITES), np.uint64(i), draw + np.uint64(1), path, words)
         for lane in range(3 * LANES):
-            uniforms[lane] = np.float64(np.int64(words[lane])) * 2.0**-32 + 2.0**-33
+            uniforms[lane] = uniform(words[lane])
         add_field(model, i, y, work)
         for a in range(3):
             some = slice(a * LANES, (a + 1) * LANES)
