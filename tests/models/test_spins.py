@@ -6,6 +6,7 @@ import mpmath
 import numba
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
@@ -20,12 +21,14 @@ from spi.ensemble.protocol import (
     one_path,
     pieces,
 )
+from spi.expressions import as_numpy, parse_expression
 from spi.models.delegation import thermal
 from spi.models.spins import Anisotropy, Spins, Terms, Transport
 from spi.models.spins.flows import NEAR, towards, towards_near, versines_of_noise
 from spi.models.spins.lattices import LATTICES, lattice
 from spi.models.spins.tables import moves
 from spi.numerics.rng import LANES, draw_normals
+from spi.running.load import load
 from spi.schemes import SCHEMES, of_model
 
 pytestmark = pytest.mark.xdist_group("spins")
@@ -368,3 +371,41 @@ def test_steps_of_other_programs(scheme):
             added = field_of(first, noise, h)
             new = first + (added + field_of(first + added, noise, h)) / 2
             np.testing.assert_allclose(z, new / np.linalg.norm(new, axis=1, keepdims=True), atol=1e-14)
+
+
+def brown(k: float, degree: int = 60) -> np.ndarray:
+    """Brown's operator over alpha T for the energy -K s_z^2, k = K/T, on Legendre polynomials of z (columns).
+
+    d/dz (1 - z^2) d/dz + 2 k z (1 - z^2) d/dz.
+    """
+    ell = np.arange(degree + 1.0)
+    times_z = np.diag((ell[:-1] + 1) / (2 * ell[:-1] + 1), -1) + np.diag(ell[1:] / (2 * ell[1:] + 1), 1)
+    slope = np.diag(ell[1:] * (ell[1:] + 1) / (2 * ell[1:] + 1), 1)  # (1 - z^2) d/dz
+    slope -= np.diag(ell[:-1] * (ell[:-1] + 1) / (2 * ell[:-1] + 1), -1)
+    return np.diag(-ell * (ell + 1)) + 2 * k * times_z @ slope
+
+
+def test_switching_by_legendre_polynomials():
+    """The rates of Brown's equation, and the means of the experiment: E s_z from s_z = 1."""
+    rates = [np.sort(-np.linalg.eigvals(brown(k)).real)[1] for k in (1, 2, 5, 10)]
+    np.testing.assert_allclose(rates, [1.3062796687, 0.8076818777, 0.1354063297, 0.0028821667], atol=1e-10)
+    experiment = load("uniaxial_switching")
+    for case, k in zip(experiment.cases, (1, 2, 5), strict=True):
+        for t in case.t:
+            mean = expm(0.5 * t * brown(k))[:, 1].sum()
+            formula = parse_expression(case.reference["z"], 1, ("t",))
+            assert abs(as_numpy(formula)(np.full((1, 1), t))[0] - mean) < 1e-6
+
+
+def test_weak_order_2_of_noisy_spins():
+    """The slope of the error of E s_z(1) at three steps, against Brown's equation; beside it one of order 1."""
+    model = Spins("ring", (8,), (), anisotropy=Anisotropy(2.0), alpha=0.5)
+    exact, up, slopes = expm(0.5 * brown(2))[:, 1].sum(), np.tile([0.0, 0.0, 1.0], (8, 1)), {}
+    for scheme in ("splitting_symmetric", "splitting"):
+        errors = []
+        for h in (0.5, 0.25, 0.125):
+            mean, stderr = mean_and_error(paths(model, 1.0, scheme, h, round(1 / h), 2048, up)[:, 2].mean(axis=0))
+            errors.append(mean - exact)
+            assert stderr < abs(errors[-1]) / 6
+        slopes[scheme] = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert all(abs(slopes["splitting_symmetric"] - 2) < 0.2) and all(slopes["splitting"] < 1.3)
