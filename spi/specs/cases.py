@@ -68,7 +68,7 @@ from .keys import (
     wrong,
 )
 from .models import Model, check_words, name_of
-from .names import CodeKeys, check_values, named_in, taken
+from .names import CodeKeys, check_values, named_in, numbers_of, taken
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -131,12 +131,12 @@ class FunctionKeys(CodeKeys):
         return tree
 
 
-def with_others(case: Any, functions: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries of the key ``functions``, names of others being their formulas."""
+def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
+    """The entries of a key of formulas by name, names of others being their formulas."""
     try:
-        return written_out(functions, taken(case))
+        return written_out(entries, taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
     except NumberError as error:
-        raise wrong(f"cannot be written out: {error}", "leave one of these names out", "functions") from None
+        raise wrong(f"cannot be written out: {error}", "leave one of these names out", key) from None
 
 
 class BaseCase(Keys):

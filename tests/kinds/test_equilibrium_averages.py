@@ -1,5 +1,6 @@
 """Means over time at equilibrium: what is recorded, errors, warnings, orders, and keys."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -168,3 +169,12 @@ def test_what_is_not_given(load_text):
     assert case.panels == ("means", "histogram", "autocorrelation")
     long = load_text(LONG.replace("spacing: 3/4\n", ""), "final_time=2^14").cases[0]
     assert long.between == 4 and Series.of(long, 0).stride == 16 and Series.of(long, 1).stride == 32
+
+
+def test_references_name_parameters_the_temperature_and_each_other(load_text):
+    hot = LONG.replace("sigma: [1, 1, 1]}", "sigma: [1, 1, 1]}\ntemperature: 1/4")
+    parameters = "parameters: {a: 3}, algebra: so(3), hamiltonian: a*y1^2, noises: [y1, y2, y3], sigma: [1, 1, 1]}"
+    text = re.sub(r"model: \{.*", f"model: {{{parameters}", hot)
+    case = load_text(text, "schemes=[splitting]", "reference={height: a*T, H: height^2 + 1}").cases[0]
+    known = known_laws(case, [np.zeros((2, 2))])
+    np.testing.assert_array_equal(known.value, [0.75, 1.5625])

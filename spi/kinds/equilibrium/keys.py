@@ -191,6 +191,7 @@ class Case(CodeKeys, BaseCase):
             raise wrong("is for means over time", "give final_time instead of step_count", "reference")
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
+        reference = with_others(self, reference, "reference")
         for name, text in reference.items():
             check(self, name, text)
         return self.model_copy(update={"reference": reference})

@@ -235,9 +235,11 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_reference(self) -> Self:
-        for name, reference in self.reference.items():
+        """The case with references in which names of others are written out."""
+        references = with_others(self, self.reference, "reference")
+        for name, reference in references.items():
             check(self, name, reference)
-        return self
+        return self.model_copy(update={"reference": references})
 
     @condition
     def _check_autocorrelation(self) -> Self:
