@@ -21,6 +21,11 @@ def _folder(tmp_path, monkeypatch):
     tmp_path.joinpath("systems").symlink_to(ROOT / "experiments" / "systems")
     tmp_path.joinpath("schemes").symlink_to(ROOT / "experiments" / "schemes")
     tmp_path.joinpath("my_top.py").symlink_to(ROOT / "tests" / "heavy_top.py")
+    page = ROOT / "docs" / "own_functions.md"
+    (example,) = [
+        block for block in blocks_of(page, page.read_text(encoding="utf-8")) if "compiled only" in block.notes
+    ]
+    tmp_path.joinpath("my_functions.py").write_text(example.text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     for name, options in (("my_body", []), ("my_top", ["--system"])):
         assert call("new", name, *options)[0] == 0

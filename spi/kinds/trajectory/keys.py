@@ -54,7 +54,7 @@ class Case(CodeKeys, StepCase):
     path: key_of(Path, "number of the path") = 0
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     save: key_of(
-        Times, "times whose states are stored beside that at the start, multiples of step; default: every n-th", "time"
+        Times, "times whose states are stored, and that at the start, multiples of step; default: every n-th", "time"
     ) = ()
     times: key_of(
         Times, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
