@@ -74,7 +74,7 @@ STEP_SIZES = 2.0 ** (np.array(LEVELS) - 10)
 #: Schemes that leave out the same Lévy areas, so that they differ by O(h).
 ALIKE = (
     {"splitting", "splitting_drift_first", "splitting_joint_lie"},
-    {"midpoint", "munthe_kaas_midpoint", "isospectral_midpoint", "splitting_joint"},
+    {"midpoint", "munthe_kaas_midpoint", "isospectral_midpoint", "heun_renormalised", "splitting_joint"},
 )
 #: Schemes that know the areas, of strong order 1.
 WITH_AREAS = {"splitting_areas", "splitting_joint_areas", "munthe_kaas_areas"}

@@ -181,6 +181,22 @@ def test_what_is_stored_does_not_change_what_is_seen(spec):
     assert spare.case.spacing == 8 and finished(spare).total().y.shape == (17, 3)
 
 
+def test_states_that_are_recorded_decide_what_is_used_again(spec):
+    """A section looks at all steps, so that every eighth state is not enough; times are, if they are among them."""
+    bare = SECTION.replace("section: {of: y2, direction: both, store: [y1, H]}\n", "").replace(", section]", "]")
+    texts = (
+        SECTION + "every: 8\n",
+        SECTION,
+        bare,
+        bare + "every: 8\n",
+        bare + "save: [10, 32]\n",
+        bare + "save: [32]\n",
+    )
+    deciding = [repr(study.plan(spec(text).cases[0], Part("splitting_symmetric")).deciding(0)) for text in texts]
+    assert deciding[0] == deciding[1] == deciding[2] and deciding[3] == deciding[4]
+    assert len(set(deciding)) == 3
+
+
 def test_functions_of_a_python_file(spec, tmp_path):
     """They are words of formulas, whose values are those of the same formula, to the last bit; the text decides."""
     (tmp_path / "my.py").write_text("def flat2(y):\n    return y[0] * y[0] + y[1] * y[1]\n", encoding="utf-8")

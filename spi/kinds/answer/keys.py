@@ -148,7 +148,7 @@ class Case(FunctionKeys, BaseCase):
 
 
 #: The keys about the system and its noise.
-_SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise")
+_SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise", "python")
 
 #: The functions for an experiment without test functions, and the default accuracy.
 _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3

@@ -69,9 +69,14 @@ class TrajectoryPlan(PathsPlan):
         return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """See :meth:`Plan.deciding`; not the final time of a large model, whose path goes on from its last state."""
+        """See :meth:`Plan.deciding`: of what is stored the spacing of the states that are recorded.
+
+        Not the final time of a large model, whose path goes on from its last state.
+        """
         entries, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
-        return {key: value for key, value in entries.items() if key != "final_time" or ends}
+        left_out = {"save", "every", *(() if ends else ("final_time",))}
+        spacing = {"every": self.case.spacing} if self.case.spacing > 1 else {}
+        return {key: value for key, value in entries.items() if key not in left_out} | spacing
 
     def sizes(self) -> list[int]:
         """The number of steps."""
