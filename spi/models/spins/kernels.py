@@ -563,15 +563,17 @@ def turn_by_vectors_within(angles, w, s):
 def turn_about_random_axes(low, high, words, spin):
     """Turn a spin in each lane about a random axis by one of two angles of versines `low` and `high`, by a coin.
 
-    `words` (2 LANES) are those of :func:`~.flows.direction`; the last bit of the first is the coin.
+    `words` (2 LANES) are those of :func:`~.flows.direction`; the last bit of the first is the coin.  Roundings of
+    lengths are taken away.
     """
     low_sine, high_sine = np.sqrt(low * (2.0 - low)), np.sqrt(high * (2.0 - high))
     for lane in range(LANES):
         a, b, c = direction(words[lane], words[LANES + lane])
         coin = (words[lane] & np.uint64(1)) != 0
         s, v = (low_sine, low) if coin else (high_sine, high)
-        x, y, z = spin[lane], spin[LANES + lane], spin[2 * LANES + lane]
-        spin[lane], spin[LANES + lane], spin[2 * LANES + lane] = turn_about(s, v, a, b, c, x, y, z)
+        x, y, z = turn_about(s, v, a, b, c, spin[lane], spin[LANES + lane], spin[2 * LANES + lane])
+        factor = unit_factor(x, y, z)
+        spin[lane], spin[LANES + lane], spin[2 * LANES + lane] = factor * x, factor * y, factor * z
 
 
 @device

@@ -306,6 +306,7 @@ def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
         for i in range(begin, end):
             draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
             turn_at_random(model, i, i + 1, normals, y)
+        take_away_roundings(model, begin, end, y)
     else:
         for i in range(begin, end):
             if i == begin or i % 2 == 0:
@@ -313,7 +314,6 @@ def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
             low, high = versines_of_noise(t * model.strength[i] * model.strength[i])
             own = without_refcount(words[2 * LANES :] if i % 2 else words[: 2 * LANES])
             turn_about_random_axes(low, high, own, spin_of(y, i))
-    take_away_roundings(model, begin, end, y)
 
 
 @device(inline=False)
