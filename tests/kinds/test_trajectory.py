@@ -1,5 +1,7 @@
 """Trajectories: the path and its invariants, what is stored of them, and their tables."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers import INITIAL, LANES, RIGID_BODY, printed, simulate
@@ -123,7 +125,8 @@ def test_functions_and_a_section_by_the_map_of_the_step(spec):
 
 
 def test_a_section_of_a_noisy_path_is_on_lines(spec):
-    plan = study.plan(spec(SECTION, "sigma: 0", "sigma: 1").cases[0], Part("splitting_symmetric"))
+    system, body = (re.search("model: .*", text)[0] for text in (SECTION, SPEC))
+    plan = study.plan(spec(SECTION, system, body).cases[0], Part("splitting_symmetric"))
     found = plan.results(finished(plan))
     y, n = found.y[:, 1], np.floor(found.section.t[1:] * 4).astype(int)
     np.testing.assert_allclose(found.section.t[1:], (n + y[n] / (y[n] - y[n + 1])) / 4, rtol=1e-12)
