@@ -27,7 +27,6 @@ __all__ = [
     "Observable",
     "as_numpy",
     "canonical",
-    "functions_of",
     "has_sum",
     "is_constant",
     "is_step",
@@ -468,11 +467,6 @@ def as_numpy(expression):
     for part, (_, power) in zip(phi.singular, parts, strict=True):
         part.power = power
     return phi
-
-
-def functions_of(texts, dimension):
-    """:func:`as_numpy` of each of some texts."""
-    return [as_numpy(parse_expression(text, dimension)) for text in texts]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -116,11 +116,11 @@ def _path_function(
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
     tree = parse_expression(text, dimension(model), names, named_in(text, model, names, code))
-    values = as_numpy(tree)
+    values: Callable[[Array], Array]
     if isinstance(tree, Component):
         values = partial(_component, tree.k)
-    elif isinstance(tree, Observable):
-        values = tree.values
+    else:
+        values = tree.values if isinstance(tree, Observable) else as_numpy(tree)
     written = text if has_sum(tree) else in_names(canonical(tree), names)
     return PathFunction(functional, condition if functional == "passage" else written, values)
 

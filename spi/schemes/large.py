@@ -237,19 +237,29 @@ def _span(begin, stop):
     return f"{begin}, {stop}, {n}, 1.0"
 
 
+@device
+def parts_of_work(model, work):
+    """(states, two more, times, scratch of the flows): views of the floats of :func:`large_work`."""
+    size, end = dimension(model) * width_of(model), (3 * dimension(model) + noises(model)) * width_of(model)
+    return work[:size], work[size : 2 * size], work[2 * size : 3 * size], work[3 * size : end], work[end:]
+
+
+@device
+def copy(states, new):
+    for i in range(len(states)):  # an assignment of slices would take a second to compile
+        new[i] = states[i]
+
+
 @device(inline=False)
 def euler_step_of_large(model, paths, h, dW, y, work):
     """A step of Euler-Maruyama for the first `paths` states of a block, in place."""
-    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
-    n = width_of(model)
-    states, new = work[: d * n], work[d * n : 2 * d * n]
-    times, scratch = work[2 * d * n : (2 * d + m) * n], work[(2 * d + m) * n :]
+    done, lanes = 0, np.arange(paths)
+    states, new, _, times, scratch = parts_of_work(model, work)
     while done < paths:
         count, width = group_size(model, paths - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
-        for i in range(d * n):  # an assignment of slices would take a second to compile
-            new[i] = states[i]
+        copy(states, new)
         add_block_drift(model, h, width, states, new, scratch)
         add_block_ito_correction(model, h, width, states, new, scratch)
         take_times(model, dW, some, width, 0, 1, 1, 1.0, times)
@@ -268,19 +278,16 @@ def add_half_field(model, h, width, at, out, times, work):
 @device(inline=False)
 def heun_step_of_large(model, paths, h, dW, y, work):
     """A step of Heun's scheme for the first `paths` states of a block, in place, back on the spheres."""
-    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
-    n = width_of(model)
-    states, new = work[: d * n], work[d * n : 2 * d * n]
-    times, scratch = work[2 * d * n : (2 * d + m) * n], work[(2 * d + m) * n :]
+    done, lanes = 0, np.arange(paths)
+    states, new, _, times, scratch = parts_of_work(model, work)
     while done < paths:
         count, width = group_size(model, paths - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
-        for i in range(d * n):
-            new[i] = states[i]
+        copy(states, new)
         add_half_field(model, h, width, states, new, times, scratch)
-        for i in range(d * n):
+        for i in range(len(states)):
             states[i] = 2.0 * new[i] - states[i]
         add_half_field(model, h, width, states, new, times, scratch)
         renormalise(model, width, new)
@@ -308,32 +315,27 @@ def midpoint_step_of_large(model, paths, h, dW, y, work, report, tolerance, most
 
     x = y + F(x) / 2 by iteration from x = y, until no component changes by more than 2^-48 of the largest one.
     """
-    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
-    n = width_of(model)
-    states, x, new = work[: d * n], work[d * n : 2 * d * n], work[2 * d * n : 3 * d * n]
-    times, scratch = work[3 * d * n : (3 * d + m) * n], work[(3 * d + m) * n :]
+    done, lanes = 0, np.arange(paths)
+    states, x, new, times, scratch = parts_of_work(model, work)
     while done < paths:
         count, width = group_size(model, paths - done)
         some, iterations, residual = lanes[done : done + count], 0, 1.0
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
-        for i in range(d * n):
-            x[i] = states[i]
+        copy(states, x)
         while not residual <= _ENOUGH and iterations < most_iterations:
-            for i in range(d * n):
-                new[i] = states[i]
+            copy(states, new)
             add_half_field(model, h, width, x, new, times, scratch)
             residual = relative_distance(x, new)
-            for i in range(d * n):
-                x[i] = new[i]
+            x, new = new, x
             iterations += 1
         failures = 0
         if not residual <= tolerance:
-            add_half_field(model, h, width, x, states, times, scratch)  # y + F(x) / 2
+            copy(states, new)
+            add_half_field(model, h, width, x, new, times, scratch)
             for j in range(count):
-                failures += 0 if relative_distance(x, states, j, width) <= tolerance else 1
-            take(y, some, width, states)
-        for i in range(d * n):
+                failures += 0 if relative_distance(x, new, j, width) <= tolerance else 1
+        for i in range(len(states)):
             states[i] = 2.0 * x[i] - states[i]
         put(y, some, width, states)
         done += count

@@ -170,7 +170,11 @@ class BaseCase(Keys):
     )
     #: key -> the value with which it is left out of the data that decide results, as in specs from before it was a key.
     unsaid: ClassVar[Mapping[str, Any]] = {
-        **{"damping": 0.0, "temperature": math.inf, "noise": None, "areas": "exact", "python": None}
+        "damping": 0.0,
+        "temperature": math.inf,
+        "noise": None,
+        "areas": "exact",
+        "python": None,
     }
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once

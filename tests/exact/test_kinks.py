@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from phis import functions_of
 from scipy.integrate import quad
 from scipy.special import eval_legendre, gamma, rgamma
 
@@ -11,7 +12,6 @@ from spi.exact.gibbs import law_of
 from spi.exact.kolmogorov import kinks, refiner
 from spi.exact.kolmogorov.harmonics import harmonics_up_to
 from spi.exact.kolmogorov.refining import outlook, refined
-from spi.expressions import functions_of
 from spi.models import MaxwellBloch, RigidBody
 
 

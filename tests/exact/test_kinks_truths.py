@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from phis import functions_of
 from scipy.integrate import quad
 
 from spi.exact.kolmogorov import refiner
 from spi.exact.kolmogorov.refining import refined
-from spi.expressions import functions_of
 from spi.models import MaxwellBloch, RigidBody
 
 pytestmark = pytest.mark.slow

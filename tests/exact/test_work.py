@@ -134,7 +134,7 @@ def test_solvers_stop_at_once(monkeypatch, question):
 @pytest.mark.slow
 def test_predicted_seconds_are_those_taken_up_to_the_speed_of_the_machine():
     """Of refinements with few and many steps, with kinks and without, of one class and of four."""
-    from spi.expressions import functions_of
+    from phis import functions_of
 
     asked = [
         (MaxwellBloch(sigma=(0.7, 0.4)), (1.0, 0.5, -0.3), 3.0, ["y3^2"], 1e-3),

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from helpers import compiled_only
+from phis import functions_of
 from states import finished
 from weak_cases import case_of, plan_of
 
 from spi.exact.kolmogorov import expectations
-from spi.expressions import functions_of
 from spi.kinds.blocks import values_of_blocks
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions

@@ -125,8 +125,8 @@ class StabilityPlan(BlocksPlan):
     @property
     def seconds_of_truth(self) -> float:
         """The seconds that the true expectations take, roughly."""
-        phis, end = [*map(as_numpy, self.case.expressions)], self.case.final_time
-        return float(seconds_of_equation(self.model, self.initial, end, phis, most_seconds=_MOST_SECONDS))
+        end = self.case.final_time
+        return float(seconds_of_equation(self.model, self.initial, end, self.phis, most_seconds=_MOST_SECONDS))
 
     def initial_extra(self) -> Truth:
         """No expectation has been computed."""

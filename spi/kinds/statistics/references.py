@@ -62,9 +62,14 @@ def check(case: Any, name: str, reference: str | Curve) -> None:
         try:
             if re.search(r"\by1\b", reference):
                 raise NumberError("unknown name 'y1'")
-            parse_expression(reference, 1, ("t",), numbers_of(case))
+            _formula(case, reference)
         except NumberError as error:
             raise wrong(f"is {shown(reference)} ({error})", RIGHT, "reference", name) from None
+
+
+def _formula(case: Any, text: str) -> Any:
+    """The tree of a formula in t, parameters and T; NumberError if it is none."""
+    return parse_expression(text, 1, ("t",), numbers_of(case))
 
 
 def _unknown(case: Any, name: str, reference: str) -> str | None:
@@ -111,10 +116,7 @@ def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
         elif reference == STATIONARY:
             value[f], error[f] = _stationary(case.model, case.initial, case.temperature, function)
         elif isinstance(reference, str):
-            value[f], error[f] = (
-                as_numpy(parse_expression(reference, 1, ("t",), numbers_of(case)))(case.t[np.newaxis]),
-                0.0,
-            )
+            value[f], error[f] = as_numpy(_formula(case, reference))(case.t[np.newaxis]), 0.0
         elif reference is not None:
             value[f], error[f] = _in_curve(reference, case.t, case.step)
     return value, error

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from ...ensemble.protocol import dimension, pieces
+from ...ensemble.protocol import dimension, flow_ns, pieces
 from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
@@ -104,7 +104,7 @@ class Spins(NamedTuple):
         return pieces(model.in_kernels())
 
     def flow_ns(model):
-        return 8.0 * dimension(model) / 3
+        return flow_ns(model.in_kernels())
 
     def noises(model):
         if model.noise is None:
