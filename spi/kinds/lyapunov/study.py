@@ -3,7 +3,8 @@
 Beside each path y go m others, y + eps q_i, with q_1, ..., q_m an orthonormal basis of the tangent space of the Casimir
 surface, at first one at random for each path: axes may be invariant, and vectors along them would never turn into the
 directions that grow most.  After some steps of the scheme (z_i - z) / eps = Q R, the columns of Q are the next basis,
-and the means of log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15, 1980.)
+and the means of log R_ii over time are the exponents (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica
+15, 1980).
 Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.  The
 distance eps is a fixed share of the larger of the states at both ends of these steps.
 
