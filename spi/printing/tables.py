@@ -285,17 +285,23 @@ def _lines(record: Stored) -> Iterator[str]:
 
 
 def _common(record: Any) -> Iterator[str]:
-    """Order, paths, angles of flows and solvers of equations, of records that have such fields."""
+    """Order, paths, angles of flows and solvers of equations, of records that have such fields.
+
+    A kind of one's own has any of them, and each is said without the others.
+    """
     if (order := getattr(record, "order", None)) is not None:
-        few = math.isfinite(order.order) and order.points < len(record.h)
-        through = f", through the finest {order.points} of {len(record.h)}" * few
-        yield order_text(order.order, order.low, order.high, record.expected_order) + through
+        fitted, expected = len(getattr(record, "h", ())), getattr(record, "expected_order", None)
+        few = math.isfinite(order.order) and order.points < fitted
+        through = f", through the finest {order.points} of {fitted}" * few
+        yield order_text(order.order, order.low, order.high, expected) + through
     if note := getattr(record, "note", ""):
         yield note
     if hasattr(record, "step") and hasattr(record, "samples"):
-        lost = f", {record.nonfinite} of them diverged" * bool(record.nonfinite)
-        paths = f"{record.samples} paths until t = {record.t[-1]:g} with h = {record.step:g}{lost}"
-        yield f"{paths}, {record.ns_per_step:.1f} ns per step and path"
+        times, nonfinite, ns = (getattr(record, name, None) for name in ("t", "nonfinite", "ns_per_step"))
+        until = "" if times is None else f" until t = {times[-1]:g}"
+        lost = f", {nonfinite} of them diverged" if nonfinite else ""
+        took = "" if ns is None else f", {ns:.1f} ns per step and path"
+        yield f"{record.samples} paths{until} with h = {record.step:g}{lost}{took}"
     if count := getattr(record, "reference_nonfinite", 0):
         yield f"{count} reference paths diverged (NaN or infinity)"
     angle: Any = getattr(record, "largest_angle", None)
