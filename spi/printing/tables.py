@@ -300,7 +300,7 @@ def _common(record: Any) -> Iterator[str]:
         times, nonfinite, ns = (getattr(record, name, None) for name in ("t", "nonfinite", "ns_per_step"))
         until = "" if times is None else f" until t = {times[-1]:g}"
         lost = f", {nonfinite} of them diverged" if nonfinite else ""
-        took = "" if ns is None else f", {ns:.1f} ns per step and path"
+        took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
         yield f"{record.samples} paths{until} with h = {record.step:g}{lost}{took}"
     if count := getattr(record, "reference_nonfinite", 0):
         yield f"{count} reference paths diverged (NaN or infinity)"

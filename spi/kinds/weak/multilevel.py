@@ -26,7 +26,7 @@ from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.kolmogorov import can_solve
-from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -282,7 +282,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
             "expectation": expectation,
-            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=1e9 * cpu_seconds / steps),
+            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)),
             "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
@@ -400,7 +400,7 @@ class DifferencesPlan(MultilevelPlan):
             "expectation_stderr": np.hypot(np.hypot(of_order2.expectation_stderr, stderr), unseen.T),
             **{name: getattr(of_order2, name) for name in ("reference", "sd")},
             "samples": int(levels.samples.sum()),
-            "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
+            "ns_per_step": ns_of(cpu_seconds, float(steps @ levels.samples)),
         }
         estimated = fields | {
             "expectation": order2.expectation + table.mean,
