@@ -120,7 +120,8 @@ def state_recorder(times, rows, every, lane=0):
     nothing = last_states_only(times)
     steps = nothing.levels[:, 2]
     stored = steps[0] // every
-    places = 1 + np.arange(len(steps)) * (stored + 1) - times.first_step // every  # steps are counted from t = 0 on
+    before = (times.first_step >> times.doublings[0]) // every  # steps are counted from t = 0 on
+    places = 1 + np.arange(len(steps)) * (stored + 1) - before
     levels = np.stack([places, every * (steps // steps[0]), steps], axis=1)
     return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
