@@ -41,18 +41,14 @@ _C4, _C5, _C6 = -2.7557319223976253e-07, 2.087675678386655e-09, -1.1470650755881
 _C7, _C8 = 4.764550555762281e-14, -8.422855107761281e-17
 
 # 2/pi in digits of 32 bits, after two zeros, and pi/2 in its first 26 bits and the rest, for angles beyond that
-_TWO_OVER_PI_DIGITS = np.array(
-    [0, 0]
-    + [
-        int(word, 16)
-        for word in """
-        a2f9836e 4e441529 fc2757d1 f534ddc0 db629599 3c439041 fe5163ab debbc561 b7246e3a 424dd2e0 06492eea 09d1921c
-        fe1deb1c b129a73e e88235f5 2ebb4484 e99c7026 b45f7e41 3991d639 835339f4 9c845f8b bdf9283b 1ff897ff de05980f
-        ef2f118b 5a0a6d1f 6d367ecf 27cb09b7 4f463f66 9e5fea2d 7527bac7 ebe5f17b 3d0739f7 8a5292ea 6bfb5fb1 1f8d5d08
-        56033046 fc7b6bab f0cfbc20 9af4361d a9e39161 5ee61b08""".split()
-    ],
-    np.uint64,
+_TWO_OVER_PI_BITS = int(
+    "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a424dd2e006492eea09d1921c"
+    "fe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e413991d639835339f49c845f8bbdf9283b1ff897ffde05980f"
+    "ef2f118b5a0a6d1f6d367ecf27cb09b74f463f669e5fea2d7527bac7ebe5f17b3d0739f78a5292ea6bfb5fb11f8d5d08"
+    "56033046fc7b6babf0cfbc209af4361da9e391615ee61b08",
+    16,
 )
+_TWO_OVER_PI_DIGITS = np.array([(_TWO_OVER_PI_BITS >> 32 * k) % 2**32 for k in range(43, -1, -1)], np.uint64)
 _DIGIT, _HALF = np.uint64(2**32 - 1), np.uint64(2**29)
 _32, _30, _2 = np.uint64(32), np.uint64(30), np.uint64(2)
 _FIRST_BITS = np.int64(-(2**27))  # of a float, all but the last 27
@@ -209,10 +205,10 @@ def sinc_versinc_tiny(z):
 
 @device(inline=False)
 def _sin_versine_far(x):
-    """As :func:`_reduced_sin_versine` for |x| >= 2^20, by whole numbers (Payne and Hanek's reduction); NaN for infinity.
+    """As :func:`_reduced_sin_versine` for |x| >= 2^20, by whole numbers (Payne and Hanek); NaN for infinity.
 
-    |x| = m 2^e with a whole m < 2^53.  Of 2/pi only eight digits of 32 bits matter: those before them add multiples of 4
-    to the quotient by pi/2, and those behind them less than 2^-130.
+    |x| = m 2^e with a whole m < 2^53.  Of 2/pi only eight digits of 32 bits matter: those before them add multiples of
+    4 to the quotient by pi/2, and those behind them less than 2^-130.
     """
     i = bits(abs(x))
     e = np.int64(i >> _52) - 1075

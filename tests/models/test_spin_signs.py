@@ -80,9 +80,9 @@ def test_every_formula_with_a_chirality(name, by):
 
 
 def means_of_bonds(temperature, sites):
-    """(E z . (s x s'), E s . s') of an open chain, J = 1, D = z/2: T times derivatives of ln Z, by the transfer operator.
+    """(E z . (s x s'), E s . s') of an open chain, J = 1, D = z/2: T times derivatives of ln Z.
 
-    In z, with the angles about z integrated: J cos + D sin = (J^2 + D^2)^(1/2) cos of a turned angle.
+    By the transfer operator in z, with the angles integrated: J cos + D sin = (J^2 + D^2)^(1/2) cos of a turned angle.
     """
     z, weight = np.polynomial.legendre.leggauss(240)
     size = np.sqrt(np.outer(1 - z**2, 1 - z**2)) / temperature
@@ -124,7 +124,7 @@ def test_a_cold_chain_turns_the_right_way():
     [("splitting", 3), ("euler_maruyama", 1), ("heun_renormalised", 1), ("heun_renormalised", 3), ("midpoint", 1)],
 )
 def test_one_spin_without_noise(scheme, sites):
-    """From x, B = 2 along z: (cos 4, sin 4, 0) at t = 2, within the order of each scheme; with alpha z = tanh(alpha B t)."""
+    """From x, B = 2 along z: (cos 4, sin 4, 0) at t = 2, within the order; with alpha z = tanh(alpha B t)."""
     model = Spins("chain", (sites,), (), field=(0.0, 0.0, 2.0))
     order, few = {"splitting": (None, 256), "euler_maruyama": (1.0, 64)}.get(scheme, (2.0, 256))
     ends, exact = {}, np.array([np.cos(4), np.sin(4), 0.0])

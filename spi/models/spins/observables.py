@@ -69,6 +69,11 @@ def _own_fields(model: Any, states: Array) -> Array:
     return of.field.reshape(-1, 3, *more) + 2 * of.uniaxial * along + 2 * of.cubic * s**3
 
 
+def field_at(model: Any, states: Array) -> Array:
+    """(sites, 3, ...) the field b = -grad_s H at each spin of states (3 sites, ...)."""
+    return _fields(model, states) + _own_fields(model, states)
+
+
 def _energy_current(model: Any, along: int, states: Array) -> Any:
     """Time derivative of the sum of x e over bonds, at their middles, and sites, x along a vector of the cell.
 
@@ -76,7 +81,7 @@ def _energy_current(model: Any, along: int, states: Array) -> Any:
     weighted by how far away they are, b the field.
     """
     s, weighted = _components(states), _fields(model, states, along)
-    field = _fields(model, states) + _own_fields(model, states)
+    field = field_at(model, states)
     moment = tables(model, np.inf).moment
     return np.tensordot(-0.5 / moment, (s * np.cross(weighted, field, axis=1)).sum(axis=1), axes=1)
 
