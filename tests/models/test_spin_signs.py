@@ -10,7 +10,7 @@ from scipy.special import ive
 from test_spins import mean_and_error, paths, spins_of, stepped
 
 from spi.ensemble.protocol import add_block_drift, block_work, hamiltonian, in_kernels
-from spi.models.spins import Spins, Terms
+from spi.models.spins import Anisotropy, Spins, Terms
 from spi.models.spins.lattices import Cell
 from spi.models.spins.whole import Sampled
 from spi.numerics.rng import LANES
@@ -138,3 +138,30 @@ def test_one_spin_without_noise(scheme, sites):
     assert order is None or abs(np.log2(ends[few] / ends[2 * few]) - order) < 0.2
     exact = np.array([np.cos(4) / np.cosh(1), np.sin(4) / np.cosh(1), np.tanh(1)])
     assert abs(damped - exact).max() < (0.1 if order == 1.0 else 3e-4)
+
+
+def sphere():
+    """(directions (n, 3), weights) of a quadrature."""
+    z, weight = np.polynomial.legendre.leggauss(24)
+    phi, r = np.arange(20) * (2 * np.pi / 20), np.sqrt(1 - z**2)
+    points = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.outer(z, np.ones(20))], axis=-1)
+    return points.reshape(-1, 3), np.repeat(weight, 20)
+
+
+def test_the_temperature_of_spins_is_a_ratio_of_means():
+    """E torque2 / E laplacian = T under exp(-H/T), with each term of H; the mean of the ratios is another number."""
+    points, weight = sphere()
+    one = Spins("chain", (1,), (), (0.3, 0.2, 0.7), Anisotropy(0.6, (1.0, 1.0, 0.0), -0.8), mu=2.0)
+    two = Spins("chain", (2,), (Terms(0.5, (0.3, -0.2, 0.6)),), (0.1, 0.4, -0.2))
+    first, second = (np.repeat(points, len(points), axis=0), np.tile(points, (len(points), 1)))
+    for model, states, w in (
+        (one, points.T, weight),
+        (two, np.concatenate([first, second], axis=1).T, np.outer(weight, weight).ravel()),
+    ):
+        named, temperature = model.observables(), 0.8
+        law = w * np.exp(-named["H"](states) / temperature)
+        torques, laplacian = (law @ named[name](states) for name in ("torque2", "laplacian"))
+        assert torques / laplacian == pytest.approx(temperature, rel=1e-5)
+        assert torques / laplacian != pytest.approx(0.81, rel=1e-3)
+        mean = law @ named["spin_temperature"](states) / law.sum()
+        assert abs(mean - temperature) > 0.05
