@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiler.dispatch import INDICES, device, kernel, number
 from ..compiler.records import class_of, field, is_none
+from ..numerics.elementary import log
 from ..numerics.rng import (
     BRIDGES,
     BROWNIAN,
@@ -183,7 +184,7 @@ def _where_divided(body):
 @device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
-    return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
+    return np.sqrt(h) * np.sqrt(4.0 * abs(log(h)))
 
 
 @device

@@ -539,6 +539,14 @@ def has_friction(model):
     """Whether noises come with friction."""
 
 
+def has_bath(model):
+    """Whether friction and noise belong to one another, as at a temperature: together they keep exp(-H/T).
+
+    Friction may be there without noise, as that of spins with ``alpha`` alone.
+    """
+    return has_friction(model) and bool(noise_indices(model))
+
+
 @method(optional=True)
 def friction_time(model, k, t, y):
     """s(t): exp(s(t) X_k) y is the state y after friction along noise k for the time t."""

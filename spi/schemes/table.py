@@ -10,7 +10,7 @@ from ..ensemble.protocol import (
     area_pairs,
     dimension,
     flow_ns,
-    has_friction,
+    has_bath,
     in_kernels,
     in_place,
     inexact_noises,
@@ -239,7 +239,7 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs, the Gibbs law",
     work=16.0,
-    needs=has_friction,
+    needs=has_bath,
 )
 register_scheme(
     "euler_maruyama",

@@ -19,6 +19,7 @@ from ..ensemble.protocol import (
     conserved,
     dimension,
     flows_lacking,
+    has_bath,
     has_friction,
     large,
     noise_indices,
@@ -316,7 +317,7 @@ class BaseCase(Keys):
             if judges(self.row(name).record) and flows_lacking(self.model):
                 fault = f"has '{name}', which is made of exact flows, and not all are known of {self.model_name}"
                 raise wrong(fault, "use another", "schemes")
-            if needs is has_friction and not needs(self.model):
+            if needs is has_bath and not needs(self.model):
                 raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
             if needs is lie_poisson and not needs(undamped(self.model)):
                 raise wrong_scheme(self, name, "which needs a bracket that is linear", "use another")

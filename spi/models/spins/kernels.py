@@ -105,7 +105,7 @@ class SpinTables(NamedTuple):
                 added[2 * LANES + lane] += inverse * (dz + model.alpha * ez)
 
     def add_block_noises(model, times, width, y, out, work):
-        for i in range(len(model.moment)):
+        for i in range(len(model.moment) if model.m > 0 else 0):  # without noise there are no times
             s, added = spin_of(y, i), spin_of(out, i)
             for lane in range(LANES):
                 wx, wy, wz = noise_vector(model, i, times, lane)
