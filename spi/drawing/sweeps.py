@@ -159,7 +159,8 @@ def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
     title = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
     title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against theory")
+        whose = r"the orders of theory as $h\to0$" if curve.name == "order" else "theory"
+        title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against {whose}")
     words = [style.word(word) for word in curve.grid().words]
     own = partial(_cells, curve, _is_error(curve, sorts))
     return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=0.82)

@@ -277,7 +277,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda plan: len(plan.h))
-        fields, sampled = sampled_errors(self.h, *errors)
+        fields, sampled = sampled_errors(self, *errors)
         expectation, of_expectation = expectations(self, levels)
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
@@ -393,7 +393,7 @@ class DifferencesPlan(MultilevelPlan):
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
         stderr = np.sqrt(table.variance / table.samples)
         unseen = self.unseen_levels(differences) / student_factor(GROUPS)
-        fields, sampled = sampled_errors(self.h, *self.errors(levels))
+        fields, sampled = sampled_errors(self, *self.errors(levels))
         of_order2: Any = order2.sampled
         steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
         sampled |= {
