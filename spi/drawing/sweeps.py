@@ -143,7 +143,7 @@ def _theory(curve: Curve, formula: str, at: plots.Places) -> tuple[plots.Array, 
     low, high = np.nanmin(at.of(x)), np.nanmax(at.of(x))
     if not np.isfinite(expected).all() or len(x) < 2:
         return None
-    if (expected == expected[0]).all():
+    if np.allclose(expected, expected[0], rtol=1e-9, atol=0.0):
         return np.array([low, high]), expected[:2]
     if at.at is not at.values or curve.name not in _MEANS:  # values stand in order, or it is no mean
         return None
