@@ -351,6 +351,15 @@ def noise_groups(array_state_model):
     """The number of groups of noises, at most that of noises."""
 
 
+@method(default=True)
+def noises_commute(array_state_model):
+    """Whether the fields of all noises commute, not only those of one group, on which strong orders depend.
+
+    Called in Python only.  Of other models it follows from their fields.
+    """
+    return noises(array_state_model) <= 1
+
+
 @method
 def block_work(array_state_model):
     """The floats of scratch for the methods of a block."""

@@ -258,9 +258,27 @@ def printed(title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
     """The tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
         yield from table.items(title, readings)
+    yield from map(Cell, _clipped(readings))
     for record in readings:
         yield from map(Cell, _lines(record))
     yield from map(Cell, readings[0].remarks_of_case(readings))
+
+
+_WHOLE = 0.99995  # a share that is printed as 100 %
+
+
+def _clipped(readings: Sequence[Any]) -> Iterator[str]:
+    """The share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
+    about = readings[0].about
+    if not about.truncate_noise:
+        return
+    from ..ensemble.increments import clipped_variance  # not needed to start the program
+
+    sizes = [getattr(one, "h", getattr(one, "step", None)) for one in readings]
+    h = max((float(np.max(size)) for size in sizes if size is not None and np.size(size)), default=0.0)
+    if h > 0.0 and (left := clipped_variance(h)) < _WHOLE:
+        then = ", by the root of which they are divided" * ("temperature" in about.parameters)
+        yield f"truncate_noise: clipped increments over h = {power_of_two(h)} have {left:.2%} of their variance{then}"
 
 
 def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:

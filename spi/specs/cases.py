@@ -11,6 +11,7 @@ import pydantic
 from ..compiler.dispatch import answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
+from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
@@ -74,7 +75,10 @@ from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
 LAWS = ("law", "distance")  # panels about a stationary law
-CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
+CLIP = (
+    "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes; at a temperature they are then divided by the "
+    "standard deviation of clipped normal numbers"
+)
 
 
 class FunctionKeys(CodeKeys):
@@ -231,6 +235,12 @@ class BaseCase(Keys):
     def variables(self) -> tuple[str, ...]:
         """The names of the components; () if the system gives them none."""
         return variables(undamped(self.model))
+
+    @property
+    def clipping(self) -> int:
+        """What becomes of increments: friction at a temperature belongs to their variance, which clipping lowers."""
+        clipped = RESCALED if math.isfinite(self.temperature) else CLIPPED
+        return clipped if getattr(self, "truncate_noise", False) else UNCLIPPED
 
     @property
     def driver(self) -> str:

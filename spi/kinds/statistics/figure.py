@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots, style
+from spi.expressions import as_numpy, parse_expression
 
 from .results import Statistics
 
@@ -146,6 +147,12 @@ def _over_time(field: str, label: str, **options: Any) -> panels.CurvePanel:
     return panels.CurvePanel(field, "t", "function", label=f"${label}$", **options)
 
 
+def _formula(record: Any, f: int) -> Any:
+    """The reference as a function of t, where it is a formula."""
+    text = record.reference_formulas[f] if record.reference_formulas else ""
+    return (lambda t: as_numpy(parse_expression(text, 1))(t[np.newaxis])) if text else None
+
+
 PANELS: dict[str, Any] = {
     "mean": [
         _over_time(
@@ -153,6 +160,7 @@ PANELS: dict[str, Any] = {
             r"\mathrm{{E}}\,[{f}]",
             half=lambda one: one.band[:, np.newaxis] * one.mean_stderr,
             reference="reference",
+            reference_by=_formula,
             then=_with_quantiles,
         )
     ],

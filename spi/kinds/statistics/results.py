@@ -174,6 +174,9 @@ class Statistics(Stored):
     density_map: DensityMap | None = nested(prefix="map_", default=None)
     time: TimeCorrelations | None = nested(prefix="time_", default=None)
     reference: Array | None = array("function t", "known mean; NaN where nothing is known", default=None)
+    reference_formulas: tuple[str, ...] = fact(
+        "formulas of known means in y1 = t; empty where there is none", default=()
+    )
     difference: Array | None = array(
         "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None
     )

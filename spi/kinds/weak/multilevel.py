@@ -277,7 +277,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda plan: len(plan.h))
-        fields, sampled = sampled_errors(self.h, *errors)
+        fields, sampled = sampled_errors(self, *errors)
         expectation, of_expectation = expectations(self, levels)
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
@@ -393,7 +393,7 @@ class DifferencesPlan(MultilevelPlan):
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
         stderr = np.sqrt(table.variance / table.samples)
         unseen = self.unseen_levels(differences) / student_factor(GROUPS)
-        fields, sampled = sampled_errors(self.h, *self.errors(levels))
+        fields, sampled = sampled_errors(self, *self.errors(levels))
         of_order2: Any = order2.sampled
         steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
         sampled |= {
@@ -446,7 +446,7 @@ class DifferencesPlan(MultilevelPlan):
         """The grid of the paths of the scheme itself in a difference."""
         times, sides = self.levels[number].grid, _sides(self.scheme)
         words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}
-        return grid(times.reference_step, times.reference_steps, truncate=times.truncate, **words)
+        return grid(times.reference_step, times.reference_steps, truncate=self.case.clipping, **words)
 
 
 def _difference(case: Any, h: float, sides: int) -> Sample:
@@ -455,7 +455,7 @@ def _difference(case: Any, h: float, sides: int) -> Sample:
     The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.
     """
     steps, doublings = round(case.final_time / h), round(np.log2(h / case.reference_step))
-    times = grid(h, steps, (0, 0), truncate=case.truncate_noise, reversals=_BOTH_SIDES)
+    times = grid(h, steps, (0, 0), truncate=case.clipping, reversals=_BOTH_SIDES)
     weights = np.array([[-0.5, -0.5, *[1.0 / sides] * sides], [0.5, 0.5, *[0.0] * sides]])
     stream = RandomStream(np.uint64(case.seed), np.uint64(DIFFERENCES + 2 * doublings))
     return Sample(times, stream, weights, steps * weights.shape[1])

@@ -124,7 +124,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         own, counts = self._of_own(sums), group_counts(self.samples)
         mean, without = mean_over_paths(own.values[0], counts)
         expectation = _by_step(mean)
-        fields, sampled = sampled_errors(self.h, *self.errors(own.differences, counts))
+        fields, sampled = sampled_errors(self, *self.errors(own.differences, counts))
         spread = jackknife_stderr(expectation, _by_step(without), counts)
         lacking = self._unseen(expectation, spread, self.samples)
         return fields | {

@@ -67,6 +67,9 @@ class SpinTables(NamedTuple):
     def noise_groups(model):
         return 1 if model.m > 0 else 0
 
+    def noises_commute(model):  # those of two sites do, and those of one about one axis
+        return model.m == 0 or len(model.noise_axis) > 0
+
     def block_work(model):
         return 2 * SPIN  # a field, and a spin of other lanes
 
