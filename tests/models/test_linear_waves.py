@@ -6,11 +6,12 @@ from matplotlib.figure import Figure
 from states import finished
 from test_spin_currents import SPINS
 
+from spi import storage
 from spi.kinds.statistics import figure, study
 from spi.kinds.statistics.stationary import modes_of
 from spi.kinds.statistics.waves import linear_waves
 from spi.models.delegation import undamped
-from spi.storage import Part
+from spi.storage import Part, Results
 
 pytestmark = pytest.mark.xdist_group("spins")
 
@@ -118,16 +119,20 @@ def test_faults_of_linear_waves(error, model, given, told):
     assert told in error(SPEC, MODEL, model, GIVEN, f"until: 4, spins: [x, y, z], {given}")
 
 
-def test_corners_have_names(spec):
-    """Ticks of the figure at the corners, whose names may stand twice."""
-    square = MODEL.replace("ring, size: [8]", "square, size: [4, 4]")
-    path = "through: [[0, 0], [1/2, 0], [1/2, 1/2], [0, 0]], labels: [G, X, M, G], about: [0, 0, 1]"
+def test_an_antiferromagnet_on_a_square_with_named_corners(spec, tmp_path):
+    """Two branches, though neither axis alone has the period of the state; stored, and the ticks of the figure."""
+    square = MODEL.replace("ring, size: [8]", "square, size: [4, 4]").replace("1}", "-1}, field: [0, 0, 0.1]")
+    square = square[:-1] + ", anisotropy: {uniaxial: 0.1}}"
+    path = "through: [[0, 0], [1/2, 0], [1/2, 1/2], [0, 0]], labels: [G, X, M, G], about: [[0, 0, 1], [0, 0, -1]]"
     case = spec(SPEC, MODEL, square, GIVEN, f"until: 4, spins: [x], {path}", "256", "64").cases[0]
     plan = study.plan(case, Part("splitting_symmetric"))
     results = plan.results(finished(plan))
     s = results.time.structure
+    c = 2 * np.cos(2 * np.pi * s.wave_vector).sum(axis=1)
+    np.testing.assert_allclose(s.waves, (4.2**2 - c**2)[:, np.newaxis] ** 0.5 + [-0.1, 0.1], atol=1e-7)
     assert s.corners == ("G", "X", "M", "G")
     np.testing.assert_allclose(s.corner_q, [0, 0.5, 1, 1 + 0.5**0.5])
+    storage.write(tmp_path / "a.h5", Results({"kind": "statistics", "title": "t"}, (results.group(),)))
     (plot,) = figure._structure([results], {})
     ax = Figure().add_subplot()
     plot.own(ax)

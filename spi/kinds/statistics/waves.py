@@ -141,12 +141,15 @@ def _places(model: Spins) -> Array:
 
 
 def _repeating(model: Spins, s: Array) -> tuple[Array, int]:
-    """(number of each site in the smallest cell that repeats with the state, sites of that cell)."""
-    per_cell, cells = len(model.cell.sites), s.reshape(*model.size, -1)
-    periods = []
-    for axis, length in enumerate(model.size):
-        divisors = (n for n in range(1, length + 1) if length % n == 0)
-        periods.append(next(n for n in divisors if np.allclose(np.roll(cells, n, axis), cells, rtol=0, atol=1e-9)))
-    at = np.stack(np.unravel_index(np.arange(len(s)) // per_cell, model.size), axis=1) % np.array(periods)
-    member = np.ravel_multi_index(tuple(at.T), tuple(periods)) * per_cell + np.arange(len(s)) % per_cell
-    return member, math.prod(periods) * per_cell
+    """(number of each site in the smallest cell that repeats with the state, sites of that cell).
+
+    Sites that translations which leave the state as it is carry into one another have one number.
+    """
+    axes, per_cell = tuple(range(len(model.size))), len(model.cell.sites)
+    cells, numbers = s.reshape(*model.size, per_cell, 3), np.arange(len(s)).reshape(*model.size, per_cell)
+    first = numbers
+    for shift in np.ndindex(*model.size):
+        if np.allclose(np.roll(cells, shift, axes), cells, rtol=0, atol=1e-9):
+            first = np.minimum(first, np.roll(numbers, shift, axes))
+    different, member = np.unique(first.ravel(), return_inverse=True)
+    return member, len(different)
