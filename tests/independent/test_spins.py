@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from text_of_spins import Spins
-from text_of_systems import field_of_steps, sums_to
+from text_of_systems import field_of_steps, gradient, sums_to
 from uncompiled import program
 
 M, A = [[1.0, 0.2, 0.3], [0.4, 0.5, -0.6], [0.7, -0.8, 0.9]], [1, 2, -1]
@@ -72,6 +72,7 @@ DIMER = {"sites": [[0, 0, 0], [0.4, 0, 0]], "vectors": [[1, 0, 0]], "bonds": [[0
 PAIRS = {"name": "spins", "lattice": DIMER, "size": [4], "mu": [1.2, 1.9], "field": [[0.1, 0.2, 0.3], [0.4, 0.5, -0.6]]}
 PAIRS["bonds"] = [{"exchange": 1.3, "types": [0]}, {"matrix": M, "dm": [0.3, -0.2, 0.7], "types": [1]}]
 OF_PAIRS = {"J": [1.3 * np.eye(3), M], "D": [[0, 0, 0], [0.3, -0.2, 0.7]], "B": PAIRS["field"], "mu": PAIRS["mu"]}
+HEUN = "heun_renormalised"
 CELL = [[0], [0.4]], [[1]], [[0, 1, [0]], [1, 0, [1]]]
 
 
@@ -147,7 +148,11 @@ def test_noise_of_a_system_in_yaml(keys):
     sums_to((found[0] - found[1]) / 2, {"noise": 0.4 * dW[:, None] * np.cross(s, [1, 0, 0])}, 1e-7)
 
 
-UNIAXIAL = {"bonds": {"exchange": [0.4, 0.4, 1.3]} | CHIRAL}, {"J": np.diag([0.4, 0.4, 1.3]), "D": [0, 0, 0.6]}
+UNIAXIAL = (
+    {"bonds": {"exchange": [0.4, 0.4, 1.3]} | CHIRAL, "anisotropy": {"uniaxial": 0.9}},
+    {"J": np.diag([0.4, 0.4, 1.3])},
+)
+UNIAXIAL[1].update(D=[0, 0, 0.6], K=0.9)
 OBSERVED = [("chain", [5], *UNIAXIAL, "n"), ("ring", [6], *UNIAXIAL, "n"), ("square", [3, 4], *UNIAXIAL, "")]
 OBSERVED += [
     ("honeycomb", [3, 4], *TERMS["exchange"], "n"),
@@ -169,5 +174,6 @@ def test_observables(lattice, size, keys, numbers, sublattices):
     currents |= {} if "J" in numbers and lattice == CELL else {"spin_current_z": text.spin_current(s)[2]}
     for name, current in currents.items():
         known |= {f"{name}{k + 1 if len(size) > 1 else ''}": value for k, value in enumerate(current)}
+    known |= {"torque2": sum(np.sum(np.cross(s, -gradient(text.H, s)) ** 2, axis=1)), "laplacian": text.laplacian(s)}
     for name, value in program.values(model, s, " ".join(known)).items():
-        sums_to(value, {name: known[name]})
+        sums_to(value, {name: known[name]}, 1e-7 if name == "laplacian" else 1e-12)

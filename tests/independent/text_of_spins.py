@@ -18,14 +18,6 @@ CELLS = {  # sites, vectors, and bonds [site, site, cells between them]; no page
 }
 
 
-def of_bond(i, j, J, D, _, s):
-    return -(s[i] @ J @ s[j] + D @ np.cross(s[i], s[j]))
-
-
-def of_site(i, b, K, a, K4, s):
-    return -(b @ s[i] + K * (a @ s[i]) ** 2 + K4 / 2 * (s[i] ** 4).sum())
-
-
 class Spins:
     """H = -sum over bonds (s . J s' + D . (s x s')) - sum over sites (mu B . s + K (a . s)^2 + K4/2 sum_c s_c^4)
 
@@ -50,9 +42,13 @@ class Spins:
                 if not self.opened or ((to >= 0).all() and (to < size).all()):
                     i, j = self.sites[*cell, s], self.sites[*(to % size).tolist(), t]
                     self.bonds.append((i, j, J[n], d, across))
-                    self.terms.append(({i, j}, np.add(cell, places[s]) + across / 2, partial(of_bond, *self.bonds[-1])))
+                    energy = partial(lambda i, j, J, d, z: -(z[i] @ J @ z[j] + d @ np.cross(z[i], z[j])), i, j, J[n], d)
+                    self.terms.append(({i, j}, np.add(cell, places[s]) + across / 2, energy))
         for (*cell, s), i in self.sites.items():
-            self.terms.append(({i}, np.add(cell, places[s]), partial(of_site, i, self.mu[i] * B[i], K, a, K4)))
+            energy = partial(
+                lambda i, z: -(self.mu[i] * B[i] @ z[i] + K * (a @ z[i]) ** 2 + K4 / 2 * (z[i] ** 4).sum()), i
+            )
+            self.terms.append(({i}, np.add(cell, places[s]), energy))
 
     def H(self, s):
         return sum(energy(s) for _, _, energy in self.terms)
@@ -61,6 +57,18 @@ class Spins:
         """mu s' = b x s + alpha (b - (s . b) s), b = - grad H"""
         b = -gradient(self.H, s)
         return (np.cross(b, s) + alpha * (b - (s * b).sum(1)[:, None] * s)) / self.mu[:, None]
+
+    def laplacian(self, s):
+        """Of H on the spheres: second derivatives along great circles"""
+        total, t = 0.0, 2**-9
+        for i, e in ((i, e) for i, z in enumerate(s) for e in np.linalg.svd(z[None])[2][1:]):
+            circle = [
+                np.where(np.arange(len(s))[:, None] == i, s * np.cos(a) + e * np.sin(a), s)
+                for a in (t, -t, 2 * t, -2 * t)
+            ]
+            near, far = self.H(circle[0]) + self.H(circle[1]), self.H(circle[2]) + self.H(circle[3])
+            total += (16 * near - far - 30 * self.H(s)) / (12 * t * t)
+        return total
 
     def energy_current(self, s):
         """Time derivative of the sum of x e: of two terms that share a site (x - x') {e, e'} / 2"""

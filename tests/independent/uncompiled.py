@@ -11,6 +11,9 @@ from unittest import mock
 
 import numpy as np
 
+if multiprocessing.parent_process() is not None:
+    import spi
+
 
 @functools.cache
 def process():
@@ -39,8 +42,6 @@ program = Program()
 
 def step(model, scheme, h, y, dW=None, **options):
     """The state after steps of size h from y with the rows of dW, one for each step, or for each part of one"""
-    import spi
-
     y = np.array(y, float)
     integrator = spi.Integrator(model, scheme, h, initial=y.ravel(), **options)
     dW = np.zeros((integrator.substeps, integrator.noises)) if dW is None else np.array(dW, float, ndmin=2)
@@ -49,14 +50,10 @@ def step(model, scheme, h, y, dW=None, **options):
 
 def start(model, paths=1, **options):
     """The states in which paths begin, by the key `initial` among the options"""
-    import spi
-
     return spi.Integrator(model, "splitting", 1.0, **options).start(paths)
 
 
 def paths(*args, **options):
-    import spi
-
     return spi.trajectory(*args, **options).y.to_numpy()
 
 
@@ -70,8 +67,6 @@ def values(model, y, functions, **options):
 
 def run(spec):
     """The arrays of the one part of the results of a spec"""
-    import spi
-
     results = spi.run(spec, name="independent", out=None)
     (part,) = results.parts
     dataset = results[part].dataset
