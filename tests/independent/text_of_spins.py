@@ -45,9 +45,8 @@ class Spins:
                     energy = partial(lambda i, j, J, d, z: -(z[i] @ J @ z[j] + d @ np.cross(z[i], z[j])), i, j, J[n], d)
                     self.terms.append(({i, j}, np.add(cell, places[s]) + across / 2, energy))
         for (*cell, s), i in self.sites.items():
-            energy = partial(
-                lambda i, z: -(self.mu[i] * B[i] @ z[i] + K * (a @ z[i]) ** 2 + K4 / 2 * (z[i] ** 4).sum()), i
-            )
+            anisotropy = partial(lambda i, z: -K * (a @ z[i]) ** 2 - K4 / 2 * (z[i] ** 4).sum(), i)
+            energy = partial(lambda i, f, z: f(z) - self.mu[i] * B[i] @ z[i], i, anisotropy)
             self.terms.append(({i}, np.add(cell, places[s]), energy))
 
     def H(self, s):
@@ -55,27 +54,13 @@ class Spins:
 
     def drift(self, s, alpha=0.0):
         """mu s' = b x s + alpha (b - (s . b) s), b = - grad H"""
-        b = -gradient(self.H, s)
+        b = -sum(gradient(energy, s, sites) for sites, _, energy in self.terms)
         return (np.cross(b, s) + alpha * (b - (s * b).sum(1)[:, None] * s)) / self.mu[:, None]
-
-    def laplacian(self, s):
-        """Of H on the spheres: second derivatives along great circles"""
-        total, t = 0.0, 2**-9
-        for i, e in ((i, e) for i, z in enumerate(s) for e in np.linalg.svd(z[None])[2][1:]):
-            circle = [
-                np.where(np.arange(len(s))[:, None] == i, s * np.cos(a) + e * np.sin(a), s)
-                for a in (t, -t, 2 * t, -2 * t)
-            ]
-            near, far = self.H(circle[0]) + self.H(circle[1]), self.H(circle[2]) + self.H(circle[3])
-            total += (16 * near - far - 30 * self.H(s)) / (12 * t * t)
-        return total
 
     def energy_current(self, s):
         """Time derivative of the sum of x e: of two terms that share a site (x - x') {e, e'} / 2"""
-        gradients, total = [gradient(energy, s) for _, _, energy in self.terms], np.zeros(len(self.size))
-        for ((here, x, _), f), ((there, y, _), g) in itertools.product(
-            zip(self.terms, gradients, strict=True), repeat=2
-        ):
+        terms, total = [(sites, x, gradient(f, s, sites)) for sites, x, f in self.terms], np.zeros(len(self.size))
+        for (here, x, f), (there, y, g) in itertools.product(terms, repeat=2):
             way = x - y - (0 if self.opened else np.round((x - y) / self.size) * self.size)
             total += way / 2 * sum(f[i] @ np.cross(s[i], g[i]) / self.mu[i] for i in here & there)
         return total
@@ -86,10 +71,9 @@ class Spins:
 
     def correlation(self, s, apart):
         """The mean of s . s' over sites that are so many cells apart along the first vector"""
-        there = {
-            (x + apart if self.opened else (x + apart) % self.size[0], *rest): i for (x, *rest), i in self.sites.items()
-        }
-        return np.mean([s[i] @ s[self.sites[site]] for site, i in there.items() if site in self.sites])
+        there = {i: (x + apart, *rest) for (x, *rest), i in self.sites.items()}
+        there = there if self.opened else {i: (x % self.size[0], *rest) for i, (x, *rest) in there.items()}
+        return np.mean([s[i] @ s[self.sites[site]] for i, site in there.items() if site in self.sites])
 
     def staggered(self, s):
         """The mean of mu s with the sign of the sublattice, + that of the first site"""

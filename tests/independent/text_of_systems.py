@@ -3,13 +3,12 @@
 import itertools
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 
-def gradient(f, y):
+def gradient(f, y, rows=None):
     """By imaginary increments, which lose no digits"""
     out = np.zeros(np.shape(y))
-    for k in np.ndindex(out.shape):
+    for k in (k for k in np.ndindex(out.shape) if rows is None or k[0] in rows):
         z = np.array(y, complex)
         z[k] += 1e-30j
         out[k] = np.imag(f(z)) / 1e-30
@@ -30,10 +29,6 @@ def field_of_steps(step, y, h=2**-8, terms=4):
     return row[0]
 
 
-def flow(field, y, t=1.0):
-    return solve_ivp(lambda _, z: field(z), (0, t), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-
-
 def sums_to(got, parts, tolerance=1e-12):
     """What the program gives is the sum of the parts of the text; a wrong sign of any that is not 0 would be seen"""
     parts = {name: np.asarray(part) for name, part in parts.items()}
@@ -51,8 +46,7 @@ class System:
     """dy = B(y) grad H dt + sum_k sigma_k B(y) grad H_k o dW_k, with H a sum of terms"""
 
     def __init__(self, d, B, terms, noises=(), sigma=(), positive=False):
-        self.d, self.terms, self.noises, self.sigma = d, terms, noises, sigma
-        self.B = B if callable(B) else lambda y: B @ y  # constants f_abc of {y_a, y_b} = sum_c f_abc y_c
+        self.d, self.B, self.terms, self.noises, self.sigma = d, B, terms, noises, sigma
         sizes = np.random.default_rng(52).uniform(0.4, 1.6, (2, d))
         self.states = sizes if positive else sizes * (-1) ** (np.arange(2)[:, None] * np.arange(d))
 
@@ -71,14 +65,3 @@ class System:
             out[f"friction {k}"] = -(sigma**2) / (2 * temperature) * (gradient(self.H, y) @ f(y)) * f(y)
             out[f"Itô {k}"] = ito * sigma**2 / 2 * along(f, y, f(y))
         return out
-
-
-def brackets(d, text):
-    """Constants of a text as `12 -3` for {y1, y2} = -y3, `12 2*3` for {y1, y2} = 2 y3"""
-    f = np.zeros((d, d, d))
-    for pair, value in (entry.split() for entry in text.split(", ")):
-        a, b = (int(k) - 1 for k in pair)
-        *factor, c = value.split("*")
-        f[a, b, abs(int(c)) - 1] = float(*factor) if factor else np.sign(int(c))
-        f[b, a] = -f[a, b]
-    return f

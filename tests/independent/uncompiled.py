@@ -30,9 +30,7 @@ def answer(name, args, options):
         raise RuntimeError(f"{type(error).__name__}: {error}") from None
 
 
-class Program:
-    """`program.step(...)` and so on: the functions below, called in that process"""
-
+class Program:  # program.step(...) and so on: the functions below, called in that process
     def __getattr__(self, name):
         return lambda *args, **options: process().submit(answer, name, args, options).result()
 
