@@ -103,8 +103,8 @@ $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
 	$(SPI) run $<
 	$(SPI) plot $<
 
-bench: $(INSTALLED) ## the table of kernels: every model and scheme against a naive loop (5 minutes)
-	$(BIN)/python benchmarks/kernels.py
+bench: $(INSTALLED) ## the table of steps of spi run, against a naive loop (5 minutes)
+	$(BIN)/python benchmarks/steps.py
 
 bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, where they are installed
 	$(BIN)/python benchmarks/peers.py

@@ -5,6 +5,8 @@
 prints a table: processor seconds of each answer, and s where it is solved for, m where it is sampled, ! where the
 accuracy is not reached.  Compiling is left out.
 
+Supports: docs/answer.md, "How long a solution takes".
+
 Short form: --accuracies 1e-2
 """
 

@@ -8,6 +8,8 @@ chi squared of the histogram of H with 20 bins of equal width, of its degrees of
 schemes without Metropolis steps, by a fifth of the paths, the order between steps, nanoseconds per step (the least of
 several in turn), and the time for a unit of time where E H has a bias of 1e-3, by the two smallest steps.
 
+Supports: docs/temperature.md, the tables of Metropolis steps and of "Cost". It times `integrated`, not `spi run`.
+
 Short form: --samples 10000 --schemes splitting_symmetric
 """
 

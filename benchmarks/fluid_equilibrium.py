@@ -5,6 +5,8 @@ doi:10.1063/1.1762301); the law of the model fixes the other Casimir functions a
 
     python benchmarks/fluid_equilibrium.py results/zeitlin_temperature.h5
 
+Supports: docs/equilibria.md, the fluid.
+
 Short form, after `spi run --profile quick zeitlin_temperature`: results/zeitlin_temperature.quick.h5
 """
 

@@ -7,6 +7,8 @@ moments of the scheme itself, or from quadrature; never from sampling.  Printed 
 it, the 95 % interval of that share (Clopper and Pearson), and how many intervals it is from.  Intervals of one run
 are correlated, so the interval of the share counts runs, not intervals.
 
+Supports: docs/intervals.md; docs/equilibrium.md and docs/lyapunov.md, the shares of intervals that hold.
+
 Short form: --seeds 1 strong
 """
 

@@ -4,6 +4,8 @@
 
 Times are ns per step and path on one thread, the best of interleaved repetitions, where all angles are small.
 
+Supports: docs/joint.md, "Which flows are joint". It times kernels, not `spi run`, since runs draw increments.
+
 Short form: rigid_body
 """
 

@@ -1,4 +1,4 @@
-"""The table of kernels: every model and scheme, beside a naive Numba loop, timed in one run.
+"""The table of kernels, to find what bounds them: every model and scheme, beside a naive Numba loop, timed in one run.
 
     python benchmarks/kernels.py [model ...] [--schemes ...]      by default all, about five minutes
     python benchmarks/kernels.py --special        the same kernels in the situations of the studies, about one minute
@@ -6,6 +6,8 @@
 Times are ns per step and path, the best of several interleaved repetitions, since machines are noisy; compilation is
 not counted.  Naive twins (naive.py where written by hand, otherwise generic.py) run on one thread.  What counts as a
 floating-point operation says flops.py; the random numbers of a step are included.
+
+Supports: no sentence: it is for finding. Times of steps on pages are those of steps.py, through `spi run`.
 
 Short form: lotka_volterra --schemes splitting euler_maruyama
 """

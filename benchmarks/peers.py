@@ -17,6 +17,9 @@ A time at an error is interpolated between step sizes.  Where the smallest step 
 from the order over the four smallest steps, and has a star; it goes as error^-2 for order 1/2, so that the errors'
 standard errors count twice in it.
 
+Supports: README.md and docs/why.md (4 to 19 and 8 to 21 times); docs/performance.md, "Peers at equal error" and
+"Peers at small errors". It times `integrated`, not `spi run`.
+
 Short form: --reference 11 --repeats 1 1e-2
 """
 

@@ -1,9 +1,13 @@
 """What scrambled points are worth: the variance of independent paths over that of as many points, with 95 % intervals.
 
     python benchmarks/points.py [--seeds 32] [--points 4096] [--sigma 1 0.25]
+    python benchmarks/points.py --cost
 
 The problem is that of docs/quasi.md: rigid body, noise inertia (1, 2, 3), h = 2^-4, T = 1.  Each seed has 64 scrambles;
 intervals are those of the bootstrap over all scrambles, since means over points have no normal law.
+
+Supports: docs/quasi.md, "Bridges", what points are worth; with --cost, which runs `spi.run` on the spec below and
+prints what `spi check` predicts, the table of "Cost".
 
 Short form: --seeds 2 --points 64 --sigma 1
 """
@@ -11,6 +15,7 @@ Short form: --seeds 2 --points 64 --sigma 1
 import argparse
 
 import numpy as np
+from through_spec import run, said
 
 from spi.ensemble.increments import points_of
 from spi.ensemble.loop import grid, integrated, paths_of
@@ -34,6 +39,29 @@ def means(scheme, sigma, points, seed):
     return of_scrambles.reshape(len(FUNCTIONS), SCRAMBLES), values.var(axis=1)
 
 
+def cost(samples=2**21, repeats=5):
+    """ns of a step and path by independent paths and by points, on one thread, in turn."""
+    spec = {
+        "kind": "weak",
+        "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
+        "initial": ["cos(1.1)", 0, "sin(1.1)"],
+        "final_time": 1,
+        "steps": ["2^-4"],
+        "reference_step": "2^-5",
+        "functions": {"square": "y1^2"},
+        "samples": samples,
+    }
+    for scheme in ("splitting", "splitting_order2"):
+        specs = [{**spec, "schemes": [scheme], "estimators": [name]} for name in ("plain", "quasi")]
+        for one in specs:
+            run({**one, "samples": 2**12})  # compiles
+        found = np.array([[run(one) for one in specs] for _ in range(repeats)])
+        (paths, points), (first, second) = np.median(found, axis=0).T
+        print(f"{scheme}: {paths:.2f} ns, points {points:.2f} ns ({points / paths:.2f} times);", end=" ")
+        told = [said(one)[0] for one in specs]
+        print(f"said {told[0]} and {told[1]}; took {first:.1f} and {second:.1f} s", flush=True)
+
+
 def main():
     """A line for each strength and scheme."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -41,7 +69,11 @@ def main():
     parser.add_argument("--points", type=int, default=4096)
     parser.add_argument("--sigma", type=float, nargs="+", default=[1.0, 0.25])
     parser.add_argument("--schemes", nargs="+", default=["splitting"])
+    parser.add_argument("--cost", action="store_true", help="time independent paths and points instead")
     given = parser.parse_args()
+    if given.cost:
+        cost()
+        return
     generator = np.random.default_rng(1)
     for sigma in given.sigma:
         for scheme in given.schemes:

@@ -5,6 +5,8 @@
 Times are wall clock of paths alone (kernels are compiled and processes started before), the best of three, and ratios
 to one thread.  A machine with more processors than two takes larger SAMPLES (100000) to tell anything.
 
+Supports: docs/long_runs.md, "Cost". It times the workers of a run, not `spi run`.
+
 Short form: 1000
 """
 

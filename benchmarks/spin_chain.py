@@ -2,6 +2,8 @@
 
 python benchmarks/spin_chain.py
 
+Supports: docs/equilibria.md, chains of spins.
+
 Short form: without arguments
 """
 

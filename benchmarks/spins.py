@@ -1,29 +1,31 @@
-"""Nanoseconds per spin and step of one lattice of spins: python benchmarks/spins.py [CELLS] [LARGE].
+"""Nanoseconds per spin and step of one lattice of spins through `spi run`: python benchmarks/spins.py [CELLS].
 
-A cubic lattice of CELLS^3 spins (32), damped and at a temperature, on one thread.  One of LARGE^3 (64) on one thread
-and on two, with its memory.  Where the program Spirit can be imported (`pip install spirit`), its solvers on the same
-lattice in the same run, on one thread.  A step by sites has about 255 operations on floats, counted in the source: 1.5
-damped flows of 110 and a turn of 90 about a random axis; the peak beside it is that of a polynomial of high degree.
+A cubic lattice of CELLS^3 spins (32), damped and at a temperature, by the spec below on one thread: what a run of three
+times as many steps takes longer.  What `spi check` says of time and memory stands beside what the run takes.  Where the
+program Spirit can be imported (`pip install spirit`), its solvers on the same lattice in the same run, on one thread.
+Times are those of the processor.  A step by sites has about 255 operations on floats, counted in the source: 1.5 damped
+flows of 110 and a turn of 90 about a random axis; the peak beside it is that of a polynomial of high degree.
 
-Short form: 8 16
+Supports: docs/spins.md, table of "Speed"; the time of whole runs and the memory of larger lattices are those of
+front_door.py.
+
+Short form: 8
 """
 
 import os
-import resource
 import sys
 import time
 
-import numba
 import numpy as np
 from numba import njit
+from through_spec import said
 
+import spi
 from spi.compiler.rounding import instruction_set
 from spi.compiler.vectors import WIDTH, fused, load, store
-from spi.ensemble.protocol import at_temperature, one_path
-from spi.models.spins import Spins, Terms
-from spi.schemes import SCHEMES, of_model
 
-ROUNDS = 20  # short ones, of which the best is least disturbed
+ROUNDS = 20  # short ones of Spirit, of which the best is least disturbed
+REPEATS = 3
 OPERATIONS = 255  # of a step by sites
 CHAINS, LONG = 7, 10**6  # sums that stay in registers at once, and products and sums in each
 
@@ -49,23 +51,37 @@ def peak():
     return 2 * CHAINS * WIDTH * LONG / (1e9 * best)
 
 
-def lattice(cells, by, scheme, h=0.1):
-    """(mover, state) of a cubic lattice at J/T = 1, all spins up."""
-    model = at_temperature(Spins("cubic", (cells,) * 3, (Terms(1.0),), alpha=0.1, by=by), 1.0)
-    mover = one_path(model, of_model(SCHEMES[scheme], model).record, h)
-    return mover, mover.block(np.tile([0.0, 0.0, 1.0], cells**3))
+def spec(cells, by, scheme, steps):
+    """One path of a cubic lattice at J/T = 1 that begins with all spins up, and is looked at once."""
+    bonds = {"exchange": 1}
+    model = {"name": "spins", "lattice": "cubic", "size": [cells] * 3, "bonds": bonds, "alpha": 0.1, "by": by}
+    return {
+        "kind": "trajectory",
+        "model": model,
+        "temperature": 1,
+        "initial": {"spins": [0, 0, 1]},
+        "step": 0.1,
+        "final_time": f"{steps}/10",
+        "every": steps,
+        "schemes": [scheme],
+        "functions": {"m": "mz"},
+        "panels": ["functions"],
+    }
 
 
-def nanoseconds(mover, y, threads, steps):
-    """The least of some rounds, per spin and step."""
-    numba.set_num_threads(threads)
-    mover.move(y, 0, 1, 1)
-    best = float("inf")
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
-        mover.move(y, 0, steps, 1)
-        best = min(best, time.perf_counter() - start)
-    return 1e9 * best / steps / mover.sites.size
+def taken(wanted):
+    """Processor seconds of all that `spi.run` does for a spec, on one thread."""
+    began = time.process_time()
+    spi.run(wanted, out=None, threads=1, progress=False)
+    return time.process_time() - began
+
+
+def nanoseconds(cells, by, scheme, steps):
+    """Of a spin and step: what a run of three times the steps takes longer, the median (least, most) of some."""
+    short, long = spec(cells, by, scheme, steps), spec(cells, by, scheme, 3 * steps)
+    taken(short)  # compiles
+    found = sorted(1e9 * (taken(long) - taken(short)) / (2 * steps * cells**3) for _ in range(REPEATS))
+    return found[REPEATS // 2], found[0], found[-1]
 
 
 def spirit(cells, solver):
@@ -84,38 +100,34 @@ def spirit(cells, solver):
         parameters.llg.set_temperature(p_state, 10.0)
         parameters.llg.set_output_general(p_state, False, False, False)
         configuration.plus_z(p_state)
-        best, steps = float("inf"), 100
+        best, steps = float("inf"), 20
         for _ in range(ROUNDS):
             parameters.llg.set_iterations(p_state, steps, steps)
-            start = time.perf_counter()
+            start = time.process_time()
             simulation.start(p_state, simulation.METHOD_LLG, getattr(simulation, f"SOLVER_{solver}"))
-            best = min(best, time.perf_counter() - start)
+            best = min(best, time.process_time() - start)
     return 1e9 * best / steps / cells**3
 
 
-def main(cells=32, large=64):
-    print(f"vector instructions: {instruction_set()}")
+def main(cells=32):
+    print(f"vector instructions: {instruction_set()}; load {os.getloadavg()[0]:.1f}; one thread, processor time")
     ours = 0.0
     for by, scheme in (
         ("sites", "splitting_symmetric"),
         ("bonds", "splitting_symmetric"),
         ("sites", "splitting_metropolis"),
     ):
-        ns = nanoseconds(*lattice(cells, by, scheme), 1, max(8, 6 * 10**5 // cells**3))
-        print(f"{cells}^3 spins by {by}, {scheme}, one thread: {ns:.1f} ns per spin and step")
+        steps = max(8, 2 * 10**7 // cells**3)
+        told, _ = said(spec(cells, by, scheme, 3 * steps))
+        ns, least, most = nanoseconds(cells, by, scheme, steps)
+        whole = taken(spec(cells, by, scheme, 3 * steps))
+        print(f"{cells}^3 spins by {by}, {scheme}: {ns:.1f} ({least:.1f} to {most:.1f}) ns per spin and step;", end=" ")
+        print(f"{3 * steps} steps: said {told}; took {whole:.1f} s", flush=True)
         ours = ours or ns
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    mover, y = lattice(large, "sites", "splitting_symmetric")
-    size = sum(np.asarray(value).nbytes for value in mover.model) + mover.sites.nbytes + y.nbytes
-    print(f"{large}^3 spins: {size / large**3:.0f} bytes a spin of tables and state")
-    one, two = (nanoseconds(mover, y, threads, 4) for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)))
-    print(f"    one thread {one:.1f} ns, two {two:.1f} ns: {one / two:.2f} times as fast")
-    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / large**3
-    print(f"    the process grew by {grown:.0f} bytes a spin")
     try:
         for solver in ("HEUN", "DEPONDT"):
             ns = spirit(cells, solver)
-            print(f"Spirit, {solver.title()}, one thread: {ns:.1f} ns per spin and step, {ns / ours:.1f} times ours")
+            print(f"Spirit, {solver.title()}: {ns:.1f} ns per spin and step, {ns / ours:.1f} times ours", flush=True)
     except ImportError:
         print("Spirit is not installed: pip install spirit")
     most = peak()

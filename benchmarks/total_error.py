@@ -11,6 +11,8 @@ doubled until bias^2 + standard error^2 <= error^2; those of `both` are multilev
 that follows points, which get a tenth of the variance.  The biases of Rössler's scheme, whose expectations are not
 known without sampling, are found with --points scrambled points, and are as exact as these.
 
+Supports: docs/extrapolation.md, "In sampling"; docs/quasi.md, "With extrapolation".
+
 Short form: --errors 1e-2 --longest 0.1 --schemes splitting_symmetric --finest 4
 """
 

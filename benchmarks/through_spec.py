@@ -1,0 +1,51 @@
+"""What `spi check` predicts of a spec and what `spi.run` takes for it, so that pages have their numbers from runs."""
+
+import json
+import math
+import re
+import tempfile
+import time
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+import spi
+from spi.cli import app
+from spi.running.load import load
+from spi.schemes import typical_ns
+
+LEAST = 0.5  # processor seconds of a run whose time of a step is stated
+_SAID = re.compile(r"about (.*?) once compiled.*?([\d.,]+) ([kMG]B)", re.DOTALL)
+
+
+def said(spec):
+    """What `spi check` prints of time and memory, and the ns of a step that it counts with."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "spec.yaml")
+        path.write_text(json.dumps(spec), encoding="utf-8")  # JSON is YAML
+        answer = CliRunner().invoke(app, ["check", str(path)])
+        if answer.exit_code:
+            raise SystemExit(answer.output)
+        case = load(path).cases[0]
+    seconds, *memory = (" ".join(part.split()) for part in _SAID.search(answer.output).groups())
+    return f"{seconds}, {' '.join(memory)}", typical_ns(case.row(case.schemes[0]), case.model)
+
+
+def run(spec):
+    """(ns of a step and path, processor seconds of all that `spi.run` does), on one thread; nothing is stored."""
+    began = time.process_time()
+    results = spi.run(spec, out=None, threads=1, progress=False)
+    seconds = time.process_time() - began
+    (group,) = results.stored.groups
+    return group.attributes["ns_per_step"], seconds
+
+
+def long_enough(spec, steps):
+    """The spec with so many samples that a run of so many steps takes LEAST; the first run here has compiled."""
+    run({**spec, "samples": 64})
+    samples, spent = 64, 0.0
+    while spent < LEAST:
+        samples = math.ceil(1.1 * samples * LEAST / spent / 64) * 64 if spent else 8 * samples
+        ns, _ = run({**spec, "samples": samples})
+        spent = 0.0 if math.isnan(ns) else 1e-9 * ns * steps * samples
+    return {**spec, "samples": samples}
