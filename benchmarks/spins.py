@@ -9,7 +9,7 @@ flows of 110 and a turn of 90 about a random axis; the peak beside it is that of
 Supports: docs/spins.md, table of "Speed"; the time of whole runs and the memory of larger lattices are those of
 front_door.py.
 
-Short form: 8
+Short form: 16
 """
 
 import os

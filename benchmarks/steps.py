@@ -8,7 +8,7 @@ predicts: the ns of a step that `spi check` counts with, and its seconds and mem
 the whole of `spi.run` takes.  All times are those of the processor; those of a busy machine are up to a third longer.
 
 Supports: README.md ("Speed, and when not to use it"), docs/performance.md (table of steps), docs/why.md (naive loop),
-docs/own_schemes.md (Heun beside the splitting, by `heun`).
+docs/own_schemes.md (Heun beside the splitting, by `heun`), docs/statistics.md (--every 1 and 4).
 
 Short form: rigid_body --schemes splitting
 """
@@ -32,8 +32,8 @@ SCHEMES = "splitting", "splitting_order2", "euler_maruyama", "euler_maruyama_ren
 HEUN = str(Path(__file__).parents[1] / "experiments" / "schemes" / "heun.py")
 
 
-def spec(model, scheme):
-    """One look at the end of paths of 2,048 steps, the example of a model."""
+def spec(model, scheme, every=None):
+    """One look at the end of paths of 2,048 steps, the example of a model; or one after every so many steps."""
     record, initial = example(model)
     parameters = {key: list(value) if isinstance(value, tuple) else value for key, value in record._asdict().items()}
     return {
@@ -42,9 +42,8 @@ def spec(model, scheme):
         "initial": list(initial),
         "final_time": "2^-5",
         "step": STEP,
-        "times": ["2^-5"],
-        "statistics": ["mean"],
-        "functions": {"y1": "y1"},
+        **({"every": every} if every else {"times": ["2^-5"], "statistics": ["mean"]}),
+        "functions": {"y1": "y1", **({"first": {"passage": "y1 < 0"}} if every else {})},
         "schemes": [scheme],
         **({"compositions": {"heun": {"python": HEUN, "name": "Heun"}}} if scheme == "heun" else {}),
         **({"truncate_noise": True} if scheme != "heun" and row(scheme).needs_truncation else {}),
@@ -75,11 +74,11 @@ def seconds(work):
     return time.process_time() - began
 
 
-def line(model, scheme):
+def line(model, scheme, every=None):
     """Measure one row."""
-    wanted = long_enough(spec(model, scheme), STEPS)
+    wanted = long_enough(spec(model, scheme, every), STEPS)
     told, told_ns = said(wanted)
-    loop = naive_loop(model, scheme)
+    loop = None if every else naive_loop(model, scheme)
     ours, taken, ratios = [], [], []
     for _ in range(REPEATS):
         ns, spent = run(wanted)
@@ -98,6 +97,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("models", nargs="*", metavar="model", help=f"of {', '.join(TIMED)}; default: all")
     parser.add_argument("--schemes", nargs="+", default=SCHEMES, metavar="scheme")
+    parser.add_argument("--every", type=int, help="observe after so many steps, with the statistics of the kind")
     options = parser.parse_args()
     if unknown := set(options.models) - set(TIMED):
         parser.error(f"no such model: {', '.join(sorted(unknown))}")
@@ -105,7 +105,7 @@ def main():
     for model in options.models or TIMED:
         for scheme in options.schemes:
             if scheme == "heun" or not why_not(scheme, example(model)[0]):
-                line(model, scheme)
+                line(model, scheme, options.every)
 
 
 if __name__ == "__main__":
