@@ -20,7 +20,7 @@ from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import TAKEN, entries, parts, repeated, whole
-from . import splitting
+from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
     Bracket,
@@ -83,6 +83,7 @@ class Reader:
         for name in self.sizes:
             check_name(name, "sizes")
         self.parameters = self.numbers()
+        self.apart: list[tuple[Any, str]] = []
 
     def symbols(self) -> tuple[Symbolics, Symbols]:
         """The bracket and its variables, parameters and perhaps time, and the symbols of formulas without time."""
@@ -125,6 +126,7 @@ class Reader:
             driving=self.driving(driven, numbers, [given_h, *(flow.expression for flow in noises)]),
             inner=inner,
             sizes=self.sizes,
+            apart=tuple(self.apart),
             searched=searched,
             independent=counted([c.expression for c in casimirs], world),
         )
@@ -270,7 +272,7 @@ class Reader:
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                flows = splitting.split(parts, world, constants)
+                flows, self.apart = joining.split(parts, world, constants)
             except splitting.NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(flows) > MOST:
@@ -308,7 +310,7 @@ class Reader:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = splitting.by_quadratics(function, world)
+        term = splitting.affine(function, world) or splitting.by_quadratics(function, world)
         return splitting.Flow((term,)) if term else splitting.without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
@@ -419,6 +421,9 @@ def _report(system: System, generated: Generated) -> list[str]:
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
         lines.append(f"{name}: {_terms(flow, system)}: {kinds}{lost}")
+    for terms, reason in system.apart:
+        count, text = len(sympy.Add.make_args(terms)), shortened(system.world.name(terms))
+        lines.append(f"not one flow, {count} terms: {text}: {reason}")
     lacking = any(isinstance(motion, str) for motion in generated.motions)
     if lacking and not system.inner:
         lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
@@ -442,9 +447,8 @@ def _casimirs(system: System) -> str:
 
 def _terms(flow: splitting.Flow, system: System) -> str:
     values = {k: sympy.Float(v, 6) for k, v in system.constants.items()}
-    count = len(sympy.Add.make_args(flow.expression))
-    merged = f" ({count} terms merged)" if count > 1 else ""
-    return system.world.name(flow.expression.xreplace(values)) + merged
+    together = f" ({flow.together})" if flow.together else ""
+    return system.world.name(flow.expression.xreplace(values)) + together
 
 
 def _counted(kinds: Sequence[str]) -> list[str]:

@@ -30,6 +30,7 @@ class System(NamedTuple):
     inner: str  #: how compositions move by terms that have no exact flow
     driving: Driving | None  #: how time enters; None where nothing depends on it
     sizes: Mapping[str, int]
+    apart: tuple[tuple[Any, str], ...]  #: sums whose terms were not joined, and why not, see ``joining``
     searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
     independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
 
