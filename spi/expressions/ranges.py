@@ -22,9 +22,25 @@ OF_SEVERAL = ("max", "min")
 _WORDS = (*OF_SEVERAL, "mod", "sum")
 #: Names that no variable, parameter or size can have.
 TAKEN = (*FUNCTIONS, *_WORDS, "pi", "for")
+#: Words with a meaning in formulas about states, which no variable, parameter, size or function of a file can have.
+RESERVED = {
+    "H": "the energy",
+    r"C\d*": "a Casimir function",
+    "T": "the temperature",
+    "t": "the time",
+    r"y\d+": "a component by its number",
+    r"energy_current\d*": "the current of energy",
+}
 _LONGEST = 100_000  # characters of a formula in which others are written out
 _MOST = 10_000  # entries that one range may stand for
 _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
+
+
+def meaning_of(name: str) -> str:
+    """What a name that is taken means in formulas; "" for one that is free."""
+    if name in TAKEN:
+        return "a word"
+    return next((meaning for word, meaning in RESERVED.items() if re.fullmatch(word, name)), "")
 
 
 Algebra = TypeVar("Algebra", bound="Words")

@@ -25,6 +25,7 @@ from ..checks.model_checks import check_once
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import fault, large, state_fault
+from ..expressions.ranges import meaning_of
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from ..models.spins import Anisotropy, Spins, Terms, Transport
@@ -195,6 +196,9 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
         fault = f"is {shown(data['name'])}, whose field {taken} has the name of a key"
+        raise wrong(fault, f"rename it; {remedy}", "name")
+    if named := next((key for key in cls._fields if meaning_of(key)), None):
+        fault = f"is {shown(data['name'])}, whose field {named} is {meaning_of(named)} in formulas"
         raise wrong(fault, f"rename it; {remedy}", "name")
     return _record(cls, keys.model_validate(data))
 

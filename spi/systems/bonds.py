@@ -36,6 +36,7 @@ def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     names = reader.names() or [f"y{k + 1}" for k in range(3 * count)]
     if len(names) != 3 * count or len(set(names)) != len(names):
         raise DefinitionError(f"has {len(names)} names; must have {3 * count} different ones", "variables")
+    reader.check_words(names)
     symbols = {name: sympy.Symbol(f"ψ{k + 1}", real=True) for k, name in enumerate(names)}
     place = {symbol: k for k, symbol in enumerate(symbols.values())}
     formulas = Symbols(symbols, reader.parameters, reader.sizes)

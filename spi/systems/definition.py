@@ -19,7 +19,7 @@ import sympy
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, entries, parts, repeated, whole
+from ..expressions.ranges import TAKEN, entries, meaning_of, parts, repeated, whole
 from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
@@ -190,12 +190,19 @@ class Reader:
             raise DefinitionError("is empty; name the components of the state", "variables")
         if len(variables) > MOST:
             raise DefinitionError(f"has {len(variables)} names; a system may have {MOST} components", "variables")
-        taken = {*self.sizes, *self.parameters, *TAKEN}
+        self.check_words(variables)
+
+    def check_words(self, variables: Sequence[str]) -> None:
+        """DefinitionError if a component has the name of another, or one with another meaning in formulas."""
+        taken, before = {*self.sizes, *self.parameters, *TAKEN}, set[str]()
         for n, name in enumerate(variables):
-            if name in variables[:n]:
+            if name in before:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
+            before.add(name)
             if name.partition("(")[0] in taken:
                 raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
+            if (meaning := meaning_of(name)) and name != f"y{n + 1}":
+                raise DefinitionError(f"has '{name}', {meaning} in formulas; take another name", "variables")
 
     def names(self) -> list[str]:
         """The names of the variables that are given, ranges written out."""
@@ -310,7 +317,7 @@ class Reader:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = splitting.affine(function, world) or splitting.by_quadratics(function, world)
+        term = joining.affine(function, world) or splitting.by_quadratics(function, world)
         return splitting.Flow((term,)) if term else splitting.without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
@@ -361,6 +368,8 @@ def check_name(name: str, key: str) -> None:
     if not is_name or name in TAKEN:
         right = "use letters from a to z and digits, and not the name of a function"
         raise DefinitionError(f"is not a valid name; {right}", key, name)
+    if meaning := meaning_of(name):
+        raise DefinitionError(f"is {meaning} in formulas; take another name", key, name)
 
 
 def polynomial(value: Any, formulas: Symbols) -> Polynomial:

@@ -6,15 +6,17 @@ the numbers in f.  Where its terms commute, they are moved by together in any ca
 of them would be an approximation, and the flow of f takes their place if a step then takes at most twice as long.
 """
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
+import mpmath
 import numpy as np
 import sympy
 
-from .brackets import Symbolics
+from .brackets import DIGITS, Symbolics, monomials
 from .code import Numbers
 from .driving import split_in_time
 from .flow_code import generators, motion, motions
@@ -22,13 +24,16 @@ from .spectrum import Block, Inseparable, sizes
 from .splitting import (
     Constants,
     Flow,
+    NoExactFlow,
     Term,
-    affine,
-    affine_field,
+    by_affine_field,
     connected,
+    degree,
     diagonalised,
     merged,
     parts,
+    single,
+    unmoved,
     without_flow,
 )
 
@@ -84,8 +89,7 @@ def _candidates(terms: Sequence[Term], crossing: Sequence[Any], world: Symbolics
     by_factor: dict[Any, list[tuple[Any, Links]]] = {}
     for expression in (*(term.expression for term in terms), *crossing):
         factor, rest = split_in_time(expression, world.time)
-        if (field := affine_field(rest, world)) is not None:
-            links = [tuple({row, *monomial} - {world.bracket.dimension}) for row, monomial in field]
+        if links := affine_links(rest, world):
             by_factor.setdefault(factor, []).append((expression, links))
     for found in by_factor.values():
         for group in connected(_linked([expression for expression, _ in found], world)):
@@ -106,6 +110,43 @@ def _linked(expressions: Sequence[Any], world: Symbolics) -> Iterable[tuple[int,
     for i, j in world.bracket.entries:
         for n in users.get(i, []):
             yield from ((n, m) for m in users.get(j, []))
+
+
+def affine_links(function: Any, world: Symbolics) -> list[tuple[int, ...]] | None:
+    """What the field of a polynomial links if it is affine, or that times a component that nothing moves: each row.
+
+    None for other functions.  Whatever the values of the parameters, so that none of them is special.
+    """
+    used, bracket = world.used(function), world.bracket
+    if world.time in function.free_symbols or degree(function, world) > 2 or not all(map(bracket.is_affine, used)):
+        return None
+    rates = world.rates({i: sympy.diff(function, world.variables[i]) for i in used})
+    for factor in unmoved(world):
+        changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
+        if all(degree(change, world) < 2 for change in changes.values()):
+            return [(row, *world.used(change)) for row, change in changes.items() if change != 0]
+    return None
+
+
+def affine(function: Any, world: Symbolics) -> Term | None:
+    """A function with such a field, perhaps times a function of time alone, as a term; None if it is none."""
+    factor, rest = split_in_time(function, world.time)
+    with contextlib.suppress(NoExactFlow):
+        return single(function, world)
+    if affine_links(rest, world) is None:
+        return None
+    # a parameter that is a factor of all, as in w*(q^2 + p^2), stays a symbol
+    coefficients = monomials(rest, world.variables)
+    first = next(iter(coefficients.values()))
+    ratios = {monomial: sympy.cancel(c / first) for monomial, c in coefficients.items()}
+    if world.varies(first) and all(c.is_number for c in ratios.values()):
+        factor *= first
+        rest = sympy.Add(*(c * sympy.Mul(*(world.variables[i] for i in m)) for m, c in ratios.items()))
+    with mpmath.workdps(DIGITS):
+        u = by_affine_field(rest, world)
+    symbol, varying = sympy.Symbol("ζ1", real=True), bool(world.bracket.formulas) or world.varies(rest)
+    joined = len(sympy.Add.make_args(function))
+    return Term(function, (), (), varying, {symbol: u}, factor * symbol, joined) if u else None
 
 
 def _joined(together: Sequence[Any], linked: Links, cut: Sequence[Flow], world: Symbolics) -> tuple[Term | None, str]:

@@ -470,36 +470,10 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
 _MOST_KEPT = 20  # linear functions s
 
 
-def affine_field(function: Any, world: Symbolics) -> Field | None:
-    """The field of a polynomial if it is affine, or that times a component that nothing moves; otherwise None."""
-    if world.time in function.free_symbols or degree(function, world) > 2:
-        return None
-    if not all(map(world.bracket.is_affine, world.used(function))):
-        return None
-    with mpmath.workdps(DIGITS):
-        u = by_affine_field(function, world)
-    return u.field if u else None
-
-
-def affine(function: Any, world: Symbolics) -> Term | None:
-    """A function with such a field, perhaps times a function of time alone, as a term; None if it is none."""
-    factor, rest = split_in_time(function, world.time)
-    with contextlib.suppress(NoExactFlow):
-        return single(function, world)
-    if affine_field(rest, world) is None:
-        return None
-    # a parameter that is a factor of all, as in w*(q^2 + p^2), stays a symbol
-    coefficients = monomials(rest, world.variables)
-    first = next(iter(coefficients.values()))
-    ratios = {monomial: sympy.cancel(c / first) for monomial, c in coefficients.items()}
-    if world.varies(first) and all(c.is_number for c in ratios.values()):
-        factor *= first
-        rest = sympy.Add(*(c * sympy.Mul(*(world.variables[i] for i in m)) for m, c in ratios.items()))
-    with mpmath.workdps(DIGITS):
-        u = by_affine_field(rest, world)
-    symbol, varying = sympy.Symbol("ζ1", real=True), bool(world.bracket.formulas) or world.varies(rest)
-    joined = len(sympy.Add.make_args(function))
-    return Term(function, (), (), varying, {symbol: u}, factor * symbol, joined) if u else None
+def unmoved(world: Symbolics) -> tuple[Any, ...]:
+    """1, and the components that nothing moves."""
+    linked = {i for pair in world.bracket.entries for i in pair}
+    return (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked))
 
 
 def by_quadratics(function: Any, world: Symbolics) -> Term | None:
@@ -583,8 +557,8 @@ def _rates(u: Any, world: Symbolics) -> dict[int, Any]:
 
 def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
     """The function with its affine field and the factor of that, if it has one."""
-    linked, rates = {i for pair in world.bracket.entries for i in pair}, _rates(u, world)
-    for factor in (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked)):
+    rates = _rates(u, world)
+    for factor in unmoved(world):
         changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
         if any(change.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo) for change in changes.values()):
             return None  # at these parameters
