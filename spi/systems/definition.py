@@ -35,7 +35,7 @@ from .brackets import (
     shortened,
     simplified,
 )
-from .casimirs import LARGEST_DENOMINATOR, counted, search
+from .casimirs import counted, search
 from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
@@ -447,11 +447,13 @@ def _casimirs(system: System) -> str:
     if not total:
         return "Casimir functions: there are none"
     by = f" independent ones, by {len(functions)}" if len(functions) > count else ""
-    line = f"Casimir functions, {count} of {total}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
+    line = f"Casimir functions, {count} of {total}{by}"
+    known = ", ".join(c.text for c in functions)
     if count == total or system.searched is None:
-        return line
-    kind = f"polynomials up to degree {system.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
-    return f"{line}; sought were {kind}"
+        return f"{line}: {known or 'none is given'}"
+    which = f"{known}; no other" if known else "none"
+    right = "give them as `casimirs: [...]`"
+    return f"{line}: {which} found among polynomials of degree up to {system.searched}; {right}"
 
 
 def _terms(flow: splitting.Flow, system: System) -> str:

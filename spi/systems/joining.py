@@ -131,6 +131,8 @@ def affine_links(function: Any, world: Symbolics) -> list[tuple[int, ...]] | Non
 def affine(function: Any, world: Symbolics) -> Term | None:
     """A function with such a field, perhaps times a function of time alone, as a term; None if it is none."""
     factor, rest = split_in_time(function, world.time)
+    if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+        return None  # at these parameters, which Reader.read refuses
     with contextlib.suppress(NoExactFlow):
         return single(function, world)
     if affine_links(rest, world) is None:
