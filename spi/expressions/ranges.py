@@ -11,7 +11,7 @@ import difflib
 import itertools
 import re
 from collections import ChainMap
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any, Self, TypeVar
 
@@ -41,6 +41,12 @@ def meaning_of(name: str) -> str:
     if name in TAKEN:
         return "a word"
     return next((meaning for word, meaning in RESERVED.items() if re.fullmatch(word, name)), "")
+
+
+def taken_name(variables: Iterable[str]) -> tuple[str, str] | None:
+    """(name, meaning) of the first variable, such as T or H(3), whose word is taken; y2 may be the second."""
+    found = ((name, meaning_of(name.partition("(")[0])) for n, name in enumerate(variables, 1) if name != f"y{n}")
+    return next(((name, meaning) for name, meaning in found if meaning), None)
 
 
 Algebra = TypeVar("Algebra", bound="Words")

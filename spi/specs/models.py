@@ -25,7 +25,7 @@ from ..checks.model_checks import check_once
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import fault, large, state_fault
-from ..expressions.ranges import meaning_of
+from ..expressions.ranges import meaning_of, taken_name
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from ..models.spins import Anisotropy, Spins, Terms, Transport
@@ -195,6 +195,8 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 def _by_name(data: Any, files: Files) -> Any:
     parameters = _BUILT_IN.validate_python(data)
+    if named := taken_name(getattr(parameters, "variables", ())):
+        raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
     return _record(MODELS[parameters.name], parameters)
 
 

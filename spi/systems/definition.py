@@ -19,7 +19,7 @@ import sympy
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, entries, meaning_of, parts, repeated, whole
+from ..expressions.ranges import TAKEN, entries, meaning_of, parts, repeated, taken_name, whole
 from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
@@ -195,14 +195,14 @@ class Reader:
     def check_words(self, variables: Sequence[str]) -> None:
         """DefinitionError if a component has the name of another, or one with another meaning in formulas."""
         taken, before = {*self.sizes, *self.parameters, *TAKEN}, set[str]()
-        for n, name in enumerate(variables):
+        for name in variables:
             if name in before:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
             before.add(name)
             if name.partition("(")[0] in taken:
                 raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
-            if (meaning := meaning_of(name)) and name != f"y{n + 1}":
-                raise DefinitionError(f"has '{name}', {meaning} in formulas; take another name", "variables")
+        if named := taken_name(variables):
+            raise DefinitionError(f"has '{named[0]}', {named[1]} in formulas; take another name", "variables")
 
     def names(self) -> list[str]:
         """The names of the variables that are given, ranges written out."""
