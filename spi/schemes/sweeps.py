@@ -10,12 +10,16 @@ from ..compiler.records import class_of, field, is_array, is_none
 from ..compiler.vectors import WIDTH, load, store
 from ..ensemble.lanes import aligned, load_lane, store_lane
 from ..ensemble.protocol import (
+    decayed,
     drift_tables,
     friction_after,
+    friction_bend,
     friction_rate,
+    friction_slope,
     friction_tables,
     friction_time,
     is_inlined,
+    linear_friction,
     noise_tables,
     phases,
     row_length,
@@ -115,14 +119,31 @@ def sweep_within(angles, part, index, model, y, t):
 @device(by_type=True)
 def friction_times(index, model, t, y, times):
     """The time that the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    k = number(class_of(index)())
     if tables := friction_tables(model):
-        return table_friction(*tables[number(class_of(index)())])
+        return table_friction(*tables[k], k in linear_friction(model))
+    if k in linear_friction(model):
+        return _linear_friction_times
     return _friction_times if is_inlined(model) else _friction_on_its_own
 
 
 def _friction_times(index, model, t, y, times):
     for lane in range(LANES):
         times[lane] = friction_time(model, number(index), t, load_lane(model, y, lane))
+
+
+@device
+def _linear_friction_times(index, model, t, y, times):
+    share = linear_share(index, model, t)
+    for lane in range(LANES):
+        times[lane] = -share * friction_slope(model, number(index), load_lane(model, y, lane))
+
+
+@device
+def linear_share(index, model, t):
+    """-s(t) / (X_k H)(y) of linear friction, c_k t (1 - exp(-q)) / q with q = c_k t X_k X_k H."""
+    ct = friction_rate(model, number(index)) * t
+    return ct * decayed(ct * friction_bend(model, number(index)))
 
 
 _friction_on_its_own = device(inline=False)(_friction_times)
@@ -254,11 +275,14 @@ turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 
 @functools.lru_cache
-def table_friction(shape, row):
+def table_friction(shape, row, is_linear=False):
     """The function that takes the place of ``friction_times`` for the noise with this shape and row."""
     names = {"shape": INDICES[shape](), "size": INDICES[len(row)](), "rows": places([row])}
     names |= {"friction_in_rows": friction_in_rows, "friction_rate": friction_rate, "number": number}
     call = "friction_in_rows(shape, size, model, friction_rate(model, number(index)), t, y, times, rows)"
+    if is_linear:
+        names |= {"linear_friction_in_rows": linear_friction_in_rows, "linear_share": linear_share}
+        call = "linear_friction_in_rows(shape, size, model, linear_share(index, model, t), y, times, rows)"
     return function_of(["def friction(index, model, t, y, times):", call], names)
 
 
@@ -269,6 +293,16 @@ def friction_in_rows(shape, size, model, rate, t, y, times, rows):
     for lane in range(LANES):
         slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
         durations[lane] = friction_after(rate, t, slope, bend)
+    copy_lanes(durations, 0, times, 0)
+
+
+@device(inline=False)
+def linear_friction_in_rows(shape, size, model, share, y, times, rows):
+    """The same of a noise of which the friction is linear, given :func:`linear_share`."""
+    durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
+    for lane in range(LANES):
+        slope, _ = shape_slopes(model, number(shape), load_at(model, at, y, lane))
+        durations[lane] = -share * slope
     copy_lanes(durations, 0, times, 0)
 
 

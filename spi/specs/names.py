@@ -22,6 +22,7 @@ from ..ensemble.observer import energies, invariants_of
 from ..ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
 from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import meaning_of
 from ..models.delegation import undamped
 from ..numerics.rng import LANES
 from ..systems import observables_of, words
@@ -53,6 +54,8 @@ def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
     if not found:
         raise wrong(f"is {path!r}, which has no function", "define functions such as def angle(y): ...", "python")
     for name, f in found:
+        if meaning := meaning_of(name):
+            raise wrong(f"is {path!r}, where {name} is {meaning} in formulas", "call the function otherwise", "python")
         if len(inspect.signature(f).parameters) != 1:
             right = "functions for formulas take the states alone; names of others begin with _"
             raise wrong(f"is {path!r}, where {name} does not take one argument", right, "python")

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from ...ensemble.protocol import dimension, flow_ns, pieces
+from ...ensemble.protocol import dimension, flow_ns, noises, pieces
 from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
@@ -58,6 +58,7 @@ class Transport(NamedTuple):
 
     sigma: Annotated[float, Gt(0), "its strength"]
     axis: Annotated[Vector | None, "the axis about which spins turn; default: any, by three Wiener processes"] = None
+    order: Annotated[tuple[int, ...], "numbers of the Wiener processes, site after site; default: 0, 1, ..."] = ()
 
     __str__ = in_words
 
@@ -207,6 +208,8 @@ def _fault(model):
         return "mu", f"has {len(model.mu)} numbers", f"must have one, or {len(cell.sites)}"
     if not any(model.anisotropy.axis) or (model.noise and model.noise.axis is not None and not any(model.noise.axis)):
         return "anisotropy", "has an axis of length 0", "give a direction"
+    if model.noise and model.noise.order and sorted(model.noise.order) != [*range(noises(model))]:
+        return "noise", "has an order that does not name each Wiener process once", f"they are 0 .. {noises(model) - 1}"
     if model.alpha > 0 and model.noise:
         return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
     reach = 2 + 2 * max(abs(step) for _, _, shift in cell.bonds for step in shift)

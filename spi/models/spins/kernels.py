@@ -49,6 +49,7 @@ class SpinTables(NamedTuple):
     moment: np.ndarray  #: (sites,) mu
     strength: np.ndarray  #: (sites,) of the noise
     noise_axis: np.ndarray  #: (3,) its axis, or (0,) if it is isotropic
+    noise_rows: np.ndarray  #: (m,) the row of increments of each noise, site after site, or (0,) if they stand so
     alpha: float
     temperature: float
     sigma: np.ndarray  #: (m,)
@@ -90,6 +91,8 @@ class SpinTables(NamedTuple):
             move_members(model, k, t, model.alpha, model.first[k], model.first[k + 1], y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
+        if len(model.noise_rows) > 0:
+            return turn_in_rows(model, times, y, work)
         return turn_at_random(model, 0, len(model.moment), times, y)
 
     def add_block_drift(model, t, width, y, out, work):
@@ -507,10 +510,32 @@ def take_away_roundings(model, begin, end, y):
 def noise_vector(model, i, times, lane):
     """The vector sigma dW about which site i turns in a lane."""
     if len(model.noise_axis) > 0:
-        turn = times[i * LANES + lane]
+        turn = times[noise_row(model, i) * LANES + lane]
         return turn * model.noise_axis[0], turn * model.noise_axis[1], turn * model.noise_axis[2]
+    if len(model.noise_rows) > 0:
+        wx, wy = times[noise_row(model, 3 * i) * LANES + lane], times[noise_row(model, 3 * i + 1) * LANES + lane]
+        return wx, wy, times[noise_row(model, 3 * i + 2) * LANES + lane]
     at = i * SPIN + lane
     return times[at], times[at + LANES], times[at + 2 * LANES]
+
+
+@device
+def noise_row(model, k):
+    """The row of increments of noise k, site after site."""
+    return model.noise_rows[k] if len(model.noise_rows) > 0 else k
+
+
+@device(inline=False)
+def turn_in_rows(model, times, y, work):
+    """The noise of all sites, whose increments stand in the rows that the model names."""
+    count, largest = 1 if len(model.noise_axis) > 0 else 3, 0.0
+    for i in range(len(model.moment)):
+        for c in range(count):
+            row = model.noise_rows[count * i + c]
+            for lane in range(LANES):
+                work[c * LANES + lane] = times[row * LANES + lane]
+        largest = max(largest, turn_at_random(model, i, i + 1, work, y))
+    return largest
 
 
 @device(inline=False)
