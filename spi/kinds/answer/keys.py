@@ -154,11 +154,12 @@ _SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise", "pytho
 _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3
 
 
-def question(experiment: Experiment) -> str:
+def question(experiment: Experiment, functions: bool = True) -> str:
     """The spec, as YAML, of an answer about the models and the initial values of an experiment of another kind.
 
-    Functions and final time are those of the experiment; the scheme is left to choose.  SpecError if a case of it has a
-    multiscale scheme.
+    Functions and final time are those of the experiment, without `functions` other ones stand for those that a person
+    gives; the scheme is left to choose.  SpecError if a case of it has a multiscale scheme, or functions that are no
+    formulas.
     """
     document = Document(experiment.text, str)
     own = {case["name"]: case for case in document.data.get("cases") or ()}
@@ -170,7 +171,11 @@ def question(experiment: Experiment) -> str:
         if case.eps is not None:
             right = "answers are about the equation; use schemes without eps"
             raise SpecError(f"{experiment.called}: has a multiscale scheme; {right}")
-        answers.append({"name": name, "title": title, **_asked(raw, case)} if own else _asked(raw, case))
+        asked = _asked(raw, case) | ({} if functions else {"functions": _FUNCTIONS})
+        if no_formulas := [name for name, text in asked["functions"].items() if not isinstance(text, str)]:
+            right = "name what to ask, as in --function 'y1^2'"
+            raise SpecError(f"{experiment.called}: functions.{no_formulas[0]}: is no formula of the state; {right}")
+        answers.append({"name": name, "title": title, **asked} if own else asked)
     heading = {"title": f"{experiment.title} ({ANSWER})", "kind": ANSWER}
     return as_yaml(_with_numbers(heading | ({"cases": answers} if own else answers[0])))
 
