@@ -8,14 +8,24 @@ import pytest
 from scipy import stats
 
 from spi.compiler.dispatch import kernel
+from spi.kinds.answer.study import SETS
 from spi.numerics.rng import (
+    ANSWERS,
+    AREAS,
+    BRIDGES,
     BROWNIAN,
     COINS,
+    DIFFERENCES,
+    DRIVERS,
+    INITIAL,
     LANES,
     LEVELS,
+    POINTS,
+    SITES,
     STEPS_PER_DRAW,
     STEPS_PER_TOSS,
     STREAM_VERSION,
+    UNIFORMS,
     draw_normals,
     normal_pair,
     philox,
@@ -286,10 +296,16 @@ def test_coins_do_not_depend_on_their_neighbours():
 
 
 def test_streams_do_not_overlap():
-    """A stream of coins lies beside that of its increments, and no two levels share one."""
-    levels = [LEVELS + 2 * j for j in range(64)]
-    streams = [BROWNIAN, BROWNIAN + COINS, *levels, *(stream + COINS for stream in levels)]
-    assert len(set(streams)) == len(streams)
+    """All streams of the registry: those of increments, and what is added to each of them."""
+    of_answers = {first + 2 * j for first in ANSWERS for j in range(SETS)}
+    of_levels, of_differences = ({first + 2 * j for j in range(64)} for first in (LEVELS, DIFFERENCES))
+    increments = [BROWNIAN, *of_levels, *of_differences, *of_answers, POINTS]
+    assert len(of_answers) == SETS * len(ANSWERS) and len(set(increments)) == len(increments) == 1 + 128 + 680 + 1
+    used = (0, COINS, BRIDGES, AREAS, INITIAL, UNIFORMS, DRIVERS + 1, DRIVERS + 2)
+    streams = [SITES, *(stream + use for stream in increments for use in used)]
+    assert len(set(streams)) == len(streams) and max(streams) < 2**16
+    overlapping = [*of_levels, *of_differences, *(512 + 2 * j for j in range(4 * SETS))]  # as four schemes were
+    assert len(set(overlapping)) < len(overlapping)
 
 
 def test_coins_are_fair(tossed):

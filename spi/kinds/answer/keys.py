@@ -13,6 +13,7 @@ from annotated_types import Ge
 
 from spi.ensemble.protocol import Positive, flows_lacking, large
 from spi.expressions import as_numpy
+from spi.numerics.rng import ANSWERS
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
@@ -124,6 +125,8 @@ class Case(FunctionKeys, BaseCase):
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_distinct(self.schemes, "schemes")
+        if len(self.schemes) > len(ANSWERS):
+            raise wrong(f"has {entries_in(len(self.schemes))}", f"must have at most {len(ANSWERS)}", "schemes")
         for name in self.schemes_used:
             key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:

@@ -351,7 +351,8 @@ class AnswerPlan(SamplesPlan):
         h = case.final_time / 2.0**level
         terms = fourier_terms(case.model, records, h, areas=case.areas)
         times = grid(h, 2**level, by_reference=(0,) * len(paths["doublings"]), area_terms=terms, **paths)
-        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number)), weights)
+        stream = ANSWERS[number // SETS] + 2 * own
+        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(stream)), weights)
 
     def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:
         """The plans of the schemes that a path set has paths of."""
