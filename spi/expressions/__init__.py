@@ -32,6 +32,7 @@ __all__ = [
     "is_step",
     "parse_expression",
     "range_of",
+    "singular_parts",
 ]
 
 
