@@ -3,8 +3,11 @@
 Of q + 100 (q > c) no sample may show that the second summand is 100 now and then: it has to be looked at by itself.
 """
 
+import math
 from functools import reduce
 from typing import Any
+
+import numpy as np
 
 from . import (
     Component,
@@ -20,6 +23,7 @@ from . import (
     Sum,
     Total,
     WholePower,
+    range_of,
     terms_of,
 )
 
@@ -33,6 +37,16 @@ def hidden_summands(expression: Any) -> list[Any]:
     """
     found = [*dict.fromkeys(_hidden(expression))]
     return found if len(found) <= _MOST else [reduce(Sum, found)]
+
+
+def unbounded_rest(expression: Any) -> Any | None:
+    """The sum without those of :func:`hidden_summands` whose range is known; None where there are none, or no others.
+
+    Of q + 100 (q > c) that is q.
+    """
+    parts = [part for part in _summands(expression) if not _is_fixed(part)]
+    others = [part for part in parts if _is_plain(part) or not math.isfinite(float(np.ptp(range_of(part))))]
+    return reduce(Sum, others) if 0 < len(others) < len(parts) else None
 
 
 def _hidden(expression: Any) -> list[Any]:
@@ -57,11 +71,13 @@ def _multiplied_out(part: Any) -> list[Any]:
 
 
 def _summands(expression: Any) -> list[Any]:
-    """The terms of a sum, but for their signs, also of a multiple of one; of another expression this alone."""
-    if isinstance(expression, Sum | Difference):
+    """The terms of a sum, also of a multiple of one; of another expression this alone."""
+    if isinstance(expression, Sum):
         return [*_summands(expression.a), *_summands(expression.b)]
+    if isinstance(expression, Difference):
+        return [*_summands(expression.a), *map(Negative, _summands(expression.b))]
     if isinstance(expression, Negative):
-        return _summands(expression.a)
+        return [*map(Negative, _summands(expression.a))]
     if isinstance(expression, Quotient) and isinstance(expression.b, Constant):
         return [Quotient(term, expression.b) for term in _summands(expression.a)]
     if isinstance(expression, Product) and isinstance(expression.a, Constant):

@@ -34,7 +34,7 @@ from spi.exact.kolmogorov.refining import Known, Outlook, Refined, outlook, refi
 from spi.exact.linear import Moments
 from spi.exact.work import work as working
 from spi.expressions import as_numpy, canonical, range_of, singular_parts
-from spi.expressions.summands import hidden_summands
+from spi.expressions.summands import hidden_summands, unbounded_rest
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, two_steps, values_of_blocks
 from spi.kinds.linear import linear_moments
 from spi.kinds.plans import Cost, Done, KernelCall, State
@@ -299,10 +299,23 @@ class AnswerPlan(SamplesPlan):
 
     @cached_property
     def hidden(self) -> list[tuple[int, Any]]:
-        """Summands in which rare values may hide, each with the number of the function that it belongs to."""
-        named = enumerate(zip(self.case.functions, self.case.expressions, strict=True))
-        formulas = [(f, tree) for f, (name, tree) in named if name not in dict(self.python)]
-        return [(f, part) for f, tree in formulas for part in hidden_summands(tree)]
+        """Summands in which rare values may hide, each with the number of the function that it belongs to.
+
+        Behind them stand the rests of functions, see :func:`spi.expressions.summands.unbounded_rest`.
+        """
+        return [(f, part) for f, tree in self._trees for part in hidden_summands(tree)] + self.rests
+
+    @cached_property
+    def rests(self) -> list[tuple[int, Any]]:
+        """The rests of functions without the summands whose range is known, each with the number of the function."""
+        each = ((f, unbounded_rest(tree)) for f, tree in self._trees)
+        return [(f, rest) for f, rest in each if rest is not None]
+
+    @property
+    def _trees(self) -> list[tuple[int, Any]]:
+        """The formulas, each with its number, but for those that have a Python function in their place."""
+        python, named = dict(self.python), zip(self.case.functions, self.case.expressions, strict=True)
+        return [(f, tree) for f, (name, tree) in enumerate(named) if name not in python]
 
     @cached_property
     def owners(self) -> np.ndarray:
@@ -483,9 +496,9 @@ class AnswerPlan(SamplesPlan):
             seen = planner.Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
             with np.errstate(all="ignore"):
                 span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
-            return planner.Spread.of(sums, paths, span, along)
+            return planner.Spread.of(sums, paths, span, along, bounded=np.isfinite(self.spans))
         bounds = self.ranges if self.is_random else np.repeat(sums[0].sum(axis=-1)[:, np.newaxis] / paths, 2, axis=1)
-        return planner.Spread.of(sums, paths, span, along, bounds, self.jumps)
+        return planner.Spread.of(sums, paths, span, along, bounds, self.jumps, np.isfinite(self.spans))
 
     def measured(self, state: State, scheme: int) -> planner.Measured:
         """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
@@ -846,10 +859,14 @@ class AnswerPlan(SamplesPlan):
 
         With fewer than planner.ENOUGH the largest values of heavy tails have not been seen, and no interval holds.
         """
-        _, _, degrees = planner.sampling_error(terms)
+        seen = [term.spread._replace(variance=term.spread.variance - term.spread.unseen) for term in terms]
+        _, _, degrees = planner.sampling_error(
+            [term._replace(spread=spread) for term, spread in zip(terms, seen, strict=True)]
+        )
         rounding = np.all([~np.asarray(term.spread.few) for term in terms], axis=0)
         few = np.isinf(self.spans) & (degrees < 2.0 * planner.ENOUGH) & ~rounding
         own = few[: len(few) - len(self.owners)]
+        own[[f for f, _ in self.rests]] = False  # of these the rest is judged
         return own | (np.bincount(self.owners, few[len(own) :], len(own)) > 0.0)
 
     @np.errstate(all="ignore")
