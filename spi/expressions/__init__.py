@@ -32,7 +32,6 @@ __all__ = [
     "is_step",
     "parse_expression",
     "range_of",
-    "singular_parts",
 ]
 
 

@@ -45,13 +45,13 @@ def unbounded_rest(expression: Any) -> Any | None:
     Of q + 100 (q > c) that is q.
     """
     parts = [part for part in _summands(expression) if not _is_fixed(part)]
-    others = [part for part in parts if _is_plain(part) or not math.isfinite(float(np.ptp(range_of(part))))]
+    others = [part for part in parts if is_plain(part) or not math.isfinite(float(np.ptp(range_of(part))))]
     return reduce(Sum, others) if 0 < len(others) < len(parts) else None
 
 
 def _hidden(expression: Any) -> list[Any]:
     parts = [part for part in _summands(expression) if not _is_fixed(part)]
-    steep = [part for part in parts if not _is_plain(part)]
+    steep = [part for part in parts if not is_plain(part)]
     return (steep if len(parts) > 1 else []) + [hidden for part in steep for hidden in _multiplied_out(part)]
 
 
@@ -63,10 +63,10 @@ def _multiplied_out(part: Any) -> list[Any]:
         return []
     found = []
     for factor, other in ((part.a, part.b), (part.b, part.a)):
-        terms = [] if _is_plain(factor) else _summands(factor)
+        terms = [] if is_plain(factor) else _summands(factor)
         changing = [term for term in terms if not _is_fixed(term)]
         if len(terms) > 1 and (len(changing) > 1 or not _is_fixed(other)):
-            found += [Product(term, other) for term in changing if not _is_plain(term)]
+            found += [Product(term, other) for term in changing if not is_plain(term)]
     return found
 
 
@@ -94,15 +94,15 @@ def _is_fixed(expression: Any) -> bool:
     return isinstance(expression, Constant | int) or all(map(_is_fixed, expression))
 
 
-def _is_plain(expression: Any) -> bool:
+def is_plain(expression: Any) -> bool:
     """Whether an expression is a polynomial, a sine or a cosine of one, or a polynomial in these."""
     if isinstance(expression, Constant | Component | Observable | Each):
         return True
     if isinstance(expression, Total):
-        return all(_is_plain(group.body) for group in expression.groups)
+        return all(is_plain(group.body) for group in expression.groups)
     if isinstance(expression, WholePower):
-        return _is_plain(expression.a)
+        return is_plain(expression.a)
     if isinstance(expression, Quotient):
-        return _is_plain(expression.a) and _is_fixed(expression.b)
+        return is_plain(expression.a) and _is_fixed(expression.b)
     of_plain = isinstance(expression, Sum | Difference | Product | Negative | Sine | Cosine)
-    return of_plain and all(map(_is_plain, expression))
+    return of_plain and all(map(is_plain, expression))

@@ -50,15 +50,14 @@ class Spread(NamedTuple):
         span: np.ndarray,
         scrambles: bool = False,
         bounds: np.ndarray | None = None,
-        jumps: np.ndarray | bool = False,
+        steep: np.ndarray | bool = False,
         bounded: np.ndarray | bool = True,
     ) -> "Spread":
         """The moments from sums (POWERS, F, GROUPS) over some paths, of values that are at most `span` (F,) apart.
 
         By the rule of three a share of at most 3/n of all values may lie where none of n samples does, as far from the
         mean as the `bounds` (F, 2) allow, or by the span.  That counts where all values are equal, and of functions
-        that are `bounded` (F,) also where fewer than _FEW of them have the variance, and where there are `jumps` (F,).
-        Of it is taken off how far values that were seen are off: the largest square of a deviation is at least
+        that are `bounded` (F,) also where fewer than _FEW of them have the variance, or they may be `steep` (F,).  Of it is taken off how far values that were seen are off: the largest square of a deviation is at least
         E (x - m)^4 / E (x - m)^2.
 
         Equal values have equal sums in all groups, to the last bit.  Where groups are `scrambles` of points the
@@ -76,7 +75,7 @@ class Spread(NamedTuple):
             farthest = span if bounds is None else np.maximum(bounds[:, 1] - m1, m1 - bounds[:, 0])
             known = ~lost & (tails >= 1.0)  # which it is, unless powers underflow
             farther = np.maximum(farthest**2 - np.where(known, tails * variance, 0.0), 0.0)
-            rare = bounded & (jumps | ~known | (paths < _FEW * tails))
+            rare = bounded & (steep | ~known | (paths < _FEW * tails))
             farther = np.where(equal, span**2, np.where(rare, farther, 0.0))
             unseen = np.where(np.isfinite(farther), farther, 0.0) * zero_share_bound(paths)
             seen = np.where(equal, 0.0, of_groups if scrambles else variance)

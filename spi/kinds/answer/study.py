@@ -33,8 +33,8 @@ from spi.exact.kolmogorov import can_solve, demands, refiner
 from spi.exact.kolmogorov.refining import Known, Outlook, Refined, outlook, refined
 from spi.exact.linear import Moments
 from spi.exact.work import work as working
-from spi.expressions import as_numpy, canonical, range_of, singular_parts
-from spi.expressions.summands import hidden_summands, unbounded_rest
+from spi.expressions import as_numpy, canonical, range_of
+from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, two_steps, values_of_blocks
 from spi.kinds.linear import linear_moments
 from spi.kinds.plans import Cost, Done, KernelCall, State
@@ -336,11 +336,9 @@ class AnswerPlan(SamplesPlan):
         return np.array([*own, *(range_of(tree) for _, tree in self.hidden)])
 
     @cached_property
-    def jumps(self) -> np.ndarray:
-        """(F + summands,) whether a formula has jumps, or poles within reach."""
-        trees = [*self.case.expressions, *(tree for _, tree in self.hidden)]
-        places = ([range_of(part) for part, power in singular_parts(tree) if power == 0.0] for tree in trees)
-        return np.array([any(low <= 0.0 <= high for low, high in each) for each in places])
+    def steep(self) -> np.ndarray:
+        """(F + summands,) whether a formula may be nearly an indicator: polynomials, sines and cosines are not."""
+        return ~np.array([is_plain(tree) for tree in (*self.case.expressions, *(tree for _, tree in self.hidden))])
 
     @cached_property
     def spans(self) -> np.ndarray:
@@ -498,7 +496,8 @@ class AnswerPlan(SamplesPlan):
                 span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
             return planner.Spread.of(sums, paths, span, along, bounded=np.isfinite(self.spans))
         bounds = self.ranges if self.is_random else np.repeat(sums[0].sum(axis=-1)[:, np.newaxis] / paths, 2, axis=1)
-        return planner.Spread.of(sums, paths, span, along, bounds, self.jumps, np.isfinite(self.spans))
+        steep = self.steep & ~np.bool_(along)  # along points variances of smooth functions fall faster
+        return planner.Spread.of(sums, paths, span, along, bounds, steep, np.isfinite(self.spans))
 
     def measured(self, state: State, scheme: int) -> planner.Measured:
         """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
