@@ -78,8 +78,8 @@ def schemes():
 
 
 def paths_after(model, scheme, h, y, dW, areas, **options):
-    """The strong order that is stated, states (coins, paths, d) after a step, whether five paths alone have the same, and
-    what these report; the message where a scheme is refused
+    """The stated strong order, states (coins, paths, d) after a step, whether five paths alone have the same, and what
+    these report; the message where a scheme is refused
     """
     try:
         integrator = spi.Integrator(model, scheme, h, initial=y, **options)
