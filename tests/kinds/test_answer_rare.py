@@ -11,7 +11,7 @@ from scipy.stats import norm
 from spi.api.specs import of_mapping
 from spi.expressions import canonical, parse_expression
 from spi.expressions.summands import hidden_summands
-from spi.kinds.answer import planner, study
+from spi.kinds.answer import study
 from spi.kinds.answer.planner import Term, sampling_error
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import GROUPS, with_powers
@@ -65,6 +65,7 @@ BOUNDED = {
     f"max(q > 0, 100*(q > {C!r}))": 0.5 + 99e-4,
     f"sin(q + 100*(q > {C!r}))": mean(lambda q: math.sin(q + 100.0 * (q > C)), C),
     f"q > {C!r}": 1e-4,
+    "1/(1 + ((q - 2)/0.001)^2)": mean(lambda q: 1.0 / (1.0 + ((q - 2.0) / 0.001) ** 2), 1.99, 2.0, 2.01),
 }
 
 

@@ -57,7 +57,8 @@ class Spread(NamedTuple):
 
         By the rule of three a share of at most 3/n of all values may lie where none of n samples does, as far from the
         mean as the `bounds` (F, 2) allow, or by the span.  That counts where all values are equal, and of functions
-        that are `bounded` (F,) also where fewer than _FEW of them have the variance, or they may be `steep` (F,).  Of it is taken off how far values that were seen are off: the largest square of a deviation is at least
+        that are `bounded` (F,) also where fewer than _FEW of them have the variance, or they may be `steep` (F,).  Of
+        it is taken off how far values that were seen are off: the largest square of a deviation is at least
         E (x - m)^4 / E (x - m)^2.
 
         Equal values have equal sums in all groups, to the last bit.  Where groups are `scrambles` of points the

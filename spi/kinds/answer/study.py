@@ -789,8 +789,12 @@ class AnswerPlan(SamplesPlan):
         both: dict[str, Any] = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
         if _goes_on(ahead, sampling, self.case.seconds - spent):
             return extra._replace(solving=SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
-        if not reaches and (solution.bound <= sampled.aim).all():  # neither reaches it, and this is the better
-            return self._solved(extra._replace(**both), solution)
+        if not reaches:  # and solving is not expected to: this goes on where it is, or becomes, the better
+            left, (_, better) = self.case.seconds - spent, self.prospect(extra, sampled.aim)
+            if max(better.seconds, ahead.next_seconds) <= left:
+                return self._refined(extra._replace(solving=SOLVING, **both), ahead)
+            if not better.seconds:
+                return self._solved(extra._replace(**both), solution)
         return sampled._replace(solving=SAMPLING, **both)
 
     def _solved(self, extra: Decisions, solution: Refined) -> Decisions:
