@@ -111,7 +111,7 @@ class Spread(NamedTuple):
         if not len(owners):
             return own
         of_summands, unknown = (
-            np.bincount(owners, np.asarray(values[count:], float), count) for values in (self.unseen, self.unknown)
+            np.bincount(owners, np.asarray(values, float)[count:], count) for values in (self.unseen, self.unknown)
         )
         with np.errstate(all="ignore"):
             share = np.where(of_summands > 0.0, own.variance / (own.variance + of_summands), 1.0)
