@@ -866,8 +866,8 @@ class AnswerPlan(SamplesPlan):
         _, _, degrees = planner.sampling_error(
             [term._replace(spread=spread) for term, spread in zip(terms, seen, strict=True)]
         )
-        rounding = np.all([~np.asarray(term.spread.few) for term in terms], axis=0)
-        few = np.isinf(self.spans) & (degrees < 2.0 * planner.ENOUGH) & ~rounding
+        some = np.any([term.spread.few for term in terms], axis=0)  # else it is the variance of rounding errors
+        few = some & np.isinf(self.spans) & (degrees < 2.0 * planner.ENOUGH)
         own = few[: len(few) - len(self.owners)]
         own[[f for f, _ in self.rests]] = False  # of these the rest is judged
         return own | (np.bincount(self.owners, few[len(own) :], len(own)) > 0.0)
