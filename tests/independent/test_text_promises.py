@@ -14,7 +14,7 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, hadamard
-from test_systems import MODELS, TRANSPORT, fluid, so3
+from test_text_systems import MODELS, TRANSPORT, fluid, so3
 from text_of_spins import Spins
 from text_of_systems import System, gradient
 from uncompiled import program
