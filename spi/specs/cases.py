@@ -68,7 +68,7 @@ from .keys import (
     wrong,
 )
 from .models import Model, check_words, name_of
-from .names import CodeKeys, check_values, named_in, numbers_of, taken
+from .names import CodeKeys, Taken, check_values, named_in, numbers_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -134,7 +134,7 @@ class FunctionKeys(CodeKeys):
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
     """The entries of a key of formulas by name, names of others being their formulas."""
     try:
-        return written_out(entries, taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
+        return written_out(entries, Taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
     except NumberError as error:
         raise wrong(f"cannot be written out: {error}", "leave one of these names out", key) from None
 
@@ -462,7 +462,7 @@ def _thermal(case: Any) -> Any:
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
-    if with_bath is None or not noise_indices(with_bath):
+    if with_bath is None or not (noises(with_bath) if large(with_bath) else noise_indices(with_bath)):
         fault = "is given to a model without noise, which nothing would bring to it"
         key = "alpha" if answers(at_temperature, model) else "sigma"
         raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")

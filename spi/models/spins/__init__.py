@@ -124,10 +124,12 @@ class Spins(NamedTuple):
         return _fault(model)
 
     def state_fault(model, y):
-        lengths = np.linalg.norm(np.reshape(y, (-1, 3)), axis=1)
-        if abs(lengths - 1).max() < 1e-9:
+        s = np.reshape(np.asarray(y), (-1, 3))
+        lengths = np.sqrt(np.einsum("ij,ij->i", s, s))
+        away = abs(lengths - 1)
+        if away.max() < 1e-9:
             return None
-        worst = int(np.argmax(abs(lengths - 1)))
+        worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
     def observables(model):
