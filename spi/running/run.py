@@ -75,7 +75,7 @@ def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> C
 
 
 def _bytes(costs: Sequence[Any]) -> float:
-    """The memory of a run: the program, what the parts keep, and what one needs besides, or copies when it is written."""
+    """The memory of a run: the program, what parts keep, and what one needs besides, or copies when it is written."""
     kept = sum(part.kept for part in costs)
     return STARTING_BYTES + kept + max(_COPIES * kept, *(part.bytes - part.kept for part in costs))
 
