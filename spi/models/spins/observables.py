@@ -148,6 +148,11 @@ def _own_fields(model: Any, states: Array) -> Array:
     return field.reshape(-1, 3, *more) + 2 * own.uniaxial * along + 2 * own.cubic * s**3
 
 
+def field_at(model: Any, states: Array) -> Array:
+    """(sites, 3, ...) the field b = -grad_s H at each spin of states (3 sites, ...)."""
+    return _fields(model, states) + _own_fields(model, states)
+
+
 def _energy_current(model: Any, along: int, states: Array) -> Any:
     """Time derivative of the sum of x e over bonds, at their middles, and sites, x along a vector of the cell.
 
@@ -155,7 +160,7 @@ def _energy_current(model: Any, along: int, states: Array) -> Any:
     weighted by how far away they are, b the field.
     """
     s, weighted = _components(states), _fields(model, states, along)
-    field = _fields(model, states) + _own_fields(model, states)
+    field = field_at(model, states)
     moment = np.tile(_of_cell(model, model.mu), math.prod(model.size))
     return np.tensordot(-0.5 / moment, (s * np.cross(weighted, field, axis=1)).sum(axis=1), axes=1)
 
@@ -166,11 +171,25 @@ def _spin_current(model: Any, along: int, c: int, states: Array) -> Any:
     return 0.5 * np.cross(s, weighted, axis=1)[:, c].sum(axis=0)
 
 
+def _torques(model: Any, states: Array) -> Any:
+    """Sum over the sites of |s x b|^2, the square of the gradient of H on the spheres."""
+    return (np.cross(_components(states), field_at(model, states), axis=1) ** 2).sum(axis=(0, 1))
+
+
+def _laplacian(model: Any, states: Array) -> Any:
+    """The Laplacian of H on the spheres: 2 s . b of bonds and the field, and 6 K u^2 - 2 K, 10 K_4 s_c^4 - 6 K_4.
+
+    A homogeneous polynomial h of degree l has the Laplacian of space less l (l + 1) h.
+    """
+    s, more, own = _components(states), [1] * (np.ndim(states) - 1), model.anisotropy
+    linear = _fields(model, states) + np.tile(_field(model), (math.prod(model.size), 1)).reshape(-1, 3, *more)
+    u = np.tensordot(unit(own.axis), s, axes=(0, 1))
+    of_sites = own.uniaxial * (6 * u**2 - 2) + own.cubic * (10 * (s**4).sum(axis=1) - 6)
+    return 2 * (s * linear).sum(axis=(0, 1)) + of_sites.sum(axis=0)
+
+
 def _spin_temperature(model: Any, states: Array) -> Any:
-    s, more = _components(states), [1] * (np.ndim(states) - 1)
-    b = _fields(model, states) + np.tile(_field(model), (math.prod(model.size), 1)).reshape(-1, 3, *more)
-    turning = np.cross(s, b, axis=1)
-    return (turning**2).sum(axis=(0, 1)) / (2 * (s * b).sum(axis=(0, 1)))
+    return _torques(model, states) / _laplacian(model, states)
 
 
 def _charge(model: Any, states: Array) -> Any:
@@ -263,5 +282,7 @@ def _named(model: Any) -> dict[str, Callable[[Array], Any]]:
     named["H"] = functools.partial(_energy, model)
     if _is_long(model):
         named |= dict.fromkeys(("C", "C1"), functools.partial(_lengths, model))
+    named["torque2"] = functools.partial(_torques, model)
+    named["laplacian"] = functools.partial(_laplacian, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named
