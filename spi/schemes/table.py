@@ -60,7 +60,7 @@ def _flows(stages, model):
     The noises of a model whose flows move a lattice in place are together one flow, and so is their friction.
     """
     if large(model):
-        together = 1 / max(1, noises(model)) if in_place(in_kernels(model)) else 1
+        together = 1 / max(1, noises(model)) if in_place(model) else 1
         return sum(count * (1 if part == "drift" else together) for part, count in flow_counts(stages, model))
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
     return sum(

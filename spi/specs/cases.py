@@ -34,6 +34,7 @@ from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
+from ..models.spins import Spins
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
@@ -312,8 +313,8 @@ class BaseCase(Keys):
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
                 f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory "
-                "and equilibrium with samples: 1, by splittings without coins, and periodic lengths that divide into "
-                "64 equal parts"
+                "and equilibrium with samples: 1, by splittings without coins, splitting_metropolis with by: sites, and "
+                "periodic lengths that divide into 64 equal parts"
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
@@ -475,8 +476,13 @@ def _thermal(case: Any) -> Any:
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
     if with_bath is None or not (noises(with_bath) if large(with_bath) else noise_indices(with_bath)):
         fault = "is given to a model without noise, which nothing would bring to it"
-        key = "alpha" if answers(at_temperature, model) else "sigma"
-        raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")
+        right = f"leave it out, or give {'alpha' if answers(at_temperature, model) else 'sigma'} a number above 0"
+        if isinstance(undamped(model), Spins) and undamped(model).variables:
+            fault, right = "is given beside lattice, whose flows have no friction", "leave out one of them"
+        elif noises(model) and with_bath is None:
+            fault = "is given beside a noise that does not belong to it"
+            right = "leave out one of them; at a temperature noise belongs to alpha, a number above 0"
+        raise wrong(fault, right, "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")

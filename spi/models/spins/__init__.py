@@ -67,7 +67,7 @@ class Spins(NamedTuple):
 
     lattice: Annotated[
         Literal["chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc"] | Cell,
-        "the lattice, or its cell by sites, vectors and bonds",
+        "the lattice, or a cell of your own with sites, vectors and bonds",
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
@@ -91,7 +91,7 @@ class Spins(NamedTuple):
         tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
     ] = ()
 
-    large = True
+    large, in_place = True, True
     conserved, sphere_size = 1, 3
 
     def has_friction(model):
