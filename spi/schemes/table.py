@@ -12,7 +12,6 @@ from ..ensemble.protocol import (
     dimension,
     flow_ns,
     has_bath,
-    in_kernels,
     in_place,
     inexact_noises,
     inexact_pieces,

@@ -313,8 +313,8 @@ class BaseCase(Keys):
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
                 f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory "
-                "and equilibrium with samples: 1, by splittings without coins, splitting_metropolis with by: sites, and "
-                "periodic lengths that divide into 64 equal parts"
+                "and equilibrium with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
+                "and periodic lengths that divide into 64 equal parts"
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
