@@ -3,7 +3,7 @@
 Cubic lattices of CELLS^3 spins (32 and 64, with --large 128 as well) that begin aligned and are at a temperature, each
 by `splitting_symmetric` and `splitting_metropolis`, as `equilibrium` of one path and as `trajectory`, N steps (128).
 Each run is a process of its own that runs `spi check` and then `spi run` with a clock around the kernel, after a run
-of 128 steps, so that nothing is compiled.  A line has
+of 32^3, so that nothing is compiled.  A line has
 
     wall       the time of the whole process, what `spi check` says beside it
     kernel     the time within the kernel that moves the lattice
@@ -110,11 +110,11 @@ def run_of(kind, scheme, cells, steps):
 def main(cells, steps):
     print(f"{'lattice':8}{'kind':13}{'scheme':22}{'wall (said)':>20}{'kernel':>8}  share{'rest (cpu)':>15}", end="")
     print(f"{'MB (said)':>14}{'a spin':>8}{'check (cpu)':>15}")
-    base = run_of("equilibrium", SCHEMES[0], 8, steps)["peak"]
+    bases = {scheme: run_of("equilibrium", scheme, 8, 128)["peak"] for scheme in SCHEMES}
     for kind in OWN:
-        for scheme in SCHEMES:
+        for scheme, base in bases.items():
+            run_of(kind, scheme, 32, 128)
             for n in cells:
-                run_of(kind, scheme, n, 128)
                 of = run_of(kind, scheme, n, steps)
                 rest, busy = of["wall"] - of["kernel"], of["cpu"] - of["kernel_cpu"]
                 a_spin = (of["peak"] - base) / n**3 - STORED[kind]
