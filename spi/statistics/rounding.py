@@ -63,8 +63,8 @@ def size_of_values(function: Callable[[Array], Array], state: Iterable[float]) -
     long = isinstance(state, LongState)
     y = np.asarray(state if long else tuple(state), float)
     scale = np.maximum(np.abs(y), size_of(state if long else y) / math.sqrt(len(y)))
-    random = np.random.default_rng(0)
-    signs = [np.where(random.random(len(y)) < 0.5, -1.0, 1.0).astype(np.int8) for _ in range(_PATTERNS)]
+    random, patterns = np.random.default_rng(0), 2 if long else _PATTERNS
+    signs = [np.where(random.random(len(y)) < 0.5, -1, 1).astype(np.int8) for _ in range(patterns)]
     signs[0][:] = 1
     moved = itertools.chain([y], (y + nudge * scale * sign for nudge in _NUDGES for sign in signs))
     with np.errstate(all="ignore"):

@@ -29,7 +29,7 @@ Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} 
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
 _LOOKING = 1 / 16  # of the time in which a large lattice moves, for looking at it, unless a spacing is given
-_LEAST_LOOKS = 16  # at it in any case
+_LEAST_LOOKS = 8  # at it in any case
 _LEAST_KEPT = 2
 _BURNT = 0.2  # of the time
 _BLOCKS = 16  # that are recorded together

@@ -69,10 +69,15 @@ def _signs(model: Any) -> Array:
     return signs.ravel()
 
 
+def _sum(values: Array) -> Any:
+    """The sum over the first axis, which is long, in pairs of neighbours."""
+    return np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1)
+
+
 def _mean(model: Any, staggered: bool, c: int, states: Array) -> Any:
     weights, along = _weights(model, staggered), _components(states)[:, c]
     if _is_long(model):  # a sum whose bits depend on no library
-        return (weights.reshape(-1, *[1] * (along.ndim - 1)) * along).sum(axis=0)
+        return _sum(weights.reshape(-1, *[1] * (along.ndim - 1)) * along)
     return np.tensordot(weights, along, axes=1)
 
 
@@ -222,7 +227,7 @@ def _angles(here: Array, right: Array, periodic: bool) -> Any:
 
 def _lengths(model: Any, states: Array) -> Any:
     """The mean of |s|^2, the Casimir function."""
-    return (states**2).sum(axis=0) / (len(states) // 3)
+    return _sum(states**2) / (len(states) // 3)
 
 
 def _conserves(model: Any, c: int) -> bool:
