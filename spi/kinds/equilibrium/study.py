@@ -302,8 +302,11 @@ class EquilibriumPlan(Plan):
         if self.is_long:
             first, now = (alone.casimirs(self.case, y) for y in (self._start[:, np.newaxis], states))
         else:
-            first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]
             now = casimirs_of_states(self.model, states)
+            if self.one_path:  # whose law draws one state and no block of them
+                first = casimirs_of_states(self.model, self._start[:, np.newaxis])
+            else:
+                first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]
         grown = np.reshape(growth(self.model, n * h), (-1, 1))
         change = now * grown - first
         errors = errors.copy()
