@@ -5,12 +5,13 @@ import pytest
 from helpers import compiled_only
 from states import check_going_on, finished, same_numbers
 
+from spi.ensemble import loop
 from spi.kinds import one_path
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.means import Series
 from spi.models.spins import Anisotropy, Spins, Terms, observables
 from spi.models.spins.lattices import Cell
-from spi.models.spins.whole import Sampled
+from spi.models.spins.whole import Sampled, Whole
 from spi.running import run as runner
 from spi.running.load import load
 from spi.storage import Part
@@ -100,12 +101,15 @@ def _known(states, cells=(24, 16, 16)):
 
 
 @compiled_only
-def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path):
-    """Of each state after the burn-in, and the same bits from wherever a run goes on."""
+def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path, monkeypatch):
+    """Of each state after the burn-in, by all threads, and the same bits from wherever a run goes on."""
+    threads, move = set(), Whole.move
+    monkeypatch.setattr(Whole, "move", lambda *arguments: threads.add(loop.thread_count()) or move(*arguments))
     case = read(LARGE.replace("final_time: 16", "final_time: 32") + "spacing: 1/8\nburn_in: 4\n", tmp_path).cases[0]
     plan = equilibrium.plan(case, Part("splitting_symmetric"))
     assert plan.is_long
     found = plan.results(finished(plan)).averages
+    assert threads == {loop.thread_count()}
     states = np.array([y.copy() for n, y in one_path.moved(plan.one_path[0], one_path.start_of(plan), 0, 512, 2, 1, 0)])
     used = Series.of(case, 0).used
     assert 208 <= used <= 224

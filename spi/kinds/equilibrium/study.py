@@ -193,7 +193,8 @@ class EquilibriumPlan(Plan):
             paths: Any = started if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
             paths = paths._replace(wanted=chunk.paths)
             started = None
-            with loop.limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
+            shared = loop.thread_count() if self.one_path else chunk.blocks
+            with loop.limited_threads(shared):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + loop.BATCH_SECONDS
                 while not paths.paths:
                     paths = self._advanced(chunk, paths)
