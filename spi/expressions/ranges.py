@@ -11,7 +11,7 @@ import difflib
 import itertools
 import re
 from collections import ChainMap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any, Self, TypeVar
 
@@ -170,7 +170,7 @@ def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
         yield body, inner
 
 
-def written_out(functions: Mapping[str, Any], words: Collection[str]) -> dict[str, Any]:
+def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 
     An entry may be a mapping with a text.  NumberError if formulas name each other in a circle, or grow too long.

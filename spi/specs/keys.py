@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial, reduce, wraps
-from operator import or_
+from operator import getitem, or_
 from types import MappingProxyType, UnionType
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
@@ -328,6 +328,13 @@ def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, 
     mistakes: dict[Location, str] = {}
     for error in errors:
         loc, message = explained(error, errors, data)
+        if error["type"] == "literal_error" and str(error["loc"][-1]).startswith("literal["):  # or something else
+            union = error["loc"][:-1]
+            others = [each for each in errors if each is not error and each["loc"][: len(union)] == union]
+            if others and isinstance(reduce(getitem, loc, data), dict):
+                continue  # a word may stand there or a mapping, and a mapping stands there
+            if "known: " in message and any(each["type"] == "model_type" for each in others):
+                message += ", or a mapping"
         # one mistake may be seen as each of the things that may stand there
         if not any(loc[: len(other)] == other or other[: len(loc)] == loc for other in mistakes):
             mistakes[loc] = message

@@ -52,6 +52,7 @@ from typing import (
 
 import numpy as np
 
+from ..ensemble.long_states import LongState
 from ..ensemble.random_states import RandomState
 from .records import INTERVAL, Group, Order, Part
 
@@ -399,7 +400,7 @@ class Description(Described):
             model=case.model_name,
             parameters={name: value for name, value in case.parameters.items() if name != "constants" and value != ()},
             variables=tuple(getattr(case, "variables", ())),
-            initial=None if random else case.initial,
+            initial=None if random or isinstance(case.initial, LongState) else case.initial,
             final_time=getattr(case, "final_time", None),
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,

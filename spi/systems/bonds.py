@@ -43,6 +43,8 @@ def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     if not isinstance(data.get("hamiltonian"), str):
         raise DefinitionError("must be one formula", "hamiltonian")
     pairs, fields, own = _terms(reader.at(("hamiltonian",), addends, data["hamiltonian"], formulas), place, names)
+    if not pairs:
+        raise _refused("has no product of components of two spins")
     noises = [
         {place[s]: c for s, c in noise.as_coefficients_dict().items() if s in place}
         for _, _, noise in reader.expressions("noises", formulas)
@@ -87,7 +89,7 @@ def _terms(parts: list[Any], place: Mapping[Any, int], names: list[str]) -> Any:
     count = len(names) // 3
     fields, own = np.zeros((count, 3)), np.zeros((count, 3, 3))
     for part in parts:
-        for term in sympy.Add.make_args(sympy.expand(part)):
+        for term in filter(None, sympy.Add.make_args(sympy.expand(part))):
             factor, powers = sympy.Integer(1), []
             for base, exponent in term.as_powers_dict().items():
                 if base in place and exponent in (1, 2):

@@ -18,6 +18,8 @@ PANELS = ("growth", "law", "distance", *OF_FUNCTIONS)
 
 #: Number of batches into which the time of a path after the burn-in is divided.
 BATCHES = 16
+#: Least number of values of which there are so many batches; of fewer there are 4, and of fewer than 8 there are 2.
+FEW = 4 * BATCHES
 #: Least number of paths whose standard error is that of independent paths; with fewer it is that of correlated values.
 LEAST_PATHS = 8
 #: Least number of integrated autocorrelation times that a path must have.
@@ -26,6 +28,11 @@ LONG_ENOUGH = 50
 APART = 1.5
 #: The probability by chance of the difference between both halves of the time from which on there is a warning.
 _SELDOM = 0.01
+
+
+def batches_of(values: int) -> int:
+    """The number of batches of so many values of a path."""
+    return BATCHES if values >= FEW else 4 if values >= 8 else 2
 
 
 class Law(Described):
@@ -203,7 +210,7 @@ class Averages(Described):
         with np.errstate(divide="ignore", invalid="ignore"):
             of_tau = self.tau_stderr / (2 * self.tau)
             of_paths = np.full_like(of_tau, 1 / np.sqrt(2 * max(samples - 1, 1)))
-            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * BATCHES) - 1, 1)))
+            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * batches_of(self.kept)) - 1, 1)))
             each = np.log([self.stderr_paths, self.stderr_tau, self.stderr_batches])
             spread = np.array([of_paths, of_tau, of_batches])
             excess = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]

@@ -111,7 +111,8 @@ class Correlated(Keys):
     ) = None
     through: key_of(
         Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
-        "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
+        "corners of the path of the wave vectors q, in reciprocal vectors; default: from 0 to half of the first of "
+        "these, or as far as waves fit",
     ) = None
     about: key_of(
         _Direction | Annotated[tuple[_Direction, ...], MinLen(1)] | Literal["initial"] | None,

@@ -45,7 +45,8 @@ def modes_of(given: Any, model: Spins) -> Array:
 def _path(given: Any, model: Spins) -> list[Array]:
     """The first wave vector, and those of each part of the path up to its corner."""
     size = np.array(model.size)
-    corners = given.through or ((0.0,) * len(size), (0.5, *(0.0,) * (len(size) - 1)))
+    half = size[0] // 2 / size[0]  # of an odd length the last wave before
+    corners = given.through or ((0.0,) * len(size), (half, *(0.0,) * (len(size) - 1)))
     if any(len(corner) != len(size) for corner in corners):
         raise wrong(
             "has corners of another length", f"must have {len(size)} numbers each", "time_correlations", "through"

@@ -68,7 +68,7 @@ class Spins(NamedTuple):
 
     lattice: Annotated[
         Literal["chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc"] | Cell,
-        "the lattice, or its cell by sites, vectors and bonds",
+        "the lattice, or a cell of your own with sites, vectors and bonds",
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
@@ -92,7 +92,7 @@ class Spins(NamedTuple):
         tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
     ] = ()
 
-    large = True
+    large, in_place = True, True
     conserved, sphere_size = 1, 3
 
     def has_friction(model):
@@ -125,10 +125,12 @@ class Spins(NamedTuple):
         return _fault(model)
 
     def state_fault(model, y):
-        lengths = np.linalg.norm(np.reshape(y, (-1, 3)), axis=1)
-        if abs(lengths - 1).max() < 1e-9:
+        s = np.reshape(np.asarray(y), (-1, 3))
+        lengths = np.sqrt(np.einsum("ij,ij->i", s, s))
+        away = abs(lengths - 1)
+        if away.max() < 1e-9:
             return None
-        worst = int(np.argmax(abs(lengths - 1)))
+        worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
     def observables(model):
