@@ -151,5 +151,7 @@ def take_friction_times(model, t, width, states, times, work):
 
 @device(by_type=True)
 def run_friction(model, backwards, t, width, states, work):
-    """Friction of a model that has flows of its own for it; nothing for one without a temperature."""
+    """Friction of a model that has flows of its own for it; nothing for any other."""
+    if answers(block_friction_times, class_of(model)):  # the record hands on what its model need not answer
+        return None
     return block_friction_flow if answers(block_friction_flow, class_of(model)) else None

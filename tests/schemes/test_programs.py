@@ -1,13 +1,18 @@
 """Compositions of flows of array states as data: their rows are the flows of the stages, and all have one type."""
 
+import itertools
+import math
+
+import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import COMPILED, loop_in_python
 
 from spi.compiler.inlining import types_of
 from spi.ensemble.increments import brownian
-from spi.ensemble.loop import arguments_of, grid, integrate
+from spi.ensemble.loop import arguments_of, grid, integrate, integrated, paths_of
 from spi.ensemble.protocol import in_kernels
 from spi.models import RigidBody, Spins, Zeitlin
+from spi.models.delegation import thermal
 from spi.models.spins import Terms, Transport
 from spi.models.zeitlin import Noise
 from spi.schemes import SCHEMES, of_model
@@ -62,17 +67,38 @@ SPINS = Spins("ring", (4,), (Terms(exchange=1.0),), noise=Transport(0.3))
 FLUID = Zeitlin(3, (Noise(0.5, modes=((0, 1),)),))
 
 
+NAMES = "splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"
+
+
+def run_of(name, model, samples=1):
+    """The arguments of two steps of a scheme."""
+    initial = (0.6, 0.0, 0.8) * 4 if getattr(model, "model", model) == SPINS else (0.4, 0.3, -0.2, 0.1) * 2
+    return of_model(SCHEMES[name], model).record, in_kernels(model), initial, grid(0.25, 2), brownian(1), 0, 1, samples
+
+
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+@pytest.mark.parametrize("temperature", [math.inf, 0.7])
 @pytest.mark.parametrize("model", [SPINS, FLUID], ids=["spins", "zeitlin"])
-def test_all_compositions_are_compiled_once(model):
-    """Four schemes, without and with sub-steps and coins: one signature of the loop over time."""
-    record = in_kernels(model)
-    initial = (0.6, 0.0, 0.8) * (record.d // 3) if model is SPINS else (0.1,) * record.d
-    names, signatures = ("splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"), set()
-    for name in names:
-        run = of_model(SCHEMES[name], model).record, record, initial, grid(0.25, 1), brownian(1), 0, 1, 1
-        signatures.add(types_of(integrate, arguments_of(*run)))
+def test_all_compositions_have_one_type(model, temperature):
+    """Four schemes, without and with sub-steps, coins and friction: one signature of the loop over time."""
+    if temperature < math.inf:
+        model = thermal(model._replace(alpha=0.5, noise=None) if model is SPINS else model, temperature)
+    signatures = {types_of(integrate, arguments_of(*run_of(name, model))) for name in NAMES}
     assert len(signatures) == 1
-    heun = SCHEMES["heun_renormalised" if model is SPINS else "euler_maruyama"].record
-    run = heun, record, initial, grid(0.25, 1), brownian(1), 0, 1, 1
-    assert types_of(integrate, arguments_of(*run)) not in signatures
+    other = "heun_renormalised" if "Spins" in repr(model) else "euler_maruyama"
+    assert types_of(integrate, arguments_of(*run_of(other, model))) not in signatures
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+def test_four_schemes_are_one_kernel():
+    """Of the fluid at a temperature; compiled they lead to the states of the same loop in Python."""
+    model, before, ends = thermal(FLUID, 0.7), len(integrate.signatures), []
+    for name in NAMES:
+        states, report = integrated(*run_of(name, model, 3))
+        with loop_in_python():
+            expected, its_report = integrated(*run_of(name, model, 3))
+        states, expected = (paths_of(each, 8)[0][:, :3] for each in (states, expected))
+        assert np.abs(states - expected).max() < 1e-13 and np.allclose(report, its_report)
+        ends.append(states)
+    assert len(integrate.signatures) - before <= 1  # 0 where another test was here before
+    assert min(np.abs(a - b).max() for a, b in itertools.combinations(ends, 2)) > 1e-3
