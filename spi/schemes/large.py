@@ -8,7 +8,7 @@ of flows are in ``program.py``.
 import numpy as np
 
 from ..compiler.dispatch import device
-from ..compiler.vectors import WIDTH
+from ..compiler.vectors import WIDTH, without_refcount
 from ..ensemble.protocol import (
     add_block_drift,
     add_block_ito_correction,
@@ -239,14 +239,21 @@ def midpoint_step_of_large(model, h, dW, y, work, report, tolerance, most_iterat
         report_each_solve(report, count, iterations, failures, residual)
 
 
+@device
+def component(states, i, width):
+    """Component i of states: a view, so that indices are seen to be no negative ones and loops are vectorised."""
+    return without_refcount(states[i * width : (i + 1) * width])
+
+
 @device(inline=False)
 def distances(a, b, width, changes):
     """Of each state the largest difference of components over the largest component in b; NaN if any is."""
     difference, size = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    for i in range(0, len(a), width):
+    for i in range(len(a) // width):
+        p, q = component(a, i, width), component(b, i, width)
         for j in range(width):  # integers, because a maximum of floats is not vectorised
-            difference[j] = max(difference[j], bits(abs(a[i + j] - b[i + j])))
-            size[j] = max(size[j], bits(abs(b[i + j])))
+            difference[j] = max(difference[j], bits(abs(p[j] - q[j])))
+            size[j] = max(size[j], bits(abs(q[j])))
     for j in range(width):
         changes[j] = from_bits(difference[j]) / (from_bits(size[j]) + 1e-300)
 
@@ -254,9 +261,10 @@ def distances(a, b, width, changes):
 @device(inline=False)
 def replace_moving(x, new, width, changes, left):
     """Replace the states that still move, those with a change `left` above 2^-48, and their changes."""
-    for i in range(0, len(x), width):
+    for i in range(len(x) // width):
+        old, its = component(x, i, width), component(new, i, width)
         for j in range(width):
-            x[i + j] = new[i + j] if left[j] > _ENOUGH else x[i + j]
+            old[j] = its[j] if left[j] > _ENOUGH else old[j]
     for j in range(width):
         left[j] = changes[j] if left[j] > _ENOUGH else left[j]
 
