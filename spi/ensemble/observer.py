@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.dispatch import answers, device, kernel, number, unrolled
+from ..compiler.pointers import in_memory
 from ..compiler.records import class_of
 from ..numerics import arrays
 from ..numerics.elementary import exp
@@ -71,6 +72,7 @@ def _keep_casimir(index, model, values, row, casimir):
 @kernel
 def invariants(model, states, times, energy, values):
     """Put H and the Casimirs of each row of `states` (n, d) at its time into `energy` (n,) and `values` (n, C)."""
+    model = in_memory(model)
     block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
     for row in range(len(states)):
         for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
@@ -259,6 +261,7 @@ def _watch_casimirs(model, worst, start, rates, n, paths, y):
 @kernel
 def energies(model, states, energy):
     """H of the states (blocks, times, d * LANES) of blocks, in `energy` (blocks, times, LANES)."""
+    model = in_memory(model)
     for row in range(states.shape[0]):
         for t in range(states.shape[1]):
             for lane in range(LANES):

@@ -414,10 +414,10 @@ def block_energies(array_state_model, y, energies, work):
 
 
 @method(optional=True)
-def block_judged_noises(array_state_model, h, dW, uniforms, y, work):
+def block_judged_noises(array_state_model, h, dW, uniforms, first, end, y, work):
     """All noises with their friction, in place, each accepted or not by the energy that it alone changes.
 
-    Returns the number of accepted flows of all lanes.
+    Returns the number of accepted flows in the lanes from `first` to before `end`.
     """
 
 

@@ -26,8 +26,8 @@ from ..ensemble.protocol import (
 )
 from ..numerics.elementary import exp
 from ..numerics.rng import LANES
-from .large import run_stages_of_large, size_or
 from .midpoint import inner_size, inner_sweep
+from .program import LargeComposition
 from .stages import (
     PARTS,
     LoopTime,
@@ -59,10 +59,10 @@ class Splitting(NamedTuple):
         return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
-        return size_or(stages_work(model), model)
+        return stages_work(model)
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        run_stages_of_large(scheme.stages, model, paths, h, dW, coins, y, work, report)
+    def of_arrays(scheme):
+        return LargeComposition.of(scheme.stages)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_stages(scheme.stages, model, h, dW, coins, y, work, report)
@@ -192,7 +192,7 @@ def _step(sweeps, inexact, most, linear=()):
         if k in dict(inexact).get(part, ()):
             lines.append(f"inner_sweep({part}, index_{k}, model, coins, y, work, report)")
         else:
-            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
+            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}, report))")
     lines.append("report_angle(largest, report)")
     names = {
         "LANES": LANES,

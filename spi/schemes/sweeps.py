@@ -27,7 +27,7 @@ from ..ensemble.protocol import (
     shape_flow,
     shape_slopes,
 )
-from ..ensemble.scheme_protocol import REPORT
+from ..ensemble.scheme_protocol import REPORT, lanes_in_use
 from ..numerics.angles import by_size, sin_versine
 from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
@@ -58,10 +58,17 @@ def report_angle(largest, report):
 
 
 @device
-def report_solves(report, iterations, failures, residual, paths=LANES):
-    """Report that the equations of so many paths were solved, with so many iterations each."""
-    report[0] += paths
-    report[1] += paths * iterations
+def report_solves(report, iterations, failures, residual):
+    """Report that the equations of the lanes in use were solved, with so many iterations in each."""
+    first, end = lanes_in_use(report)
+    report_each_solve(report, end - first, (end - first) * iterations, failures, residual)
+
+
+@device
+def report_each_solve(report, solves, iterations, failures, residual):
+    """Report that so many equations were solved, with so many iterations in all."""
+    report[0] += solves
+    report[1] += iterations
     report[2] += failures
     report[_LARGEST_RESIDUAL] = np.maximum(report[_LARGEST_RESIDUAL], residual)  # keeps NaN
 
@@ -75,28 +82,46 @@ def report_judged(report, noises, noise, drifts, drift):
     report[_JUDGED + 3] += drift
 
 
+@device
+def is_idle_above(largest, report):
+    """Whether an angle with these bits is one to report, and perhaps of a lane that is not in use."""
+    first, end = lanes_in_use(report)
+    return largest > _SMALL_BITS and end - first < LANES
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # One flow on all lanes of a block, by sines for the largest of their angles.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 @device(by_type=True)
-def sweep(part, index, model, y, t):
+def sweep(part, index, model, y, t, report):
     """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
-    Returns the bits of the largest |angle| in it.
+    Returns the bits of the largest |angle| in it, of the lanes in use if that is one to report.
     """
     if table := table_of(part, index, model):
         return table_sweep(table)
     return _sweep if is_inlined(model) else _sweep_on_its_own
 
 
-def _sweep(part, index, model, y, t):
+def _sweep(part, index, model, y, t, report):
     k = number(index)
     largest = 0
     for lane in range(LANES):
         largest = max(largest, bits(angle(part, model, k, time_of(part, t, lane), load_lane(model, y, lane))))
+    in_use = angle_in_use(part, index, model, y, t, report) if is_idle_above(largest, report) else largest
     sweep_up_to(largest, part, index, model, y, t)
+    return in_use
+
+
+@device(inline=False)
+def angle_in_use(part, index, model, y, t, report):
+    """The bits of the largest |angle| of the lanes in use: of few steps, so that the others need no mask."""
+    largest, (first, end) = 0, lanes_in_use(report)
+    for lane in range(first, end):
+        state = load_lane(model, y, lane)
+        largest = max(largest, bits(angle(part, model, number(index), time_of(part, t, lane), state)))
     return largest
 
 
@@ -234,24 +259,32 @@ def places(rows):
 @functools.lru_cache
 def table_sweep(table):
     """The function that takes the place of ``sweep`` for the flow with this table."""
-    lines, names = ["def in_rows(part, index, model, y, t):", "largest = 0"], {}
-    turning = []
+    lines, names = ["def in_rows(part, index, model, y, t, report):", "largest = 0"], {}
+    turning, in_use = [], []
     for n, (shape, count, rows) in enumerate(table):
         sizes = {f"shape_{n}": shape, f"size_{n}": len(rows[0]), f"count_{n}": count}
         names |= {name: INDICES[value]() for name, value in sizes.items()} | {f"rows_{n}": places(rows)}
-        lines.append(f"largest = max(largest, angle_in_rows(shape_{n}, size_{n}, model, y, t, rows_{n}))")
+        angle = f"angle_in_rows(shape_{n}, size_{n}, model, y, t, rows_{n}, {{}}))"
+        lines.append("largest = max(largest, " + angle.format("0, LANES"))
+        in_use.append("    found = max(found, " + angle.format("first, end"))
         turning.append(f"turn_rows(largest, shape_{n}, size_{n}, count_{n}, model, y, t, rows_{n})")
-    names |= {"angle_in_rows": angle_in_rows, "turn_rows": turn_rows}
-    return function_of([*lines, *turning, "return largest"], names)
+    names |= {"angle_in_rows": angle_in_rows, "turn_rows": turn_rows, "LANES": LANES}
+    names |= {"is_idle_above": is_idle_above, "lanes_in_use": lanes_in_use}
+    idle = [
+        "found = largest",
+        "if is_idle_above(largest, report):",
+        "    found, (first, end) = 0, lanes_in_use(report)",
+    ]
+    return function_of([*lines, *idle, *in_use, *turning, "return found"], names)
 
 
 @device(inline=False)
-def angle_in_rows(shape, size, model, y, t, rows):
-    """The bits of the largest |angle| of a shape in some rows."""
+def angle_in_rows(shape, size, model, y, t, rows, first, end):
+    """The bits of the largest |angle| of a shape in some rows, in the lanes from `first` to before `end`."""
     largest = 0
     for row in range(rows.shape[0]):
         at = places_in(size, rows, row)
-        for lane in range(LANES):
+        for lane in range(first, end):
             state = load_at(model, at, y, lane)
             largest = max(largest, bits(shape_angle(model, number(shape), of_lane(t, lane), state)))
     return largest

@@ -21,7 +21,7 @@ from ..ensemble.protocol import (
     sphere_size,
     squared_length_is_casimir,
 )
-from ..ensemble.scheme_protocol import advance_large, needs_areas, substeps
+from ..ensemble.scheme_protocol import advance_large, needs_areas, of_arrays, substeps
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .explicit import EulerMaruyama, RenormalisedEulerMaruyama, RenormalisedHeun, RoesslerRS2
 from .metropolis import Metropolis
@@ -122,7 +122,9 @@ class Scheme(NamedTuple):
     def for_large_models(self):
         """Whether it can be used with models whose states are arrays."""
         stages = self.composition or ()
-        return answers(advance_large, self.record) and not (has_loops(stages) or has_joint(stages))
+        if has_loops(stages) or has_joint(stages):
+            return False
+        return answers(advance_large, of_arrays(self.record))
 
 
 SCHEMES: dict[str, Scheme] = {}

@@ -37,7 +37,7 @@ class Path(NamedTuple):
     seconds: float  #: wall clock
     steps: int  #: number of those made
     y: np.ndarray  #: (recorded + 1, d), at first (0, d)
-    report: np.ndarray  #: (len(REPORT),) of the whole block
+    report: np.ndarray  #: (len(REPORT),)
 
     def plus(self, later: "Path") -> "Path":
         """There is only one."""
@@ -155,7 +155,7 @@ class TrajectoryPlan(PathsPlan):
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
-            times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
+            times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps, first_lane=lane)
             to_come = y[np.newaxis, path.steps // self.case.spacing :]  # the first of them is where the path goes on
             if self.one_path is not None:
                 report = self._moved(to_come[0], path.steps, stop)

@@ -147,13 +147,14 @@ class SpinTables(NamedTuple):
                 pairs = (work[lane] + fx) * x + (work[LANES + lane] + fy) * y_ + (work[2 * LANES + lane] + fz) * z
                 energies[lane] -= 0.5 * pairs + own_term(model, x, y_, z)
 
-    def block_judged_noises(model, h, dW, uniforms, y, work):
+    def block_judged_noises(model, h, dW, uniforms, first, end, y, work):
         accepted = 0
         for i in range(len(model.moment)):
             add_field(model, i, y, work)
             for a in range(3):
                 k = (3 * i + a) * LANES
-                accepted += judge_turns(model, i, a, h, dW[k : k + LANES], uniforms[k : k + LANES], spin_of(y, i), work)
+                noise, drawn = dW[k : k + LANES], uniforms[k : k + LANES]
+                accepted += judge_turns(model, i, a, h, noise, drawn, first, end, spin_of(y, i), work)
         return accepted
 
     def hamiltonian(model, y):
@@ -652,8 +653,8 @@ def friction_turn(model, a, c, h, bx, by, bz, x, y, z):
 
 
 @device(inline=False)
-def judge_turns(model, i, a, h, dW, uniforms, spin, b):
-    """Turn a spin about coordinate axis a in the lanes where that is accepted; returns their number."""
+def judge_turns(model, i, a, h, dW, uniforms, first, end, spin, b):
+    """Turn a spin about coordinate axis a in the lanes where that is accepted; returns their number from `first` on."""
     accepted, sigma = 0, model.strength[i]
     c, variance, inverse = sigma * sigma / (2.0 * model.temperature), h * sigma * sigma, 1.0 / model.temperature
     for lane in range(LANES):
@@ -671,5 +672,5 @@ def judge_turns(model, i, a, h, dW, uniforms, spin, b):
         spin[lane] = nx if yes else x
         spin[LANES + lane] = ny if yes else y
         spin[2 * LANES + lane] = nz if yes else z
-        accepted += 1 if yes else 0
+        accepted += 1 if yes and first <= lane and lane < end else 0
     return accepted

@@ -15,6 +15,7 @@ import numpy as np
 from numba import get_num_threads, prange
 
 from ...compiler.dispatch import device, kernel
+from ...compiler.pointers import in_memory
 from ...compiler.vectors import without_refcount
 from ...ensemble.scheme_protocol import judges
 from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair, uniform
@@ -273,7 +274,7 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
     The sites of a flow do not touch each other and go in `shares` to threads: the bits are the same for any number.
     Steps end at multiples of STEPS_PER_TOSS and at the last one; between them two flows of a piece become one.
     """
-    records = [(model, program)]
+    records = [(in_memory(model), program)]
     rows = len(program.kind)
     for n in range(first, first + steps):
         ends = not program.joined or (n + 1) % STEPS_PER_TOSS == 0 or n + 1 == first + steps
@@ -290,7 +291,7 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
 @kernel(parallel=True)
 def move_blocks(model, program, y, steps, seed, paths):
     """Move blocks of lattices (blocks, d * LANES) on in place, block b with the random numbers of path paths[b]."""
-    records = [(model, program)]
+    records = [(in_memory(model), program)]
     for b in prange(len(y)):
         of_block, its_program = records[0]
         for n in range(steps):
@@ -364,4 +365,4 @@ def judge_sites(model, h, begin, end, y, draw, seed, path, work):
         add_field(model, i, y, work)
         for a in range(3):
             some = slice(a * LANES, (a + 1) * LANES)
-            judge_turns(model, i, a, h, normals[some], uniforms[some], spin_of(y, i), work)
+            judge_turns(model, i, a, h, normals[some], uniforms[some], 0, LANES, spin_of(y, i), work)
