@@ -23,10 +23,12 @@ FUNCTIONALS = {
     "maximum": "the largest value until t",
     "minimum": "the smallest value until t",
     "integral": "the integral from 0 to t, by the trapezoidal rule",
-    "passage": "1 once a condition such as y1 > 0.5 has been seen, 0 before: its mean is the law of the first time",
+    "passage": "1 once a condition such as y1 > 0.5 has been met, 0 before: its mean is the law of the first time; of "
+    "y1 > 0.5 before y1 < -0.5 once the first has been met before the second",
     "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
+_BEFORE = re.compile(r"\bbefore\b")
 
 
 class PathFunction(NamedTuple):
@@ -34,7 +36,9 @@ class PathFunction(NamedTuple):
 
     functional: str  #: one of FUNCTIONALS, or "" for the value at that time
     text: str  #: the function of the state in its least text, or "H", "C1", ..., or the condition of a passage
-    values: Callable[[Array], Array]  #: of states (d, ...)
+    values: Callable[[Array], Array]  #: of states (d, ...); of two conditions 1 and -1 where the one or other is met
+    #: of a passage the function of states that is above 0 where the condition is met; of two conditions both
+    conditions: tuple[Callable[[Array], Array], ...] = ()
 
     @property
     def label(self) -> str:
@@ -60,7 +64,8 @@ class PathFunction(NamedTuple):
         """The functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:
             case "passage":
-                met = np.where(np.isfinite(values), values > 0, np.nan)
+                first = (np.cumsum(values != 0, axis=1) == 1) & (len(self.conditions) > 1)
+                met = np.where(np.isfinite(values), (values > 0) & (first | (len(self.conditions) == 1)), np.nan)
                 return np.maximum.accumulate(met, axis=1)
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)
@@ -108,21 +113,39 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any, code: Code | N
 def _path_function(
     model: Any, names: tuple[str, ...], functional: str, text: str, code: Code | None = None
 ) -> PathFunction:
-    condition = text
+    known = dimension(model), names, named_in(text, model, names, code)
     if functional == "passage":
-        sides = _CONDITION.fullmatch(text)
-        if sides is None:
-            raise NumberError("not a condition such as y1 > 0.5")
-        greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
-        text = f"{greater.strip()} - ({less.strip()})"
-    tree = parse_expression(text, dimension(model), names, named_in(text, model, names, code))
-    values: Callable[[Array], Array]
+        parts = _BEFORE.split(text)
+        if len(parts) > 2:
+            raise NumberError("has more than two conditions")
+        each = tuple(_values(parse_expression(_difference(part), *known))[0] for part in parts)
+        values = each[0] if len(each) == 1 else partial(_first_of, each[0], each[1])
+        return PathFunction(functional, text, values, each)
+    values, tree = _values(parse_expression(text, *known))
+    return PathFunction(functional, text if has_sum(tree) else in_names(canonical(tree), names), values)
+
+
+def _difference(condition: str) -> str:
+    """The text of what is above 0 where a condition is met."""
+    sides = _CONDITION.fullmatch(condition)
+    if sides is None:
+        raise NumberError("not a condition such as y1 > 0.5")
+    greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
+    return f"{greater.strip()} - ({less.strip()})"
+
+
+def _first_of(up: Callable[[Array], Array], down: Callable[[Array], Array], states: Array) -> Array:
+    """1 where the first condition is met and the second is not, -1 where the second is; else 0."""
+    above, below = up(states), down(states)
+    sign = np.where(below > 0, -1.0, np.where(above > 0, 1.0, 0.0))
+    return np.where(np.isfinite(above) & np.isfinite(below), sign, np.nan)
+
+
+def _values(tree: Any) -> tuple[Callable[[Array], Array], Any]:
+    """The function of states that a tree stands for, and the tree."""
     if isinstance(tree, Component):
-        values = partial(_component, tree.k)
-    else:
-        values = tree.values if isinstance(tree, Observable) else as_numpy(tree)
-    written = text if has_sum(tree) else in_names(canonical(tree), names)
-    return PathFunction(functional, condition if functional == "passage" else written, values)
+        return partial(_component, tree.k), tree
+    return (tree.values if isinstance(tree, Observable) else as_numpy(tree)), tree
 
 
 def in_names(text: str, names: Sequence[str]) -> str:

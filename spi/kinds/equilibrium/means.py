@@ -11,7 +11,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array
 from spi.statistics.cells import range_of
-from spi.storage.records import Order
+from spi.storage.records import Order, student
 
 from .growth import Paths
 from .references import derived_quantity, known_laws
@@ -103,12 +103,15 @@ class Recorder(NamedTuple):
         count: int = values.shape[-1]
         if not count:
             return paths
-        copied = {name: getattr(paths, name).copy() for name in ("stretch", "batches", "lagged", "ends", "cells")}
+        copied = {
+            name: getattr(paths, name).copy() for name in ("stretch", "batches", "squares", "lagged", "ends", "cells")
+        }
         paths, lags = paths._replace(**copied), self.series.lags
         size = self.series.used // BATCHES
         for batch in range(begin // size, -(-(begin + count) // size)):
             some = values[..., max(0, batch * size - begin) : (batch + 1) * size - begin]
             paths.batches[..., batch] += some.sum(axis=-1)
+            paths.squares[..., batch] += (some**2).sum(axis=-1)
         for f in range(len(values)):
             self._count(paths.cells[f], values[f], f, first, end)
         while count:
@@ -160,7 +163,8 @@ class Recorder(NamedTuple):
             paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
             paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
         values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
-        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_batches])
+        of_powers = np.stack([of_batches, paths.squares / (used // BATCHES)], axis=-2)
+        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_powers])
         return {"values": values, "lagged": paths.lagged, "ends": paths.ends, "by_batch": by_batch}
 
 
@@ -235,7 +239,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
         return {
             "average": mean + recorder.origins,
-            "average_half": estimators.student(freedom) * (of_paths if enough else of_tau),
+            "average_half": student(freedom) * (of_paths if enough else of_tau),
             "without": without[:, 0] + recorder.origins,
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
@@ -245,7 +249,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "tau_stderr": spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
             "window": np.where(correlation.closed, spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": estimators.jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
+            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
             "correlation": rho,
             "correlation_stderr": estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
@@ -253,6 +257,20 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "density": density,
             "density_stderr": estimators.jackknife_stderr(density, density_without, counts),
         }
+
+
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, samples: int) -> Array:
+    """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
+    if samples >= LEAST_PATHS:
+        return estimators.jackknife_stderr(variance, without, counts)
+    (mean, square), (without_mean, without_square) = _by_batch(paths, samples)
+    return estimators.jackknife_stderr(square - mean**2, (without_square - without_mean**2).T, np.ones(BATCHES))
+
+
+def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
+    """Means (powers, F) of functions and of their squares, and (powers, F, BATCHES) without each batch of time."""
+    each = np.swapaxes(paths.by_batch, 0, 1) / samples
+    return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (BATCHES - 1)
 
 
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
@@ -264,9 +282,8 @@ def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
             counts = estimators.group_counts(case.samples)
             mean, without = estimators.mean_over_paths(paths.values[0], counts)
         else:
-            counts, of_batch = np.ones(BATCHES), paths.by_batch / case.samples
-            mean = of_batch.mean(axis=1)
-            without = ((of_batch.sum(axis=1, keepdims=True) - of_batch) / (BATCHES - 1)).T
+            counts, ((mean, _), (left_out, _)) = np.ones(BATCHES), _by_batch(paths, case.samples)
+            without = left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)
