@@ -22,7 +22,7 @@ LONGEST ?=
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-all test-uncompiled test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-uncompiled test-bounds test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -55,6 +55,11 @@ test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(TESTS)
+
+# Kernels that check bounds lie in folders of their own in the cache.
+BOUNDS = tests/numerics tests/ensemble tests/models tests/schemes
+test-bounds: $(INSTALLED_TEST) ## the tests of kernels (or ROOM), which then raise an error where a place is not in its array
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist worksteal $(or $(TESTS),$(BOUNDS))
 
 # Deprecations are the business of versions that are current.
 OLDEST = .venv-oldest

@@ -53,9 +53,10 @@ def __dir__():
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py"}
-#: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
-_COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "curves", "figure", "keys", "results"}
+#: The other rooms that what computes imports, and files there that only draw: constants in keys and records decide
+#: numbers as much as studies do.
+_COMPUTING = ("checks", "exact", "expressions", "kinds", "printing", "specs", "statistics", "storage", "systems")
+_DRAWING = "figure.py"
 
 
 def sources(*rooms):
@@ -70,9 +71,8 @@ def kernel_sources():
 
 
 def number_sources():
-    """The files that decide the numbers of sums and results: those of kernels, and what makes numbers of paths."""
-    computing = (file for file in sources(*_COMPUTING) if not _SHOWING.intersection((*file.parts, file.stem)))
-    return [*sources(*_COMPILED), *computing]
+    """The files that decide the numbers of sums and results: the plans of kinds and all that these import."""
+    return [*sources(*_COMPILED), *(file for file in sources(*_COMPUTING) if file.name != _DRAWING)]
 
 
 def digest_of(files):

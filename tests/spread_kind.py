@@ -25,6 +25,7 @@ class Spread(Stored):
     mean_stderr: Array = array("function t", "standard error of the mean", "value")
     variance: Array = array("function t", "variance", formula="Var phi(y(t))", claim="at most")
     samples: int = fact("number of paths", column=True)
+    step: float = fact("step size", "time")
 
 
 class Case(FunctionKeys, StepCase):
@@ -52,8 +53,8 @@ class SpreadPlan(BlocksPlan):
     def estimates(self, sums: SpreadSums) -> dict[str, Any]:
         mean, square = sums.values.sum(axis=-1) / sums.paths
         variance = np.maximum(square - mean**2, 0.0) * sums.paths / (sums.paths - 1)
-        values = {"mean": mean, "mean_stderr": np.sqrt(variance / sums.paths), "variance": variance}
-        return values | {"functions": tuple(self.case.functions), "t": self.case.step * np.arange(mean.shape[1])}
+        values = {"functions": tuple(self.case.functions), "t": self.case.step * np.arange(mean.shape[1])}
+        return values | {"mean": mean, "mean_stderr": np.sqrt(variance / sums.paths), "variance": variance}
 
 
 Record, parts, plan = Spread, each_scheme, SpreadPlan.of

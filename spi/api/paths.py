@@ -33,7 +33,7 @@ from ..statistics.estimators import group_counts, mean_over_paths, standard_devi
 from ..storage.records import Part
 from ..systems import words
 from .progress import Line
-from .results import component_names, dataset_of
+from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
 
 _BATCH_BYTES = 64e6  # of the states of some blocks, which are handed to an observer together
@@ -210,7 +210,7 @@ def _attributes(plan: TrajectoryPlan) -> dict[str, Any]:
 
 def _of_paths(attributes: dict[str, Any]) -> dict[str, Any]:
     """The attributes that say something of paths, as far as they have values."""
-    return {name: value for name, value in attributes.items() if value is not None and name not in _OF_EXPERIMENTS}
+    return netcdf_attributes({name: value for name, value in attributes.items() if name not in _OF_EXPERIMENTS})
 
 
 # ---------------------------------------------------------------------------------------------------------------------

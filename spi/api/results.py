@@ -2,7 +2,7 @@
 
 import difflib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -93,8 +93,20 @@ def dataset_of(group: records.Group) -> xr.Dataset:
     if about.swept:  # so that parts can be put together along the parameter
         coordinates |= {word: ((), value) for word, value in about.swept.places.items()}
     variables = {name: (axes, array, group.notes.get(name)) for name, (axes, array) in group.variables.items()}
-    attributes = {name: value for name, value in group.attributes.items() if value is not None}
-    return xr.Dataset(variables, coordinates, attributes)
+    return xr.Dataset(variables, coordinates, netcdf_attributes(group.attributes))
+
+
+def netcdf_attributes(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes as netCDF can hold them, which knows no booleans and no None: 1 or 0, and none."""
+
+    def plain(value: Any) -> Any:
+        return int(value) if isinstance(value, bool | np.bool_) else value
+
+    return {
+        name: tuple(map(plain, value)) if isinstance(value, tuple | list) else plain(value)
+        for name, value in values.items()
+        if value is not None
+    }
 
 
 def component_names(named: tuple[str, ...], count: int) -> list[str]:
@@ -202,7 +214,7 @@ class Results:
     def to_xarray(self) -> xr.DataTree:
         """The arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
         groups = {group.name: dataset_of(group) for group in self.stored.groups}
-        return xr.DataTree.from_dict({"/": xr.Dataset(attrs=self.attributes), **groups})
+        return xr.DataTree.from_dict({"/": xr.Dataset(attrs=netcdf_attributes(self.attributes)), **groups})
 
     @property
     def orders(self) -> pd.DataFrame:

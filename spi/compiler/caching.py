@@ -14,6 +14,7 @@ import os
 import sys
 from pathlib import Path
 
+from numba import config
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -128,6 +129,8 @@ class SharedCache(FunctionCache):
         foreign |= {(VARIABLE, part) for part in left_out()}
         if rounding.WISH != rounding.USUAL:
             foreign.add((rounding.VARIABLE, rounding.WISH))
+        if config.BOUNDSCHECK:
+            foreign.add(("NUMBA_BOUNDSCHECK", "1"))  # Numba's own key does not have it
         if not foreign:
             return self
         if not all(digest for _, digest in foreign):

@@ -49,6 +49,17 @@ def floats(record, name):
     return types.UniTuple(types.float64, len(inner))(record), code
 
 
+def check_places(context, builder, array_type, array, *places):
+    """Raise IndexError where a place lies outside of an array of one dimension, if NUMBA_BOUNDSCHECK asks for it.
+
+    Numba checks the places of its own instructions only.
+    """
+    if context.enable_boundscheck:
+        size = cgutils.create_struct_proxy(array_type)(context, builder, array).nitems
+        for place in places:
+            cgutils.do_boundscheck(context, builder, place, size, 0)
+
+
 def load_strided(count, stride, *arguments):
     """Code for f(..., array, i): the tuple (array[i], array[i + stride], ...) of `count` floats."""
 
@@ -80,6 +91,7 @@ def load_each(count, model, places, array):
     def code(context, builder, signature, values):
         data = cgutils.create_struct_proxy(array)(context, builder, values[2]).data
         indices = [builder.add(place, values[3]) for place in cgutils.unpack_tuple(builder, values[1])]
+        check_places(context, builder, array, values[2], *indices)
         loaded = [builder.load(builder.gep(data, [index], inbounds=True)) for index in indices]
         loaded += [context.get_constant(types.float64, 0.0)] * (count - len(loaded))
         return context.make_tuple(builder, signature.return_type, loaded)
@@ -112,7 +124,7 @@ def xor_strips(count, target, t, a, i, b, j):
     def code(context, builder, signature, values):
         strip = ir.VectorType(ir.IntType(64), count).as_pointer()
         places = zip((target, a, b), values[::2], values[1::2], strict=True)
-        first = [_pointers(context, builder, kind, array, place, 1, 1)[0] for kind, array, place in places]
+        first = [_pointers(context, builder, kind, array, place, count, 1)[0] for kind, array, place in places]
         to, left, right = (builder.bitcast(pointer, strip) for pointer in first)
         builder.store(builder.xor(builder.load(left, align=8), builder.load(right, align=8)), to, align=8)
         return context.get_dummy_value()
@@ -122,4 +134,6 @@ def xor_strips(count, target, t, a, i, b, j):
 
 def _pointers(context, builder, array_type, array, i, count, stride):
     data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
-    return [builder.gep(data, [builder.add(i, i.type(j * stride))], inbounds=True) for j in range(count)]
+    places = [builder.add(i, i.type(j * stride)) for j in range(count)]
+    check_places(context, builder, array_type, array, *places)
+    return [builder.gep(data, [place], inbounds=True) for place in places]

@@ -15,6 +15,7 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.extending import lower_builtin, models, register_model, type_callable
 
 from .dispatch import intrinsic
+from .instructions import check_places
 from .private import uses
 
 WIDTH = 8  #: floats in a vector
@@ -90,6 +91,13 @@ def flipped(vector):
     return vector[::-1]
 
 
+def _checked_pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
+    """The pointer to WIDTH numbers."""
+    if context.enable_boundscheck:
+        check_places(context, builder, array_type, array, i, builder.add(i, i.type(WIDTH - 1)))
+    return _pointer(context, builder, array_type, array, i, numba_vector)
+
+
 def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
     data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [i]), numba_vector.as_pointer())
@@ -120,7 +128,7 @@ def _(array):
 @intrinsic(load)
 def _(array, i):
     def code(context, builder, signature, arguments):
-        return builder.load(_pointer(context, builder, array, *arguments), align=8)
+        return builder.load(_checked_pointer(context, builder, array, *arguments), align=8)
 
     return VECTOR(array, types.int64), code
 
@@ -130,7 +138,10 @@ def _(array, i, places, first):
     def code(context, builder, signature, arguments):
         base = builder.gep(cgutils.create_struct_proxy(array)(context, builder, arguments[0]).data, [arguments[1]])
         integers = ir.VectorType(ir.IntType(64), WIDTH)
-        numbers = builder.load(_pointer(context, builder, places, *arguments[2:], integers), align=8)
+        numbers = builder.load(_checked_pointer(context, builder, places, *arguments[2:], integers), align=8)
+        if context.enable_boundscheck:
+            each = [builder.extract_element(numbers, ir.Constant(ir.IntType(32), k)) for k in range(WIDTH)]
+            check_places(context, builder, array, arguments[0], *(builder.add(arguments[1], number) for number in each))
         whole = spread(builder, builder.ptrtoint(base, ir.IntType(64)), integers)
         addresses = builder.add(whole, builder.mul(numbers, ir.Constant(integers, [8] * WIDTH)))
         addresses = builder.inttoptr(addresses, ir.VectorType(ir.DoubleType().as_pointer(), WIDTH))
@@ -146,7 +157,7 @@ def _(array, i, places, first):
 @intrinsic(store)
 def _(array, i, vector):
     def code(context, builder, signature, arguments):
-        builder.store(arguments[2], _pointer(context, builder, array, *arguments[:2]), align=8)
+        builder.store(arguments[2], _checked_pointer(context, builder, array, *arguments[:2]), align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, vector), code
@@ -160,6 +171,9 @@ def _shuffled(builder, a, b, places):
 def _ring(context, builder, array_type, array, begin, n, first):
     """(begin of a window on a ring, begin for its part that goes around), and a mask of the floats that do not."""
     two = ir.Constant(begin.type, 2)
+    if context.enable_boundscheck:
+        last = builder.sub(builder.add(begin, builder.mul(two, n)), begin.type(1))
+        check_places(context, builder, array_type, array, begin, last)
     starts = [builder.add(begin, builder.mul(two, place)) for place in (first, builder.sub(first, n))]
     ahead = builder.icmp_signed("<", _numbers(builder, first), _splat(builder, n))
     return [_pointer(context, builder, array_type, array, start, _TILE) for start in starts], ahead
@@ -315,6 +329,8 @@ def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, ro
 
     def code(context, builder, signature, arguments):
         _, first, columns, _, x_first, stride, _, out_first, out_stride, rows = arguments
+        if context.enable_boundscheck:
+            _check_tiles(context, builder, signature.args, arguments)
         a, b, c = (
             cgutils.create_struct_proxy(signature.args[i])(context, builder, arguments[i]).data for i in (0, 3, 6)
         )
@@ -325,6 +341,22 @@ def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, ro
         return context.get_dummy_value()
 
     return signature, code
+
+
+def _check_tiles(context, builder, types_of_arguments, arguments):
+    """Check all places that :func:`multiply_tile` reads and writes."""
+    _, first, columns, _, x_first, stride, _, out_first, out_stride, rows = arguments
+    one, size = first.type(1), builder.mul(rows, columns)
+    below, across = (builder.sub(count, one) for count in (rows, columns))
+    with builder.if_then(builder.icmp_signed(">", size, first.type(0))):
+        lasts = (
+            (0, first, builder.sub(size, one)),
+            (3, x_first, builder.add(builder.mul(across, stride), first.type(TILE - 1))),
+            (6, out_first, builder.add(builder.mul(below, out_stride), first.type(TILE - 1))),
+        )
+        for i, begin, last in lasts:
+            places = begin, builder.add(begin, last)
+            check_places(context, builder, types_of_arguments[i], arguments[i], *places)
 
 
 def _rows_together(builder, height, matrix, columns, x, stride, out, out_stride, rows, done):

@@ -69,6 +69,7 @@ class CurvePanel(NamedTuple):
     factor: Callable[[Any, int], float] = lambda record, place: 1.0
     reference: str = ""  #: a field with values of theory, over the same axes or fewer
     reference_name: str = "reference"
+    reference_by: Callable[[Any, int], Callable[[plots.Array], plots.Array] | None] = lambda record, place: None
     note: Callable[[Any, int, int], str] = lambda record, place, line: ""  #: at the end of each line
     slopes: Sequence[float] | Callable[[Records], Sequence[float]] = ()
     log: bool = False
@@ -188,8 +189,13 @@ class CurvePanel(NamedTuple):
             if values.ndim == 0 and there:
                 return [(float(values), self.reference_name)], []
             if values.ndim and there.any():
-                look = plots.THEORY if there.all() else _SOMETIMES
-                return [], [plots.series(record.get(self.over)[there], values[there], look, self.reference_name)]
+                x = record.get(self.over)
+                if (formula := self.reference_by(record, place)) is not None:
+                    fine = np.linspace(x.min(), x.max(), _FINE)
+                    return [], [plots.series(fine, formula(fine), plots.THEORY, self.reference_name)]
+                is_line = there.all() and (len(x) >= _DENSE or (values == values[0]).all())
+                look = plots.THEORY if is_line else _SOMETIMES
+                return [], [plots.series(x[there], values[there], look, self.reference_name)]
         return [], []
 
 
@@ -202,6 +208,7 @@ def _shades(record: Any, axis: str) -> Iterator[plots.Entry]:
         yield shade, style.value_of(axis, values[row])
 
 
+_DENSE, _FINE = 50, 400  # values of theory from which on a line is drawn through them, and those of a formula
 _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib import colors
 from matplotlib.figure import Figure
-from scipy.interpolate import PchipInterpolator
 
+from ..expressions import as_numpy, parse_expression
+from ..expressions.arithmetic import NumberError
 from ..statistics.claims import AT_MOST, Sort
 from ..statistics.curves import Curve
 from . import layout, plots, style
@@ -17,7 +18,8 @@ from . import layout, plots, style
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
 
 _EXPECTATIONS = {"mean": r"\mathrm{E}\,", "variance": r"\mathrm{Var}\,", "expectation": r"\mathrm{E}\,"}
-_FEWEST, _FINE = 4, 200  # values of theory that are joined by a smooth curve, and its points
+_MEANS = "mean", "average"  # quantities of which references are formulas
+_FINE = 400  # points of a formula's curve
 _SIGNED, _ONE_SIGN = "RdBu_r", "viridis"  # colours
 _LINEAR = 0.03  # share of the largest value of a sign below which colours are linear
 _WIDE = 30.0  # ratio of values of one sign from which on their colours are logarithmic
@@ -28,10 +30,16 @@ _UNKNOWN = "#dddddd"
 Case = tuple[str, Sequence[Curve], list[str]]  #: title, curves and facts of one that is swept
 
 
-def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort], texts: Mapping[str, str] = {}) -> Figure:
+def draw(
+    title: str,
+    cases: Sequence[Case],
+    sorts: Mapping[str, Sort],
+    texts: Mapping[str, str] = {},
+    references: Mapping[str, str] = {},
+) -> Figure:
     """The figure of cases that are swept: each quantity over the values.
 
-    `sorts` has the sort of each quantity, and `texts` the formulas of test functions.
+    `sorts` has the sort of each quantity, `texts` the formulas of test functions, `references` those of their means.
     """
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks, estimators = style.looks([every]), list(dict.fromkeys(curve.about.estimator for curve in every))
@@ -42,7 +50,7 @@ def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort], texts: Ma
         for curve in curves:
             by_name.setdefault(curve.name, {}).setdefault(curve.function, []).append(curve)
         return [
-            [_over(some, looks, estimators, sorts, texts) for some in functions.values()]
+            [_over(some, looks, estimators, sorts, texts, references) for some in functions.values()]
             for functions in by_name.values()
         ]
 
@@ -79,8 +87,9 @@ def _over(
     estimators: Sequence[str],
     sorts: Mapping[str, Sort],
     texts: Mapping[str, str],
+    references: Mapping[str, str],
 ) -> plots.Plot:
-    """One quantity over the parameter, with 95 % intervals; its values by theory dashed."""
+    """One quantity over the parameter, with 95 % intervals; values by theory as marks, formulas as dashed curves."""
     first = curves[0]
     at = plots.places(np.concatenate([curve.values for curve in curves]))
     is_log = _is_error(first, sorts) and any((curve.of("value") > 0).any() for curve in curves)
@@ -96,9 +105,11 @@ def _over(
         ends = {name: np.where(np.isfinite(value), curve.of(name), np.nan) for name in ("low", "high")}
         lines.append(plots.series(x, value, look, ", ".join(names), poor=curve.poor & np.isfinite(value), **ends))
         if finite.any():
-            look = {"color": colour if len(curves) > 1 else plots.GREY, "linestyle": (0, (4, 2)), "linewidth": 1.1}
+            fine = _theory(curve, references.get(curve.function, ""), at)
+            look = {"color": colour if len(curves) > 1 else plots.GREY} | (_MARKS if fine is None else _DASHED)
             name = r"theory, as $h\to0$" if curve.name == "order" else "theory"
-            theory.setdefault(expected.tobytes(), []).append(plots.series(*_smooth(x, expected, at.scale), look, name))
+            there = (x[finite], expected[finite]) if fine is None else fine
+            theory.setdefault(expected.tobytes(), []).append(plots.series(there[0], there[1], look, name))
     lines += [
         first._replace(look=first.look | {"color": plots.GREY} if others else first.look)
         for first, *others in theory.values()
@@ -118,16 +129,50 @@ def _parameter(curve: Curve) -> str:
     return f"${style.symbol(curve.word)}=1/T$" if is_inverse and style.symbol(curve.word) else style.word(curve.word)
 
 
-def _smooth(x: plots.Array, y: plots.Array, scale: str) -> tuple[plots.Array, plots.Array]:
-    """A smooth curve through values of theory, as monotone as they are."""
-    finite = np.isfinite(y)
-    x, y = x[finite], y[finite]
-    if len(x) < _FEWEST or (scale != "linear" and (x <= 0).any()):
-        return x, y
-    order = np.argsort(x)
-    through = x[order] if scale == "linear" else np.log(x[order])
-    fine = np.linspace(through[0], through[-1], _FINE)
-    return fine if scale == "linear" else np.exp(fine), PchipInterpolator(through, y[order])(fine)
+_MARKS = {"linestyle": "none", "marker": "+", "markersize": 9, "markeredgewidth": 1.3, "zorder": 4}
+_DASHED = {"linestyle": (0, (4, 2)), "linewidth": 1.1}
+
+
+def _theory(curve: Curve, formula: str, at: plots.Places) -> tuple[plots.Array, plots.Array] | None:
+    """The places and values of a curve of theory; None where only its values at those of the parameter are known.
+
+    A number that is the same for all values, or the formula of a mean on a fine grid.  It names parameters, of which
+    those that change are the swept one or 1 / that, and it must have the values that are known.
+    """
+    x, expected = curve.values, curve.of("expected")
+    low, high = np.nanmin(at.of(x)), np.nanmax(at.of(x))
+    if not np.isfinite(expected).all() or len(x) < 2:
+        return None
+    if np.allclose(expected, expected[0], rtol=1e-9, atol=0.0):
+        return np.array([low, high]), expected[:2]
+    if at.at is not at.values or curve.name not in _MEANS:  # values stand in order, or it is no mean
+        return None
+    fine = np.linspace(low, high, _FINE) if at.scale == "linear" else np.geomspace(low, high, _FINE)
+    columns = _columns(curve, np.append(x, fine))
+    try:
+        values = as_numpy(parse_expression(formula, len(columns), tuple(columns)))(np.array([*columns.values()]))
+    except NumberError:
+        return None
+    near = np.allclose(values[: len(x)], expected, rtol=1e-9, atol=1e-12)
+    return (fine, values[len(x) :]) if near else None
+
+
+def _columns(curve: Curve, x: plots.Array) -> dict[str, plots.Array]:
+    """The numbers that formulas may name at values x of the parameter, those of the curve first."""
+    each = [point.about.parameters | {"t": point.about.final_time} for point in curve.points]
+    own, columns = x[: len(each)], {curve.word: x}
+    for name in each[0]:
+        values = np.array([one.get(name) for one in each])
+        word = {"temperature": "T"}.get(name, name)
+        if values.ndim != 1 or values.dtype.kind not in "if" or word == curve.word:
+            continue
+        if (values == values[0]).all():
+            columns[word] = np.full(len(x), float(values[0]))
+        elif np.allclose(values, own):
+            columns[word] = x
+        elif np.allclose(values * own, 1.0):
+            columns[word] = 1.0 / x
+    return columns
 
 
 def _is_error(curve: Curve, sorts: Mapping[str, Sort]) -> bool:
@@ -159,7 +204,8 @@ def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
     title = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
     title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against theory")
+        whose = r"the orders of theory as $h\to0$" if curve.name == "order" else "theory"
+        title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against {whose}")
     words = [style.word(word) for word in curve.grid().words]
     own = partial(_cells, curve, _is_error(curve, sorts))
     return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=0.82)

@@ -8,12 +8,14 @@ This file has more than 600 lines because the three kinds of noise fill the same
 """
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiler.dispatch import INDICES, device, kernel, number
 from ..compiler.records import class_of, field, is_none
+from ..numerics.elementary import log
 from ..numerics.rng import (
     BRIDGES,
     BROWNIAN,
@@ -183,7 +185,20 @@ def _where_divided(body):
 @device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
-    return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
+    return np.sqrt(h) * np.sqrt(4.0 * abs(log(h)))
+
+
+#: What becomes of increments: as they are; clipped; or at a temperature, where friction belongs to their variance,
+#: clipped and divided by the standard deviation of a clipped one of variance 1.
+UNCLIPPED, CLIPPED, RESCALED = range(3)
+HALVINGS = 6  #: of a step, of which no scheme has more sub-steps than 64
+
+
+def clipped_variance(h):
+    """The variance that a standard normal number has left where it is clipped to [-a, a], a = A_h; 0 from h = 1 on."""
+    a = math.sqrt(4.0 * abs(math.log(min(h, 1.0))))
+    density, beyond = math.exp(-0.5 * a * a) / math.sqrt(2.0 * math.pi), 0.5 * math.erfc(a / math.sqrt(2.0))
+    return 1.0 - 2.0 * (a * density + (1.0 - a * a) * beyond)
 
 
 @device
@@ -276,23 +291,23 @@ def turn_around(layout, model, dW, turned):
 
 
 @device
-def clip(model, dW, clipped, bound):
+def clip(model, dW, clipped, bound, stretch):
     for k in channels(model):
         for lane in range(k * LANES, (k + 1) * LANES):
-            clipped[lane] = min(max(dW[lane], -bound), bound)
+            clipped[lane] = stretch * min(max(dW[lane], -bound), bound)
 
 
 @_where_divided
-def clip_substeps(layout, model, dW, clipped, h):
+def clip_substeps(layout, model, dW, clipped, h, stretch):
     """Clip the increments over sub-steps, each by the bound for its own length."""
     for k in channels(model):
-        n = 2
+        n, i = 2, HALVINGS
         while n <= number(layout.substeps):
-            bound = truncation_bound(h / n)
+            bound, i = truncation_bound(h / n), i - 1
             for part in range(n):
                 begin = first_lane(model, k, n, part)
                 for lane in range(begin, begin + LANES):
-                    clipped[lane] = min(max(dW[lane], -bound), bound)
+                    clipped[lane] = stretch[i] * min(max(dW[lane], -bound), bound)
             n = 2 * n
 
 
@@ -339,11 +354,14 @@ def _reversed_row(layout, model, dW, row, turned):
 
 
 @device
-def truncate(layout, model, dW, clipped, h):
-    """Put the clipped increments of a step of size h into `clipped`, which may be `dW`; areas stay as they are."""
-    clip(model, dW, clipped, truncation_bound(h))
+def truncate(layout, model, dW, clipped, h, stretch):
+    """Put the clipped increments of a step of size h into `clipped`, which may be `dW`; areas stay as they are.
+
+    ``stretch[HALVINGS - i]`` is the factor by which those over 2^-i h are multiplied then.
+    """
+    clip(model, dW, clipped, truncation_bound(h), stretch[HALVINGS])
     copy_areas(layout.areas, model, dW, clipped)
-    clip_substeps(layout, model, dW, clipped, h)
+    clip_substeps(layout, model, dW, clipped, h, stretch)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -18,8 +18,11 @@ from ..compiler.records import is_none
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import LANES, STEPS_PER_DRAW
 from .increments import (
+    HALVINGS,
+    RESCALED,
     Given,
     brownian,
+    clipped_variance,
     coins_length,
     coins_of_step,
     copy_coins,
@@ -59,6 +62,7 @@ class Grid(NamedTuple):
     reference_steps: int
     doublings: np.ndarray  #: int64, from large to small, the last is 0
     truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
+    stretch: np.ndarray  #: factors of clipped increments over 2^(i - HALVINGS) h_ref, i = 0, 1, ...
     coarser: np.ndarray  #: int64: how many paths have at least s doublings, s = 0, ..., most + 1
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
@@ -81,6 +85,8 @@ def grid(
 ):
     """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme.
 
+    `truncate` is UNCLIPPED, CLIPPED or RESCALED, or whether increments are clipped.
+
     ValueError if `doublings` do not go from large to small until 0.
     """
     doublings = np.array(doublings, np.int64)
@@ -89,12 +95,16 @@ def grid(
     count = len(doublings)
     reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([0] * (count - 1) + [1] if by_reference is None else by_reference, np.int64)
+    lengths = step * 2.0 ** np.arange(-HALVINGS, doublings[0] + 1)
+    left = [clipped_variance(h) if truncate == RESCALED else 1.0 for h in lengths]
+    stretch = 1.0 / np.sqrt(left)
     coarser = (doublings >= np.arange(doublings[0] + 2)[:, np.newaxis]).sum(axis=1)
     return Grid(
         step,
         steps,
         doublings,
-        truncate,
+        bool(truncate),
+        stretch,
         coarser,
         reversals,
         by_reference,
@@ -219,7 +229,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         side = flipped
                         increments = reversed_row(layout, model, dW, increments, changed)
                     if grid.truncate:
-                        truncate(layout, model, dW[increments], dW[changed], h)
+                        truncate(layout, model, dW[increments], dW[changed], h, grid.stretch[s:])
                         increments = changed
                     advance_path(
                         grid.reference_scheme,

@@ -7,6 +7,8 @@ import numpy as np
 
 from ..compiler.dispatch import answers, device, kernel, number, unrolled
 from ..compiler.records import class_of
+from ..numerics import arrays
+from ..numerics.elementary import exp
 from ..numerics.rng import LANES, PARTS
 from .fields import scaled_square, smallest_component, squared_distance
 from .lanes import load_lane
@@ -36,7 +38,7 @@ def growth(model, t):
     """exp(k gamma t) for each Casimir function, shape (..., C) for t of shape (...); 1 without damping."""
     rates = decay_rates(model)
     with np.errstate(over="ignore"):
-        return np.exp(np.multiply.outer(t, rates)) if rates else 1.0
+        return arrays.exp(np.multiply.outer(t, rates)) if rates else 1.0
 
 
 def casimirs_of_states(model, states):
@@ -120,7 +122,8 @@ def state_recorder(times, rows, every, lane=0):
     nothing = last_states_only(times)
     steps = nothing.levels[:, 2]
     stored = steps[0] // every
-    places = 1 + np.arange(len(steps)) * (stored + 1) - times.first_step // every  # steps are counted from t = 0 on
+    before = (times.first_step >> times.doublings[0]) // every  # steps are counted from t = 0 on
+    places = 1 + np.arange(len(steps)) * (stored + 1) - before
     levels = np.stack([places, every * (steps // steps[0]), steps], axis=1)
     return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
@@ -228,7 +231,7 @@ def _watch_casimir(index, model, worst, start, rates, n, paths, y):
 def _grown(model, rates, n, c):
     """exp(k gamma n h), the inverse of the decay of Casimir function c by damping over n steps of a level."""
     if answers(decay_rates, class_of(model)):
-        return lambda model, rates, n, c: np.exp(rates[c] * n)
+        return lambda model, rates, n, c: exp(rates[c] * n)
     return lambda model, rates, n, c: 1.0
 
 

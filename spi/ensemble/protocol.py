@@ -351,6 +351,15 @@ def noise_groups(array_state_model):
     """The number of groups of noises, at most that of noises."""
 
 
+@method(default=True)
+def noises_commute(array_state_model):
+    """Whether the fields of all noises commute, not only those of one group, on which strong orders depend.
+
+    Called in Python only.  Of other models it follows from their fields.
+    """
+    return noises(array_state_model) <= 1
+
+
 @method
 def block_work(array_state_model):
     """The floats of scratch for the methods of a block."""
@@ -537,6 +546,14 @@ def bracket_factors(model):
 @trait(bool, default=False)
 def has_friction(model):
     """Whether noises come with friction."""
+
+
+def has_bath(model):
+    """Whether friction and noise belong to one another, as at a temperature: together they keep exp(-H/T).
+
+    Friction may be there without noise, as that of spins with ``alpha`` alone.
+    """
+    return has_friction(model) and bool(noise_indices(model))
 
 
 @method(optional=True)

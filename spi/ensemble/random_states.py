@@ -197,7 +197,7 @@ def block_states(initial, noise, first, blocks):
 def _drawn(law, noise, first, blocks):
     """The states (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
     if not isinstance(law, Gibbs):
-        states = law.states(_normals(law, noise, 0, 1, first, blocks)[0])
+        states = law.states(normals(law.numbers, noise, 0, 1, first, blocks)[0])
         if hasattr(law, "moved"):  # a law that states reach by moving on
             return law.moved(states, int(noise.keys.seed), int(noise.keys.stream), first)
         return states
@@ -206,13 +206,16 @@ def _drawn(law, noise, first, blocks):
     )
 
 
-def _normals(law, noise, attempt, count, first, blocks):
-    """The normal numbers (count, numbers, paths) of attempts from number `attempt` on."""
-    steps = -(-law.numbers // STEPS_PER_DRAW) * STEPS_PER_DRAW
+def normals(numbers, noise, attempt, count, first, blocks, use=INITIAL):
+    """Normal numbers (count, numbers, paths) of the paths of some blocks, those of attempts from `attempt` on.
+
+    `use` is added to the stream of the increments.
+    """
+    steps = -(-numbers // STEPS_PER_DRAW) * STEPS_PER_DRAW
     z = np.empty((count * steps, blocks * LANES, 1))
-    own = noise.keys._replace(stream=np.uint64(int(noise.keys.stream) + INITIAL))
+    own = noise.keys._replace(stream=np.uint64(int(noise.keys.stream) + use))
     draw_paths(own, 1.0, attempt * steps, first * LANES, z)
-    return z.reshape(count, steps, -1)[:, : law.numbers]
+    return z.reshape(count, steps, -1)[:, :numbers]
 
 
 def _taken(law, noise, first, blocks):
@@ -221,7 +224,7 @@ def _taken(law, noise, first, blocks):
     done = np.zeros((blocks, LANES), bool)
     attempt, count = 0, 1
     while len(left := np.flatnonzero(~done.all(axis=1))):
-        z = np.stack([_normals(law, noise, attempt, count, first + block, 1) for block in left.tolist()], axis=2)
+        z = np.stack([normals(law.numbers, noise, attempt, count, first + block, 1) for block in left.tolist()], axis=2)
         states, taken = law.attempts(np.moveaxis(z, 1, 0).reshape(law.numbers, -1))
         states, taken = states.reshape(len(states), count, len(left), LANES), taken.reshape(count, len(left), LANES)
         for a in range(count):

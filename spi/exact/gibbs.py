@@ -316,11 +316,15 @@ def _rank(vectors):
 
 
 def _flow(model, y, weights):
-    """States moved along a combination of the fields for the time 1 over their size."""
+    """States moved along a combination of the fields for the time 1 over the size of its derivative at the first one.
+
+    A state may be 0, as that of an oscillator at rest.
+    """
 
     def field(y):
         return _field(model, y, np.tensordot(weights, _gradients(model, y), 1))
 
-    size = np.abs(field(y[:, :1])).max() / max(np.abs(y).max(), 1e-300)
-    h = 1.0 / (_STEPS * max(size, 1.0))
+    beside = _NUDGE * max(np.abs(y[:, 0]).max(), 1.0) * np.eye(len(y))
+    derivative = (field(y[:, :1] + beside) - field(y[:, :1] - beside)) / (2.0 * beside.max())
+    h = 1.0 / (_STEPS * max(np.abs(derivative).sum(axis=1).max(), 1.0))
     return runge_kutta(field, y, h, _STEPS)

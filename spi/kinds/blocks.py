@@ -170,8 +170,8 @@ class BlocksPlan(PathsPlan, Blockwise):
         return y, self.integrated(first, blocks, end, state_recorder(self.grid, y, every))[1]
 
     def ns_per_step(self, sums: Any) -> float:
-        """The processor time of a step and path, by that of the paths of the sums at all step sizes."""
-        return float(1e9 * sums.cpu_seconds / (int(self.steps.sum()) * sums.paths))
+        """The processor time of a step and path, by that of the paths of the sums at all step sizes, :func:`ns_of`."""
+        return ns_of(sums.cpu_seconds, int(self.steps.sum()) * sums.paths)
 
     def stderr(self, sums: Any) -> float:
         """The standard error of the first estimate, while paths are computed."""
@@ -181,6 +181,15 @@ class BlocksPlan(PathsPlan, Blockwise):
         """Paths done, all paths, and the standard error of the first estimate."""
         sums = state.so_far()
         return Done(sums.paths, self.samples, self.stderr(sums) if sums.paths else float("nan"))
+
+
+#: Processor seconds below which the start of kernels, some 10 ms, would count more than their steps.
+LEAST_TIMED = 0.05
+
+
+def ns_of(cpu_seconds: float, steps: float) -> float:
+    """Processor time of a step in ns; NaN where the run was too short to be timed."""
+    return float(1e9 * cpu_seconds / steps) if cpu_seconds >= LEAST_TIMED else float("nan")
 
 
 def lanes_of(states: np.ndarray, d: int) -> np.ndarray:

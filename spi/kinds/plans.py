@@ -333,7 +333,7 @@ class Plan:
         case, reference = self.case, self.case.reference_record(self.part.eps)
         paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
         paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
+        times = grid(h, steps, truncate=case.clipping, reference_scheme=reference, **paths)
         observer = path_observer(self.model, self.initial, times, blocks) if observed else None
         end, stream = blocks * LANES, brownian(case.seed)
         return arguments_of(self.scheme, self.model, self.initial, times, stream, 0, blocks, end, observer)
@@ -415,10 +415,10 @@ def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = 
     reference = case.reference_record(part.eps)
     schemes = [case.row(part.scheme, part.eps).record, reference]
     terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas) if areas else 0
-    return nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
+    return nested_grid(case.final_time, case.reference_step, steps, case.clipping, reference, terms)
 
 
 def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:
     """The times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
     terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], h, areas=case.areas)
-    return grid(h, round(case.final_time / h), doublings, truncate=case.truncate_noise, area_terms=terms)
+    return grid(h, round(case.final_time / h), doublings, truncate=case.clipping, area_terms=terms)

@@ -52,7 +52,7 @@ class ReducedAngles(NamedTuple):
 
 
 class AnyAngles(NamedTuple):
-    """Angles of any size: the library's scalar sine."""
+    """Angles of any size: range reduction by whole numbers beyond +-1.6e6."""
 
     sin_versine = calling(elementary.sin_versine_huge, "angles")
     sinc_versinc = ReducedAngles.sinc_versinc

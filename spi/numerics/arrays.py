@@ -10,12 +10,18 @@ import numpy as np
 
 from ..compiler.dispatch import calling, kernel, method
 from ..compiler.inlining import is_compiling
-from . import elementary
+from . import elementary, functions
 
 
 @method
 def value(function, x):
     """The value of an elementary function at a float."""
+
+
+@method(default=True)
+def far_value(function, x):
+    """The value at a float where :func:`value` is not accurate, beyond 1.6e6."""
+    return value(function, x)
 
 
 class Sine(NamedTuple):
@@ -26,6 +32,8 @@ class Sine(NamedTuple):
     def value(function, x):
         return elementary.sin_cos(x)[0]
 
+    far_value = calling(functions.sine, "function")
+
 
 class Cosine(NamedTuple):
     """cos x."""
@@ -34,6 +42,8 @@ class Cosine(NamedTuple):
 
     def value(function, x):
         return elementary.sin_cos(x)[1]
+
+    far_value = calling(functions.cosine, "function")
 
 
 class Tangent(NamedTuple):
@@ -44,6 +54,8 @@ class Tangent(NamedTuple):
     def value(function, x):
         sine, cosine = elementary.sin_cos(x)
         return sine / cosine
+
+    far_value = calling(functions.tangent, "function")
 
 
 class HyperbolicTangent(NamedTuple):
@@ -83,15 +95,40 @@ def fill(function, x, values):
         values[i] = value(function, x[i])
 
 
+@kernel
+def fill_far(function, x, values):
+    """values[i] = function(x[i]) where x[i] is beyond 1.6e6."""
+    for i in range(x.size):
+        if abs(x[i]) > elementary.REDUCIBLE:
+            values[i] = far_value(function, x[i])
+
+
+@kernel
+def fill_powers(x, exponents, values):
+    """values[i] = x[i]^exponents[i]."""
+    for i in range(x.size):
+        values[i] = functions.power(x[i], exponents[i])
+
+
 def of_array(function, x):
-    """A function of this module of an array of any shape; of angles beyond 1.6e6 that of NumPy."""
+    """A function of this module of an array of any shape."""
     x = np.ascontiguousarray(x, float)
     if not is_compiling():
         return function.of_numpy(x)
     values = np.empty_like(x)
     fill(function, x.reshape(-1), values.reshape(-1))
-    if isinstance(function, _OF_ANGLES) and (far := np.abs(x) > elementary.REDUCIBLE).any():
-        values[far] = function.of_numpy(x[far])
+    if isinstance(function, _OF_ANGLES) and (np.abs(x) > elementary.REDUCIBLE).any():
+        fill_far(function, x.reshape(-1), values.reshape(-1))
+    return values
+
+
+def power(x, exponents):
+    """x^e of arrays whose shapes go together."""
+    if not is_compiling():
+        return np.power(x, exponents)
+    x, exponents = np.broadcast_arrays(np.asarray(x, float), np.asarray(exponents, float))
+    values = np.empty(x.shape)
+    fill_powers(np.ascontiguousarray(x).reshape(-1), np.ascontiguousarray(exponents).reshape(-1), values.reshape(-1))
     return values
 
 

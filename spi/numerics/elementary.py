@@ -40,6 +40,21 @@ _C1, _C2, _C3 = 0.04166666666666666, -0.0013888888888888866, 2.480158730158746e-
 _C4, _C5, _C6 = -2.7557319223976253e-07, 2.087675678386655e-09, -1.147065075588114e-11
 _C7, _C8 = 4.764550555762281e-14, -8.422855107761281e-17
 
+# 2/pi in digits of 32 bits, after two zeros, and pi/2 in its first 26 bits and the rest, for angles beyond that
+_TWO_OVER_PI_BITS = int(
+    "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a424dd2e006492eea09d1921c"
+    "fe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e413991d639835339f49c845f8bbdf9283b1ff897ffde05980f"
+    "ef2f118b5a0a6d1f6d367ecf27cb09b74f463f669e5fea2d7527bac7ebe5f17b3d0739f78a5292ea6bfb5fb11f8d5d08"
+    "56033046fc7b6babf0cfbc209af4361da9e391615ee61b08",
+    16,
+)
+_TWO_OVER_PI_DIGITS = np.array([(_TWO_OVER_PI_BITS >> 32 * k) % 2**32 for k in range(43, -1, -1)], np.uint64)
+_DIGIT, _HALF = np.uint64(2**32 - 1), np.uint64(2**29)
+_32, _30, _2 = np.uint64(32), np.uint64(30), np.uint64(2)
+_FIRST_BITS = np.int64(-(2**27))  # of a float, all but the last 27
+_PIO2_HIGH = float.fromhex("0x1.921fb50000000p+0")
+_PIO2_LOW = float.fromhex("0x1.110b4611a6263p-26")
+
 _LN2_HI, _LN2_LO = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _LN2 = 0.6931471805599453
 _LOG2_E = 1.44269504088896340736
@@ -50,6 +65,9 @@ _L1, _L2, _L3, _L4 = (
     2.222219843214978396e-01,
 )
 _L5, _L6, _L7 = 1.818357216161805012e-01, 1.531383769920937332e-01, 1.479819860511658591e-01
+
+_TWO_THIRDS, _TWO_THIRDS_LOW = 0.6666666666666666, 3.700743415417188e-17
+_SPLITTING = 134217729.0  # 2^27 + 1
 
 _SIGNIFICAND = np.int64(0x000FFFFFFFFFFFFF)
 _SQRT_HALF = np.int64(0x3FE6A09E667F3BCD)  # the bits of sqrt(1/2)
@@ -128,18 +146,30 @@ def _reduced_sin_versine(x):
     c = (((a - b) - n * _PIO2_2) - n * _PIO2_3) - n * _PIO2_4
     r = b + c
     c = c - (r - b)
+    s, v = _sine_versine_of(r, c)
+    return s, v, bits(shifted)
+
+
+@device
+def _sine_versine_of(r, c):
+    """(sin, versine) of r + c, |r| <= pi/4 and c no larger than the rounding error of r."""
     z = r * r
     # c cos r and c sin r; not as bare products, or tails would be rounded before c, which hardly varies, is added
     s = r + (r * z * _sine_tail(z) + (c - c * (z * (0.5 - z * _C1))))
     v = 0.5 * z - (z * z * _cosine_tail(z) - (c * r + c * (r * (z * (_S1 + z * _S2)))))
-    return s, v, bits(shifted)
+    return s, v
 
 
 @device
 def sin_versine(x):
     """(sin x, 1 - cos x) for |x| <= 1.6e6; larger arguments lose accuracy and must go to :func:`sin_versine_huge`."""
     s, v, quadrant = _reduced_sin_versine(x)
-    # quadrant 0: (s, v), 1: (1-v, 1+s), 2: (-s, 2-v), 3: (v-1, 1-s)
+    return _in_quadrant(s, v, quadrant)
+
+
+@device
+def _in_quadrant(s, v, quadrant):
+    """(sin, versine) of r + n pi/2, given those of r: (s, v), (1-v, 1+s), (-s, 2-v), (v-1, 1-s) for n = 0, 1, 2, 3."""
     odd = (quadrant & 1) != 0
     sign = -1.0 if (quadrant & 2) != 0 else 1.0
     sine = sign * ((1.0 - v) if odd else s)
@@ -151,6 +181,11 @@ def sin_versine(x):
 def sin_cos(x):
     """(sin x, cos x) for |x| <= 1.6e6, the cosine to 2 ulp relative also where it is small."""
     s, v, quadrant = _reduced_sin_versine(x)
+    return _sine_cosine_in_quadrant(s, v, quadrant)
+
+
+@device
+def _sine_cosine_in_quadrant(s, v, quadrant):
     odd = (quadrant & 1) != 0
     sign = -1.0 if (quadrant & 2) != 0 else 1.0
     return sign * ((1.0 - v) if odd else s), sign * (-s if odd else 1.0 - v)
@@ -168,11 +203,62 @@ def sinc_versinc_tiny(z):
     return z * (_S1 + z * (_S2 + z * _S3)), 0.5 - z * (_C1 + z * (_C2 + z * _C3))
 
 
+@device(inline=False)
+def _sin_versine_far(x):
+    """As :func:`_reduced_sin_versine` for |x| >= 2^20, by whole numbers (Payne and Hanek); NaN for infinity.
+
+    |x| = m 2^e with a whole m < 2^53.  Of 2/pi only eight digits of 32 bits matter: those before them add multiples of
+    4 to the quotient by pi/2, and those behind them less than 2^-130.
+    """
+    i = bits(abs(x))
+    e = np.int64(i >> _52) - 1075
+    m = np.uint64((i & _SIGNIFICAND) | (np.int64(1) << _52))
+    low, high = m & _DIGIT, m >> _32
+    place, shift = (e + 62) // 32, np.uint64((e + 62) % 32)  # the first digit, and the bits of it that do not matter
+    product, carry, last, before = np.empty(9, np.uint64), np.uint64(0), np.uint64(0), np.uint64(0)
+    product[8] = np.uint64(0)
+    for k in range(7, -1, -1):  # m times the digits; of each digit its product with `high` belongs one place further on
+        digit = _TWO_OVER_PI_DIGITS[place + k]
+        ours, theirs = low * digit, high * last
+        total = (ours & _DIGIT) + (theirs & _DIGIT) + before + carry
+        before = (ours >> _32) + (theirs >> _32)
+        product[k], carry, last = total & _DIGIT, total >> _32, digit
+    first = ((product[0] << shift) | (product[1] >> (_32 - shift))) & _DIGIT
+    quadrant = np.int64(first >> _30)
+    negative = (first & _HALF) != 0  # the fraction, whose first bit this is, is above 1/2: that minus 1 is near
+    quotient, rest, unit = 0.0, 0.0, 2.0**-32
+    for k in range(6):
+        here = ((product[k] << shift) | (product[k + 1] >> (_32 - shift))) & _DIGIT
+        there = ((product[k + 1] << shift) | (product[k + 2] >> (_32 - shift))) & _DIGIT
+        digit = ((here << _2) | (there >> _30)) & _DIGIT
+        term = unit * whole_float(np.int64((_DIGIT - digit) if negative else digit))
+        total = quotient + term
+        rest = rest + (term - (total - quotient))
+        quotient, unit = total, unit * 2.0**-32
+    a = from_bits(bits(quotient) & _FIRST_BITS)
+    b = (quotient - a) + rest
+    c = a * _PIO2_LOW + b * (_PIO2_HIGH + _PIO2_LOW)
+    r = a * _PIO2_HIGH + c  # a product without rounding
+    c = c - (r - a * _PIO2_HIGH)
+    sign = -1.0 if negative != (x < 0.0) else 1.0
+    nothing = x - x  # NaN for infinity
+    s, v = _sine_versine_of(sign * r + nothing, sign * c)
+    quadrant = quadrant + 1 if negative else quadrant
+    return s, v, -quadrant if x < 0.0 else quadrant
+
+
 @device
 def sin_versine_huge(x):
-    """(sin x, 1 - cos x) for any x by the library's scalar sine: right, and slow."""
-    half = np.sin(0.5 * x)
-    return np.sin(x), 2.0 * half * half
+    """(sin x, 1 - cos x) for any x, which takes longer than :func:`sin_versine` beyond its range."""
+    s, v, quadrant = _sin_versine_far(x) if abs(x) > REDUCIBLE else _reduced_sin_versine(x)
+    return _in_quadrant(s, v, quadrant)
+
+
+@device
+def sin_cos_huge(x):
+    """(sin x, cos x) for any x, likewise."""
+    s, v, quadrant = _sin_versine_far(x) if abs(x) > REDUCIBLE else _reduced_sin_versine(x)
+    return _sine_cosine_in_quadrant(s, v, quadrant)
 
 
 @device
@@ -201,6 +287,61 @@ def log(x):
     y = x if x == np.inf else y
     y = -np.inf if x == 0.0 else y
     return y if x >= 0.0 else np.nan
+
+
+@device
+def log_parts(x):
+    """(high, low): ln x to about 65 bits, x >= 0; infinite at 0 and infinity.
+
+    x = 2^k m as in :func:`log_normal`, s = f/(2+f) in two parts, and ln m = 2 s + 2/3 s^3 + ..., the first two terms in
+    two parts.
+    """
+    tiny = x < 2.2250738585072014e-308
+    given = x * 18014398509481984.0 if tiny else x
+    i = bits(given) - _SQRT_HALF
+    f = from_bits((i & _SIGNIFICAND) + _SQRT_HALF) - 1.0
+    k = whole_float(np.int64((np.uint64(i) ^ _2_63) >> _52_OF_WORDS)) - (2102.0 if tiny else 2048.0)
+    below = 2.0 + f
+    s = f / below
+    p, rest = exact_product(s, below)
+    s_low = ((f - p) - rest - s * (f - (below - 2.0))) / below
+    z, z_low = exact_product(s, s)
+    z_low = z_low + 2.0 * s * s_low
+    cube, cube_low = exact_product(z, s)
+    cube_low = cube_low + (z * s_low + z_low * s)
+    third, third_low = exact_product(cube, _TWO_THIRDS)
+    third_low = third_low + (cube * _TWO_THIRDS_LOW + cube_low * _TWO_THIRDS)
+    tail = 2.0 / 27.0
+    for n in range(25, 3, -2):
+        tail = 2.0 / n + z * tail
+    high, first = exact_sum(k * _LN2_HI, 2.0 * s)
+    high, second = exact_sum(high, third)
+    low = (first + second) + ((2.0 * s_low + third_low) + (cube * z * tail + k * _LN2_LO))
+    total = high + low
+    low = low - (total - high)
+    total = -np.inf if x == 0.0 else (x if not x < np.inf else total)
+    return total, (0.0 if x == 0.0 or not x < np.inf else low)
+
+
+@device
+def exact_sum(a, b):
+    """(a + b rounded, what rounding has left out)."""
+    s = a + b
+    part = s - a
+    return s, (a - (s - part)) + (b - part)
+
+
+@device
+def exact_product(a, b):
+    """(a b rounded, what rounding has left out), by Dekker's splitting into halves (Numerische Mathematik 18, 1971)."""
+    p = a * b
+    c = _SPLITTING * a
+    high = c - (c - a)
+    low = a - high
+    c = _SPLITTING * b
+    first = c - (c - b)
+    last = b - first
+    return p, ((high * first - p) + high * last + low * first) + low * last
 
 
 @device

@@ -21,7 +21,8 @@ def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
         for curve in curves:
             yield _map(title, curve)
             if (fit := curve.chi_squared) is not None:
-                yield Cell(f"chi squared {fit[0]:.1f} of {fit[1]} differences from expected values")
+                whose = "the orders of theory as h -> 0" if curve.name == "order" else "expected values"
+                yield Cell(f"chi squared {fit[0]:.1f} of {fit[1]} differences from {whose}")
         return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
     for name in dict.fromkeys(curve.name for curve in curves):

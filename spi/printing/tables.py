@@ -258,9 +258,27 @@ def printed(title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
     """The tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
         yield from table.items(title, readings)
+    yield from map(Cell, _clipped(readings))
     for record in readings:
         yield from map(Cell, _lines(record))
     yield from map(Cell, readings[0].remarks_of_case(readings))
+
+
+_WHOLE = 0.99995  # a share that is printed as 100 %
+
+
+def _clipped(readings: Sequence[Any]) -> Iterator[str]:
+    """The share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
+    about = readings[0].about
+    if not about.truncate_noise:
+        return
+    from ..ensemble.increments import clipped_variance  # not needed to start the program
+
+    sizes = [getattr(one, "h", getattr(one, "step", None)) for one in readings]
+    h = max((float(np.max(size)) for size in sizes if size is not None and np.size(size)), default=0.0)
+    if h > 0.0 and (left := clipped_variance(h)) < _WHOLE:
+        then = ", by the root of which they are divided" * ("temperature" in about.parameters)
+        yield f"truncate_noise: clipped increments over h = {power_of_two(h)} have {left:.2%} of their variance{then}"
 
 
 def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
@@ -285,17 +303,23 @@ def _lines(record: Stored) -> Iterator[str]:
 
 
 def _common(record: Any) -> Iterator[str]:
-    """Order, paths, angles of flows and solvers of equations, of records that have such fields."""
+    """Order, paths, angles of flows and solvers of equations, of records that have such fields.
+
+    A kind of one's own has any of them, and each is said without the others.
+    """
     if (order := getattr(record, "order", None)) is not None:
-        few = math.isfinite(order.order) and order.points < len(record.h)
-        through = f", through the finest {order.points} of {len(record.h)}" * few
-        yield order_text(order.order, order.low, order.high, record.expected_order) + through
+        fitted, expected = len(getattr(record, "h", ())), getattr(record, "expected_order", None)
+        few = math.isfinite(order.order) and order.points < fitted
+        through = f", through the finest {order.points} of {fitted}" * few
+        yield order_text(order.order, order.low, order.high, expected) + through
     if note := getattr(record, "note", ""):
         yield note
     if hasattr(record, "step") and hasattr(record, "samples"):
-        lost = f", {record.nonfinite} of them diverged" * bool(record.nonfinite)
-        paths = f"{record.samples} paths until t = {record.t[-1]:g} with h = {record.step:g}{lost}"
-        yield f"{paths}, {record.ns_per_step:.1f} ns per step and path"
+        times, nonfinite, ns = (getattr(record, name, None) for name in ("t", "nonfinite", "ns_per_step"))
+        until = "" if times is None else f" until t = {times[-1]:g}"
+        lost = f", {nonfinite} of them diverged" if nonfinite else ""
+        took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
+        yield f"{record.samples} paths{until} with h = {record.step:g}{lost}{took}"
     if count := getattr(record, "reference_nonfinite", 0):
         yield f"{count} reference paths diverged (NaN or infinity)"
     angle: Any = getattr(record, "largest_angle", None)

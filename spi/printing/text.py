@@ -242,7 +242,8 @@ def order_text(order: float, low: float, high: float, expected: float | None = N
     fitted = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
     if expected is None or math.isnan(expected):
         return f"{fitted} (measured; theory states none)"
-    return f"{fitted} (expected {fraction(expected)})"
+    later = ", perhaps at smaller steps" * (low > expected)  # where a term of higher order is still the larger one
+    return f"{fitted} (expected {fraction(expected)}{later})"
 
 
 def angle_note(largest: float) -> str:

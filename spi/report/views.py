@@ -190,20 +190,20 @@ def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "
     sorts = KINDS[kind].keys.Case.quantities
     if any(curve.second_word for _, curves, _ in drawn for curve in curves):
         return draw_maps(title, drawn, sorts)
-    return draw(title, drawn, sorts, _formulas(spec))
+    return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
 
 
-def _formulas(spec: str) -> dict[str, str]:
-    """The test functions of a spec by their names, with the swept parameters in them; none if that cannot be read.
+def _formulas(spec: str, key: str) -> dict[str, str]:
+    """The formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
 
     Without those of which a case has its own.
     """
     try:
         whole: Any = Document(spec, str).data
-        functions, cases = whole["functions"], whole.get("cases") or ()
+        functions, cases = whole[key], whole.get("cases") or ()
     except (SpecError, AttributeError, TypeError, KeyError):
         return {}
-    own = {name for case in cases if isinstance(case, dict) for name in case.get("functions") or ()}
+    own = {name for case in cases if isinstance(case, dict) for name in case.get(key) or ()}
     named = functions.items() if isinstance(functions, dict) else ()
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 

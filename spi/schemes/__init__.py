@@ -17,9 +17,10 @@ from ..ensemble.protocol import (
     flows_lacking,
     has_friction,
     in_kernels,
+    in_place,
     inner,
-    noise_groups,
     noise_indices,
+    noises_commute,
 )
 from ..ensemble.protocol import large as has_arrays
 from ..ensemble.scheme_protocol import judges
@@ -67,8 +68,11 @@ def of_model(entry, model):
     """An entry as it holds for a model, which may have inner steps in place of flows without a closed form.
 
     Inner steps leave the strong orders as they are, and the weak order where no noise needs them.  A composition has
-    friction among its stages where the model is at a temperature.
+    friction among its stages where the model is at a temperature.  Judged noises without friction in what is proposed
+    have lower orders, see ``metropolis.py``.
     """
+    if judges(entry.record) and has_arrays(model) and not in_place(in_kernels(model)):
+        entry = entry._replace(strong_order=0.25, strong_order_commuting=0.25, weak_order=0.5)
     if entry.composition is not None and has_friction(model):
         entry = entry._replace(record=entry.record._replace(stages=with_friction(entry.composition)))
     lacking = flows_lacking(model)
@@ -125,10 +129,10 @@ def strong_order(entry, model, initial, law=None):
     model = in_kernels(model)
     if entry.composition is not None and not has_theory(entry, model):
         return None
-    if not has_arrays(model) and not noise_indices(model):
-        return 1.0 if has_theory(entry, model) else None
+    if not noise_indices(model):
+        return order_without_noise(entry, model)
     states = [] if has_arrays(model) else _states_near(initial)
-    commuting = noise_groups(model) <= 1 if has_arrays(model) else _commute(model, states)
+    commuting = noises_commute(model) if has_arrays(model) else _commute(model, states)
     if law is not None:
         return driven_order(law, entry, model, commuting)
     order = entry.strong_order_commuting if commuting else entry.strong_order
@@ -138,6 +142,15 @@ def strong_order(entry, model, initial, law=None):
     return None if order is None or math.isnan(order) else order  # NaN in a Python file that does not state it
 
 
+def order_without_noise(entry, model):
+    """The order of a scheme for the ordinary differential equation without noise; None where theory states none."""
+    if not has_theory(entry, model):
+        return None
+    if entry.composition is not None:
+        return 2.0 if _is_palindrome(entry, model, False) else 1.0
+    return None if math.isnan(entry.order_without_noise) else entry.order_without_noise
+
+
 def _states_near(initial):
     """Some states at which noises are compared; their components are positive, as those of populations."""
     states = np.array(initial) + np.random.default_rng(0).standard_normal((4, len(initial)))
@@ -145,7 +158,7 @@ def _states_near(initial):
 
 
 def _commute(model, states):
-    """Whether f_k' f_l = f_l' f_k for all noises at all of the states; of large models those of one group do."""
+    """Whether f_k' f_l = f_l' f_k for all noises at all of the states."""
     products = _products(noise_field_derivative, model, states)
     return np.allclose(products, np.swapaxes(products, 1, 2), rtol=1e-12, atol=1e-12)
 
@@ -182,6 +195,8 @@ def weak_order(entry, model, extrapolate=0, law=None):
         stated = entry.composition is not None and has_theory(entry, model) and isinstance(law, OrnsteinUhlenbeck)
         return (2.0 if _is_palindrome(entry, model, True) else 1.0) if stated else None
     if not extrapolate:
+        if not noise_indices(in_kernels(model)):
+            return order_without_noise(entry, in_kernels(model))
         return entry.weak_order if has_theory(entry, model) else None
     exponents = weak_exponents(entry, model, extrapolate + 1)
     return exponents[-1] if exponents else None

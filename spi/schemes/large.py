@@ -412,7 +412,7 @@ def judge_states(model, uniforms, lanes, width, states, energies, proposed, refu
     count, d = 0, dimension(model)
     for j in range(len(lanes)):
         energy = hamiltonian(model, proposed[j : d * width : width])
-        accepted = uniforms[lanes[j]] < np.exp((energies[j] - energy) / model.temperature)  # False for NaN
+        accepted = uniforms[lanes[j]] - 1.0 < expm1((energies[j] - energy) / model.temperature)  # False for NaN
         refused[j] = 0.0 if accepted else 1.0
         if accepted:
             count += 1

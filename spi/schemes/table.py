@@ -1,5 +1,6 @@
 """The table of the schemes: orders, properties and costs of each, an entry for each name that experiments use."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from ..ensemble.protocol import (
     area_pairs,
     dimension,
     flow_ns,
-    has_friction,
+    has_bath,
     in_kernels,
     in_place,
     inexact_noises,
@@ -95,6 +96,7 @@ class Scheme(NamedTuple):
     strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float
     preserves: str
+    order_without_noise: float = math.nan  #: for ordinary differential equations, of a step that is no composition
     work: float = 0.0  #: of a step that is no composition, in flows of the model, for estimates of run time
     solves: bool = False  #: whether this work is that for three components, and grows with their number
     overhead: float = 1.0  #: the factor by which a step takes longer than its flows and increments
@@ -239,7 +241,7 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs, the Gibbs law",
     work=16.0,
-    needs=has_friction,
+    needs=has_bath,
 )
 register_scheme(
     "euler_maruyama",
@@ -251,6 +253,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=0.5,
     weak_order=1.0,
+    order_without_noise=1.0,
     preserves="nothing",
     work=5.0,
     left_out=noise_field_derivative,
@@ -265,6 +268,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=0.5,
     weak_order=1.0,
+    order_without_noise=1.0,
     preserves="|y|",
     work=5.5,
     needs=squared_length_is_casimir,
@@ -280,6 +284,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=2.0,
     preserves="|y|",
     work=6.0,
     needs=on_spheres,
@@ -294,6 +299,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=2.0,
     preserves="quadratic Casimirs",
     work=25.0,
     solves=True,
@@ -309,6 +315,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=0.5,
     weak_order=1.0,
+    order_without_noise=1.0,
     preserves="Casimirs",
     work=6.0,
     solves=True,
@@ -325,6 +332,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=2.0,
     preserves="Casimirs",
     work=10.0,
     solves=True,
@@ -341,6 +349,7 @@ register_scheme(
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=2.0,
     preserves="Casimirs",
     work=12.0,
     solves=True,
@@ -354,6 +363,7 @@ register_scheme(
     reference="doi:10.1007/s10543-019-00792-1; with noise arXiv:2408.16701",
     look=("d", "#E69F00"),
     weak_order=1.0,
+    order_without_noise=2.0,
     work=16.0,
     needs_truncation=True,
     needs=turns_alone,
@@ -370,6 +380,7 @@ register_scheme(
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=2.0,
+    order_without_noise=3.0,
     preserves="nothing",
     work=18.0,
 )
@@ -407,6 +418,7 @@ register_scheme(
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=1.0,
     preserves="nothing",
     work=4.0,
     multiscale=True,
@@ -422,6 +434,7 @@ register_scheme(
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
+    order_without_noise=1.0,
     preserves="nothing",
     work=4.0,
     multiscale=True,

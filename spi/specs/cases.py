@@ -11,6 +11,7 @@ import pydantic
 from ..compiler.dispatch import answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
+from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
@@ -19,6 +20,7 @@ from ..ensemble.protocol import (
     conserved,
     dimension,
     flows_lacking,
+    has_bath,
     has_friction,
     large,
     noise_indices,
@@ -73,7 +75,10 @@ from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
 LAWS = ("law", "distance")  # panels about a stationary law
-CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
+CLIP = (
+    "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes; at a temperature they are then divided by the "
+    "standard deviation of clipped normal numbers"
+)
 
 
 class FunctionKeys(CodeKeys):
@@ -232,6 +237,12 @@ class BaseCase(Keys):
         return variables(undamped(self.model))
 
     @property
+    def clipping(self) -> int:
+        """What becomes of increments: friction at a temperature belongs to their variance, which clipping lowers."""
+        clipped = RESCALED if math.isfinite(self.temperature) else CLIPPED
+        return clipped if getattr(self, "truncate_noise", False) else UNCLIPPED
+
+    @property
     def driver(self) -> str:
         """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
         return described(self.noise)
@@ -316,7 +327,7 @@ class BaseCase(Keys):
             if judges(self.row(name).record) and flows_lacking(self.model):
                 fault = f"has '{name}', which is made of exact flows, and not all are known of {self.model_name}"
                 raise wrong(fault, "use another", "schemes")
-            if needs is has_friction and not needs(self.model):
+            if needs is has_bath and not needs(self.model):
                 raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
             if needs is lie_poisson and not needs(undamped(self.model)):
                 raise wrong_scheme(self, name, "which needs a bracket that is linear", "use another")

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
 from ..ensemble.protocol import area_pairs, flows_lacking, inner
-from ..ensemble.scheme_protocol import judges, needs_areas
+from ..ensemble.scheme_protocol import judges, needs_areas, substeps
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
@@ -125,6 +125,9 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
         row = case.row(name)
+        if truncated and judges(row.record):
+            fault = "whose tests of acceptance are those of normal increments, not of clipped ones"
+            raise wrong_scheme(case, name, fault, "leave out truncate_noise, or give the scheme a case of its own")
         if row.needs_truncation and name in used and not truncated and case.noise is None:
             right = _apart(name) if max(getattr(case, "extrapolate", (0,))) else "set truncate_noise: true"
             raise wrong_scheme(case, name, "which needs bounded increments", right)
@@ -140,6 +143,7 @@ def check_areas(case: Any, h: float, key: str) -> None:
     if not area_pairs(case.model):
         return
     most = most_terms(case.model)
+    _check_substeps(case, h)
 
     def terms(name: str, step: float) -> int:
         return fourier_terms(case.model, [case.row(name).record], step, areas=case.areas)
@@ -152,6 +156,29 @@ def check_areas(case: Any, h: float, key: str) -> None:
             fault = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {count} terms of a Fourier series"
             right = f"there are random numbers for {most}; use {quantity(least)} or more, or leave out the scheme"
             raise wrong(fault, right, key)
+
+
+def _check_substeps(case: Any, h: float) -> None:
+    """No path has Lévy areas and sub-steps of one and the same time: each are drawn given the increment alone."""
+    records = {name: case.row(name).record for name in case.schemes_used}
+    divided = {name: n for name, record in records.items() if (n := substeps(record)) > 1}
+    supplied, apart = [name for name in records if needs_areas(records[name])], "which are drawn apart"
+    reference = getattr(case, "reference_scheme", None)
+    if both := [name for name in supplied if name in divided]:
+        raise wrong_scheme(
+            case, both[0], f"which needs Lévy areas and sub-steps, {apart}", "use one without the others"
+        )
+    if reference in divided and supplied:
+        fault = f"is '{reference}', which has sub-steps of the path whose Lévy areas '{supplied[0]}' needs, {apart}"
+        raise wrong(fault, f"use {supplied[0]}, or a scheme without sub-steps", "reference_scheme")
+    if reference in supplied:
+        for name, n in divided.items():
+            if h < n * case.reference_step:
+                fault = (
+                    f"has {quantity(h)}, where the {n} sub-steps of '{name}' and the Lévy areas of '{reference}' are"
+                )
+                right = f"leave out steps below {quantity(n * case.reference_step)}, or take a smaller reference_step"
+                raise wrong(f"{fault} of one time, {apart}", right, "steps")
 
 
 def _apart(name: str) -> str:

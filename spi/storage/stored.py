@@ -68,6 +68,7 @@ NUMBERED = {
     "row": "number of the row of cells",
     "column": "number of the column of cells",
     "vector": "number of the vector of the lattice",
+    "branch": "number of the branch of linear waves, by frequency",
     "left_out": "number of the group of paths that is left out",
 }
 

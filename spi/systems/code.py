@@ -12,14 +12,16 @@ import sympy
 from .brackets import NOTHING
 
 _EXACT = mpmath.mpf(10) ** -35
-_PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
-_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh", sympy.atan: "np.arctan"}
+_PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "_sign", sympy.tan: "_tangent"}
+_PLAIN |= {sympy.sin: "_sine", sympy.cos: "_cosine", sympy.atan: "_arctan"}
+_PLAIN |= {sympy.sinh: "_sinh", sympy.cosh: "_cosh", sympy.tanh: "_tanh"}
 
 
 class Formula:
     """Writes expressions of sympy; `names` are those of symbols, `varying` the symbols that differ between lanes.
 
-    With `angles` sines are computed by ``sin_versine(angles, x)``, otherwise by NumPy.
+    With `angles` sines are computed by ``sin_versine(angles, x)``, otherwise by ``numerics/functions.py``: no function
+    is the C library's, whose last digits are other ones on other systems.
     """
 
     def __init__(self, names: Mapping[Any, str], varying: Iterable[Any], angles: bool = False) -> None:
@@ -98,7 +100,7 @@ class Formula:
             return f"(1.0 / {self.code(base**-exponent)})"
         if base == sympy.E:
             return f"exp({self.code(exponent)})"
-        return f"np.power({self.code(base)}, {self.code(exponent)})"
+        return f"_power({self.code(base)}, {self.code(exponent)})"
 
     def _function(self, e: Any) -> str:
         if isinstance(e, sympy.DiracDelta):
@@ -108,13 +110,11 @@ class Formula:
         argument = e.args[0]
         inner = self.code(argument)
         inner = inner[1:-1] if inner.startswith("(") and argument.is_Add else inner
-        if isinstance(e, sympy.sin | sympy.cos):
-            if not self.angles:
-                return f"np.{e.func.__name__}({inner})"
+        if self.angles and isinstance(e, sympy.sin | sympy.cos):
             pair = f"sin_versine(angles, {inner})"
             return f"{pair}[0]" if isinstance(e, sympy.sin) else f"(1.0 - {pair}[1])"
         if isinstance(e, sympy.Heaviside):  # the derivative of a maximum; 1/2 where two are equal
-            return f"(0.5 + 0.5 * np.sign({inner}))"
+            return f"(0.5 + 0.5 * _sign({inner}))"
         return f"{_PLAIN[e.func]}({inner})"
 
     def _largest(self, e: Any) -> str:

@@ -213,6 +213,8 @@ import numpy as np
 from spi.numerics.angles import sin_versine
 from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
+from spi.numerics.functions import arctan as _arctan, cosh as _cosh, cosine as _cosine, power as _power, sign as _sign
+from spi.numerics.functions import sine as _sine, sinh as _sinh, tangent as _tangent, tanh as _tanh
 from spi.ensemble.protocol import NonNegative
 from spi.numerics.motions import larger, sinh_coshm1, times
 

@@ -5,6 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+import xarray
+from filled_results import filled
 from scipy.special import stdtrit
 from strong_results import H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -14,8 +16,10 @@ import spi
 from spi import storage
 from spi.api.progress import Line
 from spi.drawing import Figure
+from spi.kinds import KINDS
 from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
+from spi.storage import records
 
 EXPECT = [
     claims.Claim("three", "splitting", "order", claims.EQUAL, 0.5, 0.05, "1/2 +- 0.05"),
@@ -205,3 +209,21 @@ def test_without_a_notebook_there_is_no_line(capsys):
     with Line("mine", None) as line:
         line.share("paths", 1, 4)
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_results_of_every_kind_are_written_as_netcdf(kind, tmp_path):
+    """netCDF has no booleans; xarray reads arrays of them back, and attributes as 1 and 0."""
+    group = filled(kind)
+    group.attributes.update({"truncate_noise": True, "flags": (True, False), "nothing": None})
+    results = spi.Results(records.Results({"kind": kind, "title": "A title", "complete": True}, (group,)))
+    results.dataset.to_netcdf(tmp_path / "one.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "one.nc", engine="h5netcdf") as again:
+        assert again.attrs["truncate_noise"] == 1 and again.attrs["flags"].tolist() == [1, 0]
+        assert set(again.variables) == set(results.dataset.variables) and "nothing" not in again.attrs
+        for name, values in results.dataset.data_vars.items():
+            assert again[name].dtype.kind == values.dtype.kind or values.dtype.kind in "UO"
+            assert np.array_equal(again[name], values, equal_nan=values.dtype.kind == "f")
+    results.to_xarray().to_netcdf(tmp_path / "all.nc", engine="h5netcdf")
+    with xarray.open_datatree(tmp_path / "all.nc", engine="h5netcdf") as tree:
+        assert tree.attrs["complete"] == 1 and [node.path for node in tree.leaves] == ["/main/splitting"]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -36,13 +37,13 @@ def copied(tmp_path_factory):
         ("statistics/estimators.py", False, True),
         ("kinds/plans.py", False, True),
         ("kinds/strong/study.py", False, True),
-        ("statistics/claims.py", False, False),
-        ("systems/definition.py", False, False),
-        ("specs/cases.py", False, False),
-        ("storage/results.py", False, False),
+        ("statistics/claims.py", False, True),
+        ("systems/definition.py", False, True),
+        ("specs/cases.py", False, True),
+        ("storage/results.py", False, True),
         ("drawing/style.py", False, False),
-        ("kinds/strong/results.py", False, False),
-        ("kinds/strong/keys.py", False, False),
+        ("kinds/strong/results.py", False, True),
+        ("kinds/strong/keys.py", False, True),
         ("kinds/stability/figure.py", False, False),
         ("running/run.py", False, False),
         ("cli/__init__.py", False, False),
@@ -63,16 +64,19 @@ def test_what_an_edit_makes_stale(copied, monkeypatch, file, kernels, numbers):
     assert tuple(a != b for a, b in zip(before, after, strict=True)) == (kernels, numbers)
 
 
+def modules_of(package=PACKAGE):
+    """Dotted name -> file within the package."""
+    files = [path.relative_to(package) for path in package.rglob("*.py")]
+    return {".".join(["spi", *file.with_suffix("").parts]).removesuffix(".__init__"): file.as_posix() for file in files}
+
+
 def leaks(kernels, package=PACKAGE):
     """Imports that break the rule of the digest of kernels, (file, name) each.
 
     A file outside of `kernels` must not make compiled code; one of them must not import any outside but the root.
     """
     making = {"kernel", "device", "intrinsic", "unrolled", "tuplewise"}
-    modules = {}
-    for path in package.rglob("*.py"):
-        file = path.relative_to(package)
-        modules[".".join(["spi", *file.with_suffix("").parts]).removesuffix(".__init__")] = file.as_posix()
+    modules = modules_of(package)
     for module, file in modules.items():
         is_package = file.endswith("__init__.py")
         for _, name in imports((package / file).read_text(encoding="utf-8"), module, is_package):
@@ -84,6 +88,48 @@ def leaks(kernels, package=PACKAGE):
 
 
 DISPATCH = "spi.compiler.dispatch"
+
+
+def test_the_digest_of_numbers_covers_all_that_plans_and_keys_import():
+    """A constant in the keys or the record of a kind decides sums as much as one in its study."""
+    modules = modules_of()
+    waiting = {name for name in modules if name.startswith("spi.kinds.") and not name.endswith(".figure")}
+    reached = set(waiting)
+    while waiting:
+        module = waiting.pop()
+        source = (PACKAGE / modules[module]).read_text(encoding="utf-8")
+        for _, name in imports(source, module, modules[module].endswith("__init__.py")):
+            target = name if name in modules else name.rpartition(".")[0]
+            if target in modules and target not in reached and not name.endswith(".figure"):
+                reached.add(target)
+                waiting.add(target)
+    assert len(reached) > 100
+    assert {modules[name] for name in reached} - NUMBERS == {"__init__.py"}
+
+
+CONSTANTS = {  # a constant in each of the files that a digest of studies alone leaves out
+    "kinds/equilibrium/keys.py": "_BURNT",
+    "kinds/equilibrium/results.py": "BATCHES",
+    "kinds/answer/keys.py": "FINEST",
+    "kinds/statistics/results.py": "LEAST_GROUPS",
+    "kinds/lyapunov/results.py": "EQUAL",
+    "kinds/lyapunov/keys.py": "_WARM_UP",
+}
+
+
+def test_every_constant_of_what_computes_marks_sums(copied, monkeypatch):
+    """All numbers that stand as NAME = ... in a file of a kind, but for its figure: each is changed in turn."""
+    monkeypatch.setattr(spi, "__file__", str(copied / "__init__.py"))
+    changed = {}
+    for path in sorted((copied / "kinds").rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        for found in re.finditer(r"^(_?[A-Z][A-Z_0-9]*) = ([0-9][0-9_.e*+-]*)", text, re.MULTILINE):
+            if path.name != "figure.py":
+                path.write_text(f"{text[: found.start(2)]}7 + {text[found.start(2) :]}", encoding="utf-8")
+                file = path.relative_to(copied).as_posix()
+                changed[file, found[1]] = spi.digest_of(spi.number_sources()) != spi.NUMBERS_DIGEST
+        path.write_text(text, encoding="utf-8", newline="")
+    assert changed.keys() >= set(CONSTANTS.items()) and all(changed.values())
 
 
 def test_nothing_else_makes_compiled_code_and_kernels_import_nothing_else():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 from llvmlite import ir
-from numba.core import caching, codegen, compiler, datamodel, event, imputils
+from numba.core import caching, cgutils, codegen, compiler, datamodel, event, imputils
 from numba.core.registry import cpu_target
 
 from spi.compiler import private
@@ -61,6 +61,8 @@ def add_one(x):
         ("_cache typeof_pyval targetctx", lambda: add_one, CACHE),
         ("ArrayModel PrimitiveModel", lambda: datamodel.models, REFCOUNTS),
         ("impl_ret_borrowed", lambda: imputils, INTRINSICS),
+        ("do_boundscheck", lambda: cgutils, INTRINSICS),
+        ("enable_boundscheck", lambda: cpu_target.target_context, INTRINSICS),
         ("refresh resolve_value_type", lambda: cpu_target.typing_context, NAMES),
     ],
 )

@@ -23,7 +23,7 @@ from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import add_reports, grid, integrated, nested_grid
-from spi.ensemble.observer import path_observer
+from spi.ensemble.observer import path_observer, state_recorder
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, needs_areas, report_columns
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
@@ -215,3 +215,21 @@ def test_reports_are_added_up():
     for names in (("largest_angle",), of_solver, REPORT[3:SUMMED]):
         assert tuple(report_columns(added * [name in names for name in REPORT])) == names
     assert report_columns(0 * added) == {}
+
+
+@pytest.mark.parametrize("doublings", [(0,), (1, 0), (2, 1, 0)])
+def test_states_of_a_run_in_two_pieces_stand_where_those_of_one_do(doublings):
+    """Steps are counted from t = 0 on, at every step size."""
+    model, scheme, every = RIGID_BODY, SCHEMES["splitting"].record, 2
+    levels, d = len(doublings), len(INITIAL)
+
+    def recorded(first, steps, begun):
+        times = grid(2.0**-9, steps, doublings, first_step=first)
+        rows = np.full((1, levels * (1 + (steps >> doublings[0]) // every), d * LANES), np.nan)
+        run = scheme, model, begun, times, brownian(1), 0, 1, LANES, state_recorder(times, rows, every)
+        return rows.reshape(levels, -1, d * LANES)[:, 1:], integrated(*run)[0]
+
+    start = np.repeat(np.repeat(np.array(INITIAL), LANES)[np.newaxis, np.newaxis], levels, axis=1)
+    first, begun = recorded(0, 128, start)
+    pieces, whole = [first, recorded(128, 128, begun)[0]], recorded(0, 256, start)[0]
+    assert np.array_equal(np.concatenate(pieces, axis=1), whole) and np.isfinite(whole).all()

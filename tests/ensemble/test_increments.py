@@ -9,7 +9,11 @@ from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, order_2, simu
 from paths_by_hand import draw
 
 from spi.compiler.dispatch import kernel
+from spi.ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
+from spi.kinds.strong import study as strong
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
+from spi.running.load import load
+from spi.storage import Part
 
 
 @pytest.mark.parametrize("h", [2.0**-10, 0.3])
@@ -60,6 +64,31 @@ def test_truncation_clips_the_sum_of_untruncated_increments():
     assert np.all(clipped[4] == 0.0)
     # Negative control: truncating the fine increments first would give something else.
     assert not np.array_equal(clipped[3], halves_added(clipped[0], 3))
+
+
+def test_at_a_temperature_clipped_increments_have_their_variance():
+    """As friction takes it to be: they are divided by the standard deviation of a clipped normal number."""
+    options = {"h": 2.0**-4, "steps": 64, "doublings": (0, 1, 2, 3), "blocks": 64}
+    clipped, rescaled = increments_of(**options, truncate=CLIPPED), increments_of(**options, truncate=RESCALED)
+    z = np.linspace(-12.0, 12.0, 240_001)
+    for s, a, b in zip(options["doublings"], clipped, rescaled, strict=True):
+        h = options["h"] * 2**s
+        bound = np.sqrt(4 * abs(np.log(h)))
+        left = np.trapezoid(np.clip(z, -bound, bound) ** 2 * np.exp(-(z**2) / 2), z) / np.sqrt(2 * np.pi)
+        np.testing.assert_allclose(b, a / np.sqrt(left), rtol=1e-9)
+        assert abs(b.var() / h - 1) < 4 * np.sqrt(2 / b.size)
+    assert abs(clipped[3].var() / 0.5 - 1) > 10 * np.sqrt(2 / clipped[3].size)  # negative control
+
+
+@pytest.mark.parametrize(("temperature", "clipping"), [("inf", CLIPPED), ("1/4", RESCALED)])
+def test_what_is_done_to_increments_is_a_matter_of_temperature(temperature, clipping):
+    (case,) = load("rigid_body_strong", "quick", [f"temperature={temperature}", "schemes=[midpoint]"]).cases
+    assert case.clipping == clipping
+    times = strong.plan(case, Part("midpoint")).grid
+    assert times.truncate
+    assert (times.stretch.max() > 1) == (clipping == RESCALED)
+    (unclipped,) = load("rigid_body_strong", "quick", ["truncate_noise=false", "schemes=[splitting]"]).cases
+    assert unclipped.clipping == UNCLIPPED
 
 
 def test_a_noise_that_is_off_is_neither_drawn_nor_changes_the_others():

@@ -11,6 +11,7 @@ from spi import systems
 from spi.checks.registration import check_class
 from spi.ensemble.protocol import hamiltonian, noises, squared_length_is_casimir
 from spi.exact import kolmogorov, sphere_law
+from spi.exact.kolmogorov.backward import joined
 from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
@@ -151,3 +152,10 @@ def test_a_scheme_that_does_not_fit_is_refused_by_name():
 )
 def test_what_is_neither(text):
     assert not kolmogorov.can_solve(in_yaml(text, *[1.0] * len(definition(text).get("noises", []))))
+
+
+def test_shares_of_friction_are_not_dropped():
+    """A flow of friction that reaches the operators would be left out in silence."""
+    assert joined((("noise", 0, 0.5), ("drift", 0, 1.0), ("noise", 1, 1.0))) == ((0, 1.0, 0.5), (1, 0.0, 1.0))
+    with pytest.raises(ValueError, match="flows of friction have no backward operator"):
+        joined((("noise", 0, 0.5), ("friction", 0, 1.0)))

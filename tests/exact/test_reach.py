@@ -9,6 +9,7 @@ from spi.ensemble.protocol import hamiltonian
 from spi.exact.gibbs import law_of, reach
 
 POINT = (0.6, 0.48, 0.64)
+PAIR = "{{variables: [q, p, x, u], bracket: {{q p: 1, x u: 1}}, hamiltonian: '{}', noises: [q]}}"
 SPHERE = "{{algebra: so(3), hamiltonian: '{}', noises: [{}]}}"
 SYMMETRIC = "y1^2/4 + y2^2/4 + y3^2/2"
 RING = (
@@ -26,10 +27,15 @@ RING = (
         (SPHERE.format("(y1 + 2*y2)^2", "y1 + 2*y2"), POINT, (1, 2)),
         (SPHERE.format("y1^2/4 + y2^2/2 + y3^2", "y1^2/4 + y2^2/2 + y3^2"), POINT, (1, 2)),
         (RING, (*POINT, 0.0, 0.8, 0.6), (3, 4)),
+        *((PAIR.format("p^2/2 + q^2/2 + (q - x)^2/2 + u^2/2"), (s, 0.0, 0.0, 0.0), (4, 4)) for s in (0.0, 1e-12, 1e3)),
+        *((PAIR.format("p^2/2 + q^2/2 + x^2/2 + u^2/2"), (s, 0.0, s, 0.0), (2, 4)) for s in (0.0, 1.0)),
     ],
 )
 def test_dimensions_that_noises_reach(text, point, found):
-    """In the fourth and fifth H alone moves, and is conserved; in the last the sum over the spins."""
+    """In the fourth and fifth H alone moves, and is conserved; in the ring the sum over the spins.
+
+    Of two oscillators noise moves both where they are coupled, also from rest; otherwise they move the first one only.
+    """
     assert reach(made(text).record, point) == found
 
 

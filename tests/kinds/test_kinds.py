@@ -1,8 +1,9 @@
-"""What a kind of experiment consists of, and that a further one is one file of 60 lines and a line in KINDS."""
+"""What a kind of experiment consists of, and that a further one is one file of 61 lines and a line in KINDS."""
 
 import io
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import spread_kind
 
 from spi import storage
 from spi.kinds import KINDS, Kind
+from spi.printing.tables import _common
 from spi.report import page, sections, views
 from spi.running import run as runs
+from spi.storage.records import Order
 from spi.storage.stored import Stored
 
 SPEC = """\
@@ -54,7 +57,7 @@ def test_every_kind_has_all_of_its_modules(name, spread):
 def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
     """Its numbers are those of ``statistics``; its table, rows, claims, figure and report follow."""
     source = Path(spread_kind.__file__).read_text(encoding="utf-8")
-    assert source.count("\n") <= 60
+    assert source.count("\n") <= 61
     assert source in Path(__file__).parents[2].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
     experiment = runs.load(spread)
     assert runs.cost(experiment).path_steps == 128 * 8
@@ -70,10 +73,27 @@ def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
     assert views.rows(results)[1]["mean"] == reading.mean[0, 1]
     views.print_tables(results, text := io.StringIO())
     assert "splitting" in text.getvalue() and "±" in text.getvalue()
+    assert "splitting: 70 paths until t = 1 with h = 0.125\n" in text.getvalue()
     for picture in views.save(views.figure(results), tmp_path, "spread"):
         assert picture.stat().st_size > 1000
     text = page.page([sections.section(file, results, "a")], [page.picture(results, "a", "A figure")])
     assert "Spread" in text and "svg" in text
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"step": 0.5, "samples": 3}, "3 paths with h = 0.5"),
+        ({"step": 0.5, "samples": 3, "nonfinite": 1}, "3 paths with h = 0.5, 1 of them diverged"),
+        ({"step": 0.5, "samples": 3, "ns_per_step": 7.0}, "3 paths with h = 0.5, 7.0 ns per step and path"),
+        (
+            {"order": Order(order=1.0, low=0.9, high=1.1, points=3)},
+            "order 1.000 [0.900, 1.100] (measured; theory states none)",
+        ),
+    ],
+)
+def test_each_common_fact_is_said_without_the_others(facts, said):
+    assert list(_common(SimpleNamespace(**facts))) == [said]
 
 
 def test_the_further_kind_is_not_known_without_its_line(tmp_path):

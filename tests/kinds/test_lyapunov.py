@@ -113,6 +113,30 @@ def test_states_that_begin_at_zero_and_grow(case_of):
     assert np.abs(found.exponent[:, -1] - [known, -known]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
 
 
+@pytest.mark.parametrize(
+    ("variables", "bracket", "hamiltonian", "noise", "initial", "settings", "known"),
+    [
+        ("q, p", "q p: 1", "0.3*q*p", "q", "[0.2, 0.1]", "final_time=40", [0.3, -0.3]),
+        ("q, p", "q p: 1", "0.3*q*p", "q*p", "[0.2, 0.1]", "final_time=40", [0.3, -0.3]),
+        ("k1, k2, k3", "k1 k2: -k3, k2 k3: k1, k3 k1: k2", "k1", "k1", "[1, 0, 0]", "final_time=40", [1, -1]),
+        ("a, b, q, p", "a b: 1, q p: 1", "(a^2 + b^2)/2 + q*p/2", "a", "[1, 0, 0.2, 0.1]", "final_time=40", [0.5]),
+    ],
+    ids=["saddle", "saddle, noise along it", "so(2,1)", "saddle beside a rotation"],
+)
+def test_directions_that_never_turn(case_of, variables, bracket, hamiltonian, noise, initial, settings, known):
+    """Axes are invariant here: vectors that began along them would give exponents of the wrong order, or 0."""
+    casimirs = ", casimirs: [k1^2 + k2^2 - k3^2]" if "k1" in variables else ""
+    model = f"{{variables: [{variables}], bracket: {{{bracket}}}{casimirs}, hamiltonian: {hamiltonian}"
+    model += f", noises: ['{noise}'], sigma: [0.01]}}"
+    count = [] if len(known) == 2 else [f"exponents={len(known)}"]
+    case = case_of(f"model={model}", f"initial={initial}", "step=1/8", settings, *count)
+    found = in_python(plan_of(case))
+    noisy = 4.5 * found.exponent_stderr[:, -1]
+    assert case.warm_up == 8 and np.all(np.abs(found.exponent[:, -1] - known) < noisy + 2e-4) and noisy.max() < 0.01
+    if len(known) == 2:
+        assert found.dimension == pytest.approx(2.0, abs=1e-5)
+
+
 def test_the_area_that_flows_keep_on_surfaces_that_are_no_spheres():
     """It is the Euclidean one by |grad C_1 ^ grad C_2|, and where B has a divergence, that of y1 y2 J, by y1 y2."""
     y = np.random.default_rng(3).standard_normal((2, 6, 64))
@@ -166,7 +190,8 @@ def test_intervals_are_those_of_student(case_of):
 
 def test_where_the_energy_drifts_no_stationary_law_is_said_to_be_known(case_of):
     """Kicks by Ĥ = q make of H = p^2/2 a mean of t/2."""
-    free = case_of(f"model={CANONICAL.format('p^2/2')}", "initial=[0, 0]", "step=1", "final_time=16", "every=1")
+    settings = "initial=[0, 0]", "step=1", "final_time=16", "every=1", "warm_up=0"
+    free = case_of(f"model={CANONICAL.format('p^2/2')}", *settings)
     found = in_python(plan_of(free))
     assert np.abs(found.energy - found.t / 2).max() < 4.5 * found.energy_stderr[-1]
     assert abs(found.energy_change - 4) < 4.5 * found.energy_change_stderr and not found.is_stationary
@@ -213,10 +238,10 @@ def step_of_a_body(y, h, dW):
 @compiled_only
 def test_exponents_of_each_path_are_those_of_exact_derivatives(case_of):
     """Derivatives of each step by imaginary increments of 1e-30, which lose no digits: no near path, no projection."""
-    plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4"))
+    plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4", "warm_up=0"))
     found = plan.observe(0, 0, 1, 64)["values"][0, -1]
     y = np.repeat(np.array(plan.initial)[:, np.newaxis], 64, axis=1)
-    q = np.repeat(plan.basis[:, :, np.newaxis], 64, axis=2)
+    q = plan.first_vectors(0, 1, normals_at(plan.model, y[np.newaxis]))[:, 0]
     grown, noises = np.zeros((2, 64)), len(plan.model.sigma)
     for stop in range(8):
         dW = np.empty((4, 64, noises))

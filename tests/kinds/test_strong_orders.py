@@ -118,7 +118,8 @@ def test_order_with_one_noise_is_one():
     assert contains(found, 1.0)
 
 
-def test_progress_and_cost():
+def test_progress_and_cost(monkeypatch):
+    monkeypatch.setattr("spi.kinds.blocks.LEAST_TIMED", 0.0)
     case = case_of("samples=150")
     plan = strong.plan(case, Part("splitting"))
     state = finished(plan)
@@ -140,3 +141,5 @@ def test_progress_and_cost():
     assert (found["ns_per_step"] > 0).all()
     assert attributes["wall_seconds"] > 0
     assert attributes["samples"] == 150
+    monkeypatch.setattr("spi.kinds.blocks.LEAST_TIMED", 1e3)  # a run that is too short to be timed
+    assert np.isnan(study(case, "splitting")[0]["ns_per_step"]).all()

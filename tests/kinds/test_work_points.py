@@ -11,6 +11,7 @@ from spi.kinds.work_precision.results import (
     WorkPoint,
     cheapest,
     interval_of_median,
+    is_undecided,
     time_factor,
     work_for,
 )
@@ -77,11 +78,15 @@ def test_points_that_are_not_resolved():
 
 
 def test_an_error_whose_interval_lies_below_the_target_reaches_it():
-    """It counts with the upper end of its interval, so that no luck is rewarded."""
+    """It counts with the upper end of its interval, so that no luck is rewarded, and the time is an upper bound."""
     half = np.array([0.01, 1.2e-5])
     found = curve([0.4, 4.4e-5], H[:2], half, [True, False])
-    assert work_for(1e-4, found) == work_for(1e-4, curve([0.4, 5.6e-5], H[:2], half, [True, True])) is not None
-    assert work_for(5e-5, found) is None
+    known = work_for(1e-4, curve([0.4, 5.6e-5], H[:2], half, [True, True]))
+    assert work_for(1e-4, found) == known._replace(at_most=True) and not known.at_most
+    assert time_factor(known, work_for(1e-4, found)).low == 0.0
+    assert work_for(5e-5, found) is None and is_undecided(5e-5, found)  # it may have this error, or not
+    assert work_for(3e-5, found) is None and not is_undecided(3e-5, found) and not is_undecided(1e-4, found)
+    assert not is_undecided(5e-5, found._replace(resolved=np.array([True, True])))
 
 
 @pytest.mark.parametrize("bad", [np.inf, np.nan])

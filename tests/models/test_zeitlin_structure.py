@@ -25,6 +25,7 @@ from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
 from spi.models.zeitlin.tables import lines
 from spi.numerics.rng import LANES
+from spi.schemes import SCHEMES, strong_order
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -181,6 +182,7 @@ ORDERS = [
 @pytest.mark.parametrize(("noise", "order"), ORDERS)
 def test_strong_order(noise, order):
     model = Zeitlin(5, noise)
+    assert strong_order(SCHEMES["splitting"], model, states(5, 1)[0]) == order
     fine = fine_increments(model, 2**10)
     exact = ends("splitting", model, fine, 2**10)
     found = slope([rms(ends("splitting", model, fine, 2**p) - exact) for p in (4, 5, 6, 7)])

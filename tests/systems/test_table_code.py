@@ -51,7 +51,8 @@ def test_tables_move_as_the_flows_do():
                 for t in (0.3, times):
                     block = y.copy()
                     sweep(part, INDICES[k](), model, block.ravel(), t)
-                    expected = np.array(flow(model, k, t, tuple(y), ANY_ANGLES))
+                    each = zip(np.broadcast_to(t, LANES).tolist(), y.T.tolist(), strict=True)
+                    expected = np.array([flow(model, k, time, tuple(lane), ANY_ANGLES) for time, lane in each]).T
                     assert np.abs(block - expected).max() < 1e-13 < np.abs(block - y).max()
         found = np.empty(LANES)
         for k in range(len(friction_tables(model))):

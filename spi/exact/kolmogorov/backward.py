@@ -37,9 +37,14 @@ def acting_on_functions(flows, active):
 
 
 def joined(word):
-    """((k, drift share, noise share), ...): neighbouring flows with one number as one."""
+    """((k, drift share, noise share), ...): neighbouring flows with one number as one.
+
+    ValueError for flows of another kind, such as friction, which have no share here.
+    """
     groups = []
     for part, k, share in word:
+        if part not in ("drift", "noise"):
+            raise ValueError(f"flows of {part} have no backward operator")
         if not groups or groups[-1][0] != k:
             groups.append((k, 0.0, 0.0))
         _, drift, noise = groups[-1]

@@ -11,6 +11,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array
 from spi.statistics.cells import range_of
+from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
 from .growth import Paths
@@ -237,21 +238,28 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         scale = used * recorder.width[:, np.newaxis]
         density, density_without = estimators.mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
+        at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
+        of_values = np.maximum(at_start, np.abs(mean + recorder.origins))
+        of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, recorder.series.total * recorder.series.stride
+        exact = is_rounding(*of)
+        known = np.where(exact, np.nan, 1.0)  # what follows from how the values vary
+        of_tau, of_paths = with_rounding(of_tau, *of), with_rounding(of_paths, *of)
+        of_batches = np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1))
         return {
             "average": mean + recorder.origins,
             "average_half": student(freedom) * (of_paths if enough else of_tau),
             "without": without[:, 0] + recorder.origins,
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
-            "stderr_batches": np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1)),
-            "halves": drift / spread,
-            "tau": spacing * correlation.tau,
-            "tau_stderr": spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
-            "window": np.where(correlation.closed, spacing * correlation.window, np.nan),
+            "stderr_batches": with_rounding(of_batches, *of),
+            "halves": known * drift / spread,
+            "tau": known * spacing * correlation.tau,
+            "tau_stderr": known * spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
+            "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
             "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
-            "correlation": rho,
-            "correlation_stderr": estimators.jackknife_stderr(rho, rho_without, counts),
+            "correlation": known[:, np.newaxis] * rho,
+            "correlation_stderr": known[:, np.newaxis] * estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
             "cell_width": recorder.width,
             "density": density,

@@ -315,6 +315,10 @@ class Equilibrium(Stored):
         """Reasons to doubt the errors of the means, orders of their biases, and what to run for a wanted accuracy."""
         if (averages := self.averages) is None:
             return
+        for f, name in enumerate(averages.functions):
+            if np.isnan(averages.tau[:, f]).all() and (averages.variance[:, f] >= 0).all():
+                spread = short(float(np.sqrt(averages.variance[:, f].max())), ".0e")
+                yield f"{self.about.label}: {name} is constant up to rounding ({spread})"
         yield from (f"{self.about.label}, {line}" for line in _warnings(self, averages))
         for f, name in enumerate(averages.functions):
             if math.isfinite((order := averages.order[f]).order):

@@ -148,7 +148,7 @@ class EquilibriumPlan(Plan):
         """One step of the first block, or of the one path."""
         if self.one_path:
             return [KernelCall(*self.one_path[0].call)]
-        return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
+        return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.clipping), self.stream)
 
     def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
@@ -187,7 +187,7 @@ class EquilibriumPlan(Plan):
             stored = np.concatenate([y, stored])[np.newaxis] if every else np.empty((1, 0, len(last)))
             return stored, last[np.newaxis, np.newaxis], np.zeros((1, 1, len(REPORT)))
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = loop.grid(h, steps, truncate=case.truncate_noise, area_terms=terms, first_step=n)
+        times = loop.grid(h, steps, truncate=case.clipping, area_terms=terms, first_step=n)
         count = 1 + (n + steps) // every - n // every if every else 0
         stored = np.empty((len(y), count, len(self.initial) * LANES))
         observer = (state_recorder(times, stored, every),) if every else ()

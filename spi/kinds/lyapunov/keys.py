@@ -19,6 +19,7 @@ from .results import PANELS, Exponents
 from .study import leaf_dimension
 
 _MOST_TIMES = 8
+_WARM_UP = 0.2  # of final_time, by default
 
 
 class Pullback(Keys):
@@ -34,7 +35,9 @@ class Case(StepCase):
     """Lyapunov exponents of the flow on the Casimir surface, along many paths."""
 
     samples: key_of(Samples, "number of Brownian paths")
-    warm_up: key_of(NonNegative, "time after which exponents are averaged", "time") = 0.0
+    warm_up: key_of(
+        NonNegative | None, "time after which exponents are averaged; default: a fifth of final_time", "time"
+    ) = None
     exponents: key_of(
         Annotated[int, Ge(1)] | None, "how many exponents, the largest ones; default: all on the Casimir surface"
     ) = None
@@ -74,6 +77,9 @@ class Case(StepCase):
 
     @condition
     def _check_warm_up(self) -> Self:
+        """The case with its warm-up, within which vectors turn into the directions of the exponents."""
+        if self.warm_up is None:
+            return self.model_copy(update={"warm_up": _WARM_UP * self.final_time})
         if self.warm_up >= self.final_time:
             right = f"must be less than final_time, which is {quantity(self.final_time)}"
             raise wrong(f"is {quantity(self.warm_up)}", right, "warm_up")

@@ -1,8 +1,10 @@
 """Lyapunov exponents by the method of Benettin: near paths on the same noise, made orthogonal again and again.
 
 Beside each path y go m others, y + eps q_i, with q_1, ..., q_m an orthonormal basis of the tangent space of the Casimir
-surface.  After some steps of the scheme (z_i - z) / eps = Q R, the columns of Q are the next basis, and the means of
-log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15, 1980.)
+surface, at first one at random for each path: axes may be invariant, and vectors along them would never turn into the
+directions that grow most.  After some steps of the scheme (z_i - z) / eps = Q R, the columns of Q are the next basis,
+and the means of log R_ii over time are the exponents (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica
+15, 1980).
 Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.  The
 distance eps is a fixed share of the larger of the states at both ends of these steps.
 
@@ -25,6 +27,7 @@ from spi.ensemble.loop import arguments_of, integrate, integrated, limited_threa
 from spi.ensemble.observer import count_values
 from spi.ensemble.protocol import casimirs, conserved, dimension, structure
 from spi.ensemble.random_states import block_states
+from spi.ensemble.random_states import normals as normal_numbers
 from spi.exact.gibbs import mean_divergence
 from spi.exact.surfaces import at_states, spheres, structure_matrix
 from spi.expressions.arithmetic import NumberError
@@ -34,7 +37,7 @@ from spi.kinds.functions import path_function
 from spi.kinds.plans import Cost, KernelCall, PathsPlan, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
-from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
 from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, added, counted, largest, moments
 from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cells_around, count_places, mollweide, places_in_cells
@@ -232,17 +235,12 @@ def size_of(*states: np.ndarray) -> np.ndarray:
     return np.where(largest > 0.0, largest, 1.0)
 
 
-def tangents(model: Any, y: Any) -> np.ndarray:
-    """(m, d) an orthonormal basis of the range of B(y), the tangent space of the Casimir surface at y."""
+def leaf_dimension(model: Any, y: Any) -> int:
+    """The dimension of the Casimir surface through y: the rank of B(y)."""
     with uncompiled():
         matrix = structure_matrix(model, np.array(y))
-    left, sizes, _ = np.linalg.svd(matrix)
-    return left.T[: int((sizes > _RANK * max(sizes[0], 1e-300)).sum())]
-
-
-def leaf_dimension(model: Any, y: Any) -> int:
-    """The dimension of the Casimir surface through y."""
-    return len(tangents(model, y))
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return int((sizes > _RANK * max(sizes[0], 1e-300)).sum())
 
 
 def normals_at(model: Any, y: np.ndarray) -> np.ndarray:
@@ -355,10 +353,17 @@ class LyapunovPlan(BlocksPlan):
         """The dimension of the Casimir surface."""
         return leaf_dimension(self.model, self.initial)
 
-    @cached_property
-    def basis(self) -> np.ndarray:
-        """(m, d) tangent vectors at y_0."""
-        return tangents(self.model, self.initial)[: self.case.count]
+    def first_vectors(self, first: int, blocks: int, normals: np.ndarray) -> np.ndarray:
+        """(m, blocks, d, LANES) orthonormal tangent vectors of the paths of some blocks, uniformly at random.
+
+        `normals` are those of :func:`normals_at` at their states.
+        """
+        m, d = self.case.count, len(self.initial)
+        z = normal_numbers(m * d, self.stream, 0, 1, first, blocks, TANGENTS)
+        q = np.ascontiguousarray(z.reshape(m, d, blocks, LANES).swapaxes(1, 2))
+        make_tangent(q, normals)
+        orthonormalise(q)
+        return q
 
     @cached_property
     def stops(self) -> np.ndarray:
@@ -407,13 +412,11 @@ class LyapunovPlan(BlocksPlan):
         """The exponents of some blocks of paths, or the pictures of some blocks of states."""
         if number and self.pulled:
             return self.pulled.observe(first, blocks, end)
-        m, d = self.basis.shape
+        m, d = self.case.count, len(self.initial)
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
-        q = np.broadcast_to(self.basis[:, np.newaxis, :, np.newaxis], (m, blocks, d, LANES)).copy()
-        normals = normals_at(self.model, y)
-        make_tangent(q, normals)  # random initial states have tangent spaces of their own
-        orthonormalise(q)
+        normals = normals_at(self.model, y)  # random initial states have tangent spaces of their own
+        q = self.first_vectors(first, blocks, normals)
         total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
         values = np.zeros((blocks, len(self.stored), m + _FURTHER, LANES))
         before, begun = np.append(0, self.stops), self._log_lengths(y, normals)
@@ -517,8 +520,11 @@ class LyapunovPlan(BlocksPlan):
         """The exponents and what follows from them."""
         groups, m = group_counts(self.samples), self.case.count
         mean, without = mean_over_paths(sums.values[0], groups)
+        order = np.argsort(-mean[-1, :m], kind="stable")  # vectors need not have settled in their order
+        columns = np.append(order, np.arange(m, m + _FURTHER))
+        mean, without = mean[:, columns], without[..., columns]
         with np.errstate(all="ignore"):
-            spread = standard_deviation(mean, mean_over_paths(sums.values[1], groups)[0])
+            spread = standard_deviation(mean, mean_over_paths(sums.values[1], groups)[0][:, columns])
             stderr = spread / np.sqrt(self.samples - 1)  # paths are independent of one another
             alike = ~(spread > EQUAL * np.abs(mean))  # squares of values that are nearly equal leave no digits
             stderr = np.where(alike, jackknife_stderr(mean, without, groups), stderr)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots, style
+from spi.expressions import as_numpy, parse_expression
 
 from .results import Statistics
 
@@ -92,16 +93,20 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
         drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
         ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
         ax.set(ylim=(0, min(1.1 * float(top), omega[-1])))
+        if s.corners is not None and s.corner_q is not None:
+            ax.set_xticks(s.corner_q, s.corners)
+            for place in s.corner_q[1:-1]:
+                ax.axvline(place, color="black", linewidth=0.5)
         lines = {"linear waves": (s.waves, "-"), f"of the step ${reading.step:g}$": (s.waves_of_step, ":")}
         return [
-            (ax.plot(s.q, values, line, color="black", linewidth=1)[0], label)
+            (ax.plot(s.q, values, line, color="black", linewidth=1)[0], label)  # a line for each branch
             for label, (values, line) in lines.items()
             if values is not None
         ]
 
     yield plots.Plot(
         title=f"structure factor, {style.label(reading.about)}",
-        x="wave vector $q/2\\pi$ along its path",
+        x="wave vector $q/2\\pi$ along its path" if s.corners is None else "wave vector",
         y=r"angular frequency $\omega$",
         own=own,
     )
@@ -142,6 +147,12 @@ def _over_time(field: str, label: str, **options: Any) -> panels.CurvePanel:
     return panels.CurvePanel(field, "t", "function", label=f"${label}$", **options)
 
 
+def _formula(record: Any, f: int) -> Any:
+    """The reference as a function of t, where it is a formula."""
+    text = record.reference_formulas[f] if record.reference_formulas else ""
+    return (lambda t: as_numpy(parse_expression(text, 1))(t[np.newaxis])) if text else None
+
+
 PANELS: dict[str, Any] = {
     "mean": [
         _over_time(
@@ -149,6 +160,7 @@ PANELS: dict[str, Any] = {
             r"\mathrm{{E}}\,[{f}]",
             half=lambda one: one.band[:, np.newaxis] * one.mean_stderr,
             reference="reference",
+            reference_by=_formula,
             then=_with_quantiles,
         )
     ],

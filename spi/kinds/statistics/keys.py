@@ -22,10 +22,12 @@ from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
 from spi.statistics.quantiles import EDGES
 
+from . import waves
 from .estimates import SPHERE, on_sphere
 from .references import EXACT, RIGHT, STATIONARY, check, curve
 from .results import OF_SPINS, OF_TIMES, PANELS, Statistics
-from .stationary import MOST_WAVES, WINDOWS, modes_of
+from .stationary import WINDOWS, modes_of
+from .waves import MOST_WAVES
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -96,6 +98,9 @@ class Density(Keys):
 Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinstance(value, str) else value)]
 
 
+_Direction = tuple[float, float, float]
+
+
 class Correlated(Keys):
     """Correlations in time of stationary paths."""
 
@@ -110,14 +115,22 @@ class Correlated(Keys):
         "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
     ) = None
     about: key_of(
-        tuple[float, float, float] | None, "direction of all spins about which linear waves are computed and drawn"
+        _Direction | Annotated[tuple[_Direction, ...], MinLen(1)] | Literal["initial"] | None,
+        "directions of spins about which linear waves are computed and drawn: one, as in [0, 0, 1], one for each site "
+        "of a cell or sublattice, as in [[0, 0, 1], [0, 0, -1]], or those of `initial`",
+    ) = None
+    labels: key_of(
+        Annotated[tuple[str, ...], MinLen(2)] | None, "names of the corners of `through` in figures, as in [G, X, M, G]"
     ) = None
 
     @condition
     def _check_spins(self) -> Self:
-        for key in ("through", "about"):
+        for key in ("through", "about", "labels"):
             if getattr(self, key) is not None and self.spins is None:
                 raise wrong("is for structure factors of spins", "add spins: [x, y, z]", key)
+        if self.labels is not None and len(self.labels) != len(self.through or ()):
+            right = f"must have {len(self.through)}, one for each corner of through" if self.through else "add through"
+            raise wrong(f"has {len(self.labels)} names", right, "labels")
         return self
 
     def check(self, case: Any) -> None:
@@ -138,6 +151,8 @@ class Correlated(Keys):
         if self.about is not None and model.sites.sites > MOST_WAVES:
             mistake = f"is for at most {MOST_WAVES} spins, and there are {model.sites.sites}"
             raise wrong(mistake, "leave it out", "time_correlations", "about")
+        if self.about is not None:
+            waves.check(case)
 
 
 class Case(CodeKeys, StepCase):

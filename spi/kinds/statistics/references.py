@@ -11,7 +11,7 @@ import numpy as np
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations, seconds_of_equation
 from spi.exact.sphere_law import stationary_means
-from spi.expressions import as_numpy, parse_expression
+from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import PathFunction, check_named, function_of, gibbs_mean
 from spi.specs.checks import ROUNDING
@@ -120,6 +120,17 @@ def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
         elif reference is not None:
             value[f], error[f] = _in_curve(reference, case.t, case.step)
     return value, error
+
+
+def reference_formulas(case: Any) -> tuple[str, ...]:
+    """The references that are formulas, in y1 = t and numbers, and "" for others; () without any."""
+    given = [case.reference.get(name) for name in case.functions]
+    texts = [canonical(_formula(case, one)) if _is_formula(one) else "" for one in given]
+    return tuple(texts) if any(texts) else ()
+
+
+def _is_formula(reference: Any) -> bool:
+    return isinstance(reference, str) and reference not in (EXACT, STATIONARY)
 
 
 def _in_curve(curve: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

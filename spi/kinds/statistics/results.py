@@ -97,8 +97,10 @@ class Structure(Described):
     factor_stderr: Array = array("q omega", "standard error of the structure factor", "time")
     peak: Array = array("q", "frequency at which the structure factor is largest", "1/time")
     peak_stderr: Array = array("q", "standard error of this frequency", "1/time")
-    waves: Array | None = array("q", "frequency of the linear wave", "1/time", default=None)
-    waves_of_step: Array | None = array("q", "the same of the scheme at its step size", "1/time", default=None)
+    waves: Array | None = array("q branch", "frequencies of linear waves seen at q", "1/time", default=None)
+    waves_of_step: Array | None = array("q branch", "the same of the scheme at its step size", "1/time", default=None)
+    corners: tuple[str, ...] | None = axis("name of a corner of the path", name="corner", default=None)
+    corner_q: Array | None = array("corner", "place of the corner on the path", default=None)
     distance: Array | None = axis("distance of two spins along the lattice", name="distance", default=None)
     between: Array | None = array(
         "distance lag", "correlation of two spins", formula="E s_0(s) . s_r(s + t)", default=None
@@ -183,6 +185,9 @@ class Statistics(Stored):
     density_map: DensityMap | None = nested(prefix="map_", default=None)
     time: TimeCorrelations | None = nested(prefix="time_", default=None)
     reference: Array | None = array("function t", "known mean; NaN where nothing is known", default=None)
+    reference_formulas: tuple[str, ...] = fact(
+        "formulas of known means in y1 = t; empty where there is none", default=()
+    )
     difference: Array | None = array(
         "function t", "mean less the reference", claim=_KNOWN._replace(where="is_compared"), default=None
     )

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble import loop
-from spi.ensemble.protocol import in_kernels
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.numerics.rng import LANES, PARTS
@@ -23,6 +21,7 @@ from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr,
 from spi.statistics.intervals import skewed_half_width
 
 from .results import Structure, TimeCorrelations
+from .waves import linear_waves
 
 Array = np.ndarray
 
@@ -32,9 +31,6 @@ WINDOWS: dict[str, Callable[[Array], Array]] = {
     "gauss": lambda x: np.exp(-4.5 * x**2),
     "none": np.ones_like,
 }
-#: Spins of which linear waves are computed.
-MOST_WAVES = 256
-_SMALL = 1e-4  # the angle by which a spin is turned for that
 
 
 def lags_of(case: Any) -> int:
@@ -44,6 +40,11 @@ def lags_of(case: Any) -> int:
 
 def modes_of(given: Any, model: Spins) -> Array:
     """(Q, vectors) the wave vectors, as whole numbers of waves along the lattice."""
+    return np.concatenate(_path(given, model))
+
+
+def _path(given: Any, model: Spins) -> list[Array]:
+    """The first wave vector, and those of each part of the path up to its corner."""
     size = np.array(model.size)
     corners = given.through or ((0.0,) * len(size), (0.5, *(0.0,) * (len(size) - 1)))
     if any(len(corner) != len(size) for corner in corners):
@@ -59,7 +60,7 @@ def modes_of(given: Any, model: Spins) -> Array:
     for first, last in pairwise(whole):
         steps = int(np.gcd.reduce(last - first))
         path.append(first + np.outer(np.arange(1, steps + 1), (last - first) // max(steps, 1)))
-    return np.concatenate(path)
+    return path
 
 
 def lengths(case: Any) -> dict[str, int]:
@@ -180,9 +181,10 @@ def estimates(case: Any, sums: Any) -> TimeCorrelations:
 def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any) -> Structure:
     """The record of the modes of spins, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
     given, model = case.time_correlations, undamped(case.model)
-    waves = modes_of(given, model)
+    path = _path(given, model)
+    waves = np.concatenate(path)
     vectors = waves / np.array(model.size)
-    along = np.cumsum(np.linalg.norm(np.diff(vectors, axis=0, prepend=np.zeros_like(vectors[:1])), axis=1))
+    along = _along(vectors)
     unit = np.pi / (case.stride * case.step * (lags_of(case) - 1))
 
     def complex_of(c: Array) -> Array:
@@ -200,6 +202,8 @@ def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]],
         )
     if given.about is not None:
         fields["waves"], fields["waves_of_step"] = linear_waves(case, waves)
+    if given.labels:
+        fields["corners"], fields["corner_q"] = given.labels, along[np.cumsum([len(part) for part in path]) - 1]
     return Structure(
         q=along,
         wave_vector=vectors,
@@ -213,6 +217,17 @@ def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]],
     )
 
 
+def _along(vectors: Array) -> Array:
+    """The place of each wave vector (Q, vectors) on the axis of figures: the length of the path up to it.
+
+    On a line that is passed once it is the wave vector itself, from -1/2 to 1/2 for example.
+    """
+    steps = np.diff(vectors, axis=0)
+    if vectors.shape[1] == 1 and (steps > 0).all():
+        return vectors[:, 0]
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+
+
 def _peaks(spectrum: Array) -> Array:
     """Where spectra (..., frequencies) are largest, by the parabola through three values."""
     at = np.clip(spectrum.argmax(axis=-1), 1, spectrum.shape[-1] - 2)[..., np.newaxis]
@@ -220,34 +235,3 @@ def _peaks(spectrum: Array) -> Array:
     bend = left - 2 * top + right
     shift = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
     return (at + np.clip(shift, -1, 1))[..., 0]
-
-
-def linear_waves(case: Any, waves: Array) -> tuple[Array, Array]:
-    """(exact, of the step size): frequencies of small waves about spins in one direction, for each wave vector.
-
-    The derivative of one step of the scheme, without damping and noise, has eigenvalues exp(i omega h); that of a very
-    short step has those of the equation.  A wave vector has the eigenvalue whose vector has most of it.
-    """
-    model = undamped(case.model)._replace(alpha=0.0, noise=None)
-    row = case.row(case.schemes[0])
-    along = np.array(case.time_correlations.about) / np.linalg.norm(case.time_correlations.about)
-    tangents = np.linalg.svd(along[np.newaxis])[2][1:]
-    tangents[1] = np.cross(along, tangents[0])
-    sites = model.sites.sites
-    turned = np.zeros((2, sites, 2, sites, 3)) + along
-    for sign, site, t in np.ndindex(2, sites, 2):
-        turned[sign, site, t, site] += (1 - 2 * sign) * _SMALL * tangents[t]
-    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-    cells = np.array(model.size)
-    cell = np.stack(np.unravel_index(np.arange(sites) // len(model.cell.sites), cells), axis=1)
-    places = cell + model.cell.fractions[model.sites.of_cell]
-    plane = np.exp(-2j * np.pi * (waves / cells) @ places.T)  # (Q, sites)
-    frequencies = []
-    for h in (case.step / 1024, case.step):
-        ends = loop.one_step(row.record, in_kernels(model), h, turned.reshape(4 * sites, -1)).reshape(turned.shape)
-        change = np.einsum("stjc,uc->just", (ends[0] - ends[1]) / (2 * _SMALL), tangents)
-        values, vectors = np.linalg.eig(change.reshape(2 * sites, 2 * sites))
-        amplitudes = np.abs(np.einsum("qj,juv->quv", plane, vectors.reshape(sites, 2, -1))) ** 2
-        best = amplitudes.sum(axis=1).argmax(axis=1)
-        frequencies.append(np.abs(np.angle(values[best])) / h)
-    return frequencies[0], frequencies[1]

@@ -25,7 +25,7 @@ from spi.statistics.quantiles import edges_around
 from . import stationary
 from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles, simultaneous
 from .passages import Distances, Looks, corrected
-from .references import known_means, seconds_of_means
+from .references import known_means, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Statistics
 
 _BATCH_BYTES = 24e6
@@ -398,7 +398,7 @@ class StatisticsPlan(BlocksPlan):
             return {}
         reference, error = known_means(self.case)
         difference = {"difference": mean - reference, "difference_stderr": np.hypot(stderr, error)}
-        return {"reference": reference} | difference
+        return {"reference": reference, "reference_formulas": reference_formulas(self.case)} | difference
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
         """The maps; None if the case has none."""

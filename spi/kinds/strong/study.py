@@ -28,6 +28,7 @@ from spi.statistics.estimators import (
     note_unresolved,
     root_mean_square,
 )
+from spi.statistics.rounding import is_rounding, note_exact, size_of, with_rounding
 
 from .results import StrongErrors
 
@@ -96,9 +97,13 @@ class StrongPlan(BlocksPlan):
         farthest, last = ends - steps + numbers, ends - 1
         error = distance[farthest]
         stderr, final_stderr = (jackknife_stderr(distance[at], without[:, at], counts) for at in (farthest, last))
+        of = size_of(case.initial), self.steps[-1]
+        exact, stderr = is_rounding(error, *of), with_rounding(stderr, error, *of)
+        final_stderr = with_rounding(final_stderr, distance[last], *of)
         resolved = is_resolved(error, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
         fitted = resolved & (error <= _LOST * (math.hypot(*case.initial) or math.inf))
+        notes = note_exact(error, exact), note_unresolved(error, stderr, resolved | exact, sums.paths)
         ns = self.ns_per_step(sums)
         own_reference = case.reference_step if case.reference_scheme in (None, self.part.scheme) else 0.0
         return {
@@ -118,7 +123,7 @@ class StrongPlan(BlocksPlan):
             "expected_order": strong_order(self.row, case.model, case.initial, case.noise),
             "reference_nonfinite": int(sums.nonfinite[-1]),
             "reference_casimir_drift": tuple(sums.drift[-1].tolist()),
-            "note": note_unresolved(error, stderr, resolved, sums.paths),
+            "note": "; ".join(filter(None, notes)),
         }
 
 

@@ -77,7 +77,7 @@ def _level(
     h = case.reference_step * 2.0**j
     steps = round(case.final_time / h)
     terms = fourier_terms(case.model, [scheme], h, areas=case.areas)
-    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, area_terms=terms, **shape)
+    times = grid(h, steps, truncate=case.clipping, reference_scheme=limit, area_terms=terms, **shape)
     stream = RandomStream(np.uint64(case.seed), np.uint64(LEVELS + 2 * j))
     return Sample.of(times, stream, weights)
 

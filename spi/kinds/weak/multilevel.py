@@ -26,7 +26,7 @@ from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.kolmogorov import can_solve
-from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -277,12 +277,12 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda plan: len(plan.h))
-        fields, sampled = sampled_errors(self.h, *errors)
+        fields, sampled = sampled_errors(self, *errors)
         expectation, of_expectation = expectations(self, levels)
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
             "expectation": expectation,
-            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=1e9 * cpu_seconds / steps),
+            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)),
             "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
@@ -393,14 +393,14 @@ class DifferencesPlan(MultilevelPlan):
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
         stderr = np.sqrt(table.variance / table.samples)
         unseen = self.unseen_levels(differences) / student_factor(GROUPS)
-        fields, sampled = sampled_errors(self.h, *self.errors(levels))
+        fields, sampled = sampled_errors(self, *self.errors(levels))
         of_order2: Any = order2.sampled
         steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
         sampled |= {
             "expectation_stderr": np.hypot(np.hypot(of_order2.expectation_stderr, stderr), unseen.T),
             **{name: getattr(of_order2, name) for name in ("reference", "sd")},
             "samples": int(levels.samples.sum()),
-            "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
+            "ns_per_step": ns_of(cpu_seconds, float(steps @ levels.samples)),
         }
         estimated = fields | {
             "expectation": order2.expectation + table.mean,
@@ -446,7 +446,7 @@ class DifferencesPlan(MultilevelPlan):
         """The grid of the paths of the scheme itself in a difference."""
         times, sides = self.levels[number].grid, _sides(self.scheme)
         words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}
-        return grid(times.reference_step, times.reference_steps, truncate=times.truncate, **words)
+        return grid(times.reference_step, times.reference_steps, truncate=self.case.clipping, **words)
 
 
 def _difference(case: Any, h: float, sides: int) -> Sample:
@@ -455,7 +455,7 @@ def _difference(case: Any, h: float, sides: int) -> Sample:
     The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.
     """
     steps, doublings = round(case.final_time / h), round(np.log2(h / case.reference_step))
-    times = grid(h, steps, (0, 0), truncate=case.truncate_noise, reversals=_BOTH_SIDES)
+    times = grid(h, steps, (0, 0), truncate=case.clipping, reversals=_BOTH_SIDES)
     weights = np.array([[-0.5, -0.5, *[1.0 / sides] * sides], [0.5, 0.5, *[0.0] * sides]])
     stream = RandomStream(np.uint64(case.seed), np.uint64(DIFFERENCES + 2 * doublings))
     return Sample(times, stream, weights, steps * weights.shape[1])

@@ -13,7 +13,7 @@ import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
 from spi.ensemble.loop import Grid
-from spi.kinds.blocks import BlocksPlan, values_of_blocks
+from spi.kinds.blocks import BlocksPlan, ns_of, values_of_blocks
 from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS, SCRAMBLES
@@ -124,7 +124,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         own, counts = self._of_own(sums), group_counts(self.samples)
         mean, without = mean_over_paths(own.values[0], counts)
         expectation = _by_step(mean)
-        fields, sampled = sampled_errors(self.h, *self.errors(own.differences, counts))
+        fields, sampled = sampled_errors(self, *self.errors(own.differences, counts))
         spread = jackknife_stderr(expectation, _by_step(without), counts)
         lacking = self._unseen(expectation, spread, self.samples)
         return fields | {
@@ -137,7 +137,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
                 reference=mean[-1],
                 sd=standard_deviation(*own.values[:, 0].sum(axis=-1) / self.samples),
                 samples=self.samples,
-                ns_per_step=float(1e9 * own.cpu_seconds / (self.steps.sum() * self.samples)),
+                ns_per_step=ns_of(own.cpu_seconds, self.steps.sum() * self.samples),
             ),
             "cpu_seconds": own.cpu_seconds,
             "reference_nonfinite": int(own.nonfinite[-1]),

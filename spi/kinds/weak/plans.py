@@ -6,11 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spi.expressions import canonical, is_step, range_of
+from spi.expressions import as_numpy, canonical, is_step, range_of
 from spi.kinds.plans import Plan, State
 from spi.schemes import weak_exponents, weak_order
 from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
+from spi.statistics.rounding import is_rounding, note_exact, size_of_values, with_rounding
 from spi.storage.records import Part
 
 from .results import WeakErrors
@@ -83,6 +84,11 @@ class WeakPlan(Plan):
         order = None if self.case.reference_scheme else self.expected_order
         return 1.0 / ((self.h[-1] / self.case.reference_step) ** order - 1.0) if order else 0.0
 
+    @property
+    def function_sizes(self) -> np.ndarray:
+        """(F, 1) the sizes of the test functions, relative to which their errors are rounding."""
+        return np.array([[size_of_values(as_numpy(tree), self.case.initial)] for tree in self.case.expressions])
+
     def completed(self, differences: np.ndarray) -> np.ndarray:
         """The errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
 
@@ -130,16 +136,20 @@ def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen
 
 
 def sampled_errors(
-    h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
+    plan: WeakPlan, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The fits to errors (F, S) of every estimator that samples: fields of WeakErrors, and of Sampled.
 
     `without` is (groups, F, S), and `unseen` (F, S) as in :func:`stderr_of`.
     """
-    stderr = stderr_of(error, without, counts, unseen)
-    resolved = is_resolved(np.abs(error), stderr)
+    of = plan.function_sizes, plan.case.final_time / plan.case.reference_step
+    stderr = with_rounding(stderr_of(error, without, counts, unseen), error, *of)
+    resolved, exact = is_resolved(np.abs(error), stderr), is_rounding(error, *of)
+    each = zip(plan.case.functions, error, exact, strict=True)
+    notes = [f"{name}: {note}" for name, *which in each if (note := note_exact(*which))]
     orders = tuple(
-        fit_order(h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f], stderr=stderr[f])
+        fit_order(plan.h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f], stderr=stderr[f])
         for f in range(len(error))
     )
-    return {"error": error, "resolved": resolved, "orders": orders}, {"error_stderr": stderr, "error_without": without}
+    fields = {"error": error, "resolved": resolved, "orders": orders, "note": "; ".join(notes)}
+    return fields, {"error_stderr": stderr, "error_without": without}

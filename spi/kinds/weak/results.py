@@ -291,6 +291,7 @@ class WeakErrors(Stored):
     panels: tuple[str, ...] = fact("what the figure shows", default=("errors",))
     accuracy: float | None = fact("requested numerical error", "value", default=None)
     left_out: tuple[str, ...] = fact("schemes of the case that the estimator cannot do", default=())
+    note: str = fact("which errors are exact up to rounding", default="")
 
     def __post_init__(self) -> None:
         if self.sampled is None and self.unsampled is None:

@@ -34,7 +34,7 @@ class WorkPoint(NamedTuple):
     low: float  #: its 95 % interval
     high: float
     h: float  #: the step size
-    at_most: bool = False  #: whether a larger step than those run might do, so that the time is an upper bound
+    at_most: bool = False  #: whether a larger step might do, so that the time is an upper bound
 
 
 class Factor(NamedTuple):
@@ -74,7 +74,8 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
     Errors need not fall from step to step: b is the largest step from which on, towards smaller ones, all are at most
     `target`, and error_b is the largest of these, so that no luck is rewarded.  A point that is not resolved counts
     with the upper end of its interval, and is passed over where that lies above `target` and the lower end does not.
-    If there is no a, or none with a finite error, b itself is an upper bound.
+    If there is no a, or none with a finite error, b itself is an upper bound.  So is a time that takes error_b from a
+    point that is not resolved: the true error may be far smaller.
 
     The interval of ln s has the half widths ((k e)^2 + t^2)^(1/2).  Its slope is k = ln(s_b / s_a) / ln(error_a /
     error_b), e = (1 - w) half_a / error_a + w half_b / error_b is as for errors that depend on one another, as they do
@@ -104,7 +105,15 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
         down, up = (weights @ np.abs(logs - np.log(ends[pair])) for ends in (curve.low, curve.high))
         interval = weights @ logs + np.array([0.0, -np.hypot(spread, down), np.hypot(spread, up)])
         seconds, low, high = np.exp(interval).tolist()
-    return WorkPoint(seconds, low, high, float(np.exp(weights @ np.log(curve.h[pair]))))
+    h, at_most = float(np.exp(weights @ np.log(curve.h[pair]))), not resolved[worst[1]]
+    return WorkPoint(seconds, low, high, h, at_most)
+
+
+def is_undecided(target: float, curve: WorkCurve) -> bool:
+    """Whether a point that is not resolved has `target` in its interval, so that it may have that error or not."""
+    with np.errstate(invalid="ignore"):
+        inside = np.abs(curve.error - target) <= curve.half
+    return bool(np.any(inside & ~curve.resolved.astype(bool)))
 
 
 def time_factor(best: WorkPoint, other: WorkPoint) -> Factor:
@@ -252,9 +261,10 @@ _HEADING = 10  # characters of the label of a scheme over a column of factors
 #: The meaning of the marks of a factor.
 _MARKS = {
     "tie": "tie: the 95 % interval of the factor contains 1",
-    "≤": "≤: the largest step that was run does already, or paths diverged at the next larger one",
+    "≤": "≤: the largest step that was run does already, paths diverged at the next one, or its error is not resolved",
     "≥": "≥: so it is for the cheapest scheme",
     "()": "( ): so it is for both, which leaves open which is cheaper",
+    "?": "?: whether it is reached is not resolved",
     "-": "-: not reached at the steps that were run",
 }
 
@@ -279,9 +289,11 @@ def _requested(readings: Sequence[WorkPrecision]) -> Iterator[Grid | Cell]:
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:
     """For a requested error the cheapest scheme, its work point, and for each scheme the text of its factor."""
-    works = {reading.about.variant: work_for(target, reading.curve) for reading in readings}
+    curves = {reading.about.variant: reading.curve for reading in readings}
+    works = {variant: work_for(target, curve) for variant, curve in curves.items()}
     best, factors = cheapest(works)
-    cells = dict.fromkeys(works, "-") | ({best: "1"} if best else {})
+    cells = {variant: "?" if is_undecided(target, curve) else "-" for variant, curve in curves.items()}
+    cells |= {best: "1"} if best else {}
     cells |= {variant: _factor(factor) for variant, factor in factors.items()}
     return best, works[best] if best else None, cells
 

@@ -67,6 +67,9 @@ class SpinTables(NamedTuple):
     def noise_groups(model):
         return 1 if model.m > 0 else 0
 
+    def noises_commute(model):  # those of two sites do, and those of one about one axis
+        return model.m == 0 or len(model.noise_axis) > 0
+
     def block_work(model):
         return 2 * SPIN  # a field, and a spin of other lanes
 
@@ -105,7 +108,7 @@ class SpinTables(NamedTuple):
                 added[2 * LANES + lane] += inverse * (dz + model.alpha * ez)
 
     def add_block_noises(model, times, width, y, out, work):
-        for i in range(len(model.moment)):
+        for i in range(len(model.moment) if model.m > 0 else 0):  # without noise there are no times
             s, added = spin_of(y, i), spin_of(out, i)
             for lane in range(LANES):
                 wx, wy, wz = noise_vector(model, i, times, lane)

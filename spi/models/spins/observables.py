@@ -69,6 +69,11 @@ def _own_fields(model: Any, states: Array) -> Array:
     return of.field.reshape(-1, 3, *more) + 2 * of.uniaxial * along + 2 * of.cubic * s**3
 
 
+def field_at(model: Any, states: Array) -> Array:
+    """(sites, 3, ...) the field b = -grad_s H at each spin of states (3 sites, ...)."""
+    return _fields(model, states) + _own_fields(model, states)
+
+
 def _energy_current(model: Any, along: int, states: Array) -> Any:
     """Time derivative of the sum of x e over bonds, at their middles, and sites, x along a vector of the cell.
 
@@ -76,7 +81,7 @@ def _energy_current(model: Any, along: int, states: Array) -> Any:
     weighted by how far away they are, b the field.
     """
     s, weighted = _components(states), _fields(model, states, along)
-    field = _fields(model, states) + _own_fields(model, states)
+    field = field_at(model, states)
     moment = tables(model, np.inf).moment
     return np.tensordot(-0.5 / moment, (s * np.cross(weighted, field, axis=1)).sum(axis=1), axes=1)
 
@@ -87,11 +92,25 @@ def _spin_current(model: Any, along: int, c: int, states: Array) -> Any:
     return 0.5 * np.cross(s, weighted, axis=1)[:, c].sum(axis=0)
 
 
+def _torques(model: Any, states: Array) -> Any:
+    """Sum over the sites of |s x b|^2, the square of the gradient of H on the spheres."""
+    return (np.cross(_components(states), field_at(model, states), axis=1) ** 2).sum(axis=(0, 1))
+
+
+def _laplacian(model: Any, states: Array) -> Any:
+    """The Laplacian of H on the spheres: 2 s . b of bonds and the field, and 6 K u^2 - 2 K, 10 K_4 s_c^4 - 6 K_4.
+
+    A homogeneous polynomial h of degree l has the Laplacian of space less l (l + 1) h.
+    """
+    of, s, more = tables(model, np.inf), _components(states), [1] * (np.ndim(states) - 1)
+    linear = _fields(model, states) + of.field.reshape(-1, 3, *more)
+    u = np.tensordot(of.axes[0], s, axes=(0, 1))
+    own = of.uniaxial * (6 * u**2 - 2) + of.cubic * (10 * (s**4).sum(axis=1) - 6)
+    return 2 * (s * linear).sum(axis=(0, 1)) + own.sum(axis=0)
+
+
 def _spin_temperature(model: Any, states: Array) -> Any:
-    s, more = _components(states), [1] * (np.ndim(states) - 1)
-    b = _fields(model, states) + tables(model, np.inf).field.reshape(-1, 3, *more)
-    turning = np.cross(s, b, axis=1)
-    return (turning**2).sum(axis=(0, 1)) / (2 * (s * b).sum(axis=(0, 1)))
+    return _torques(model, states) / _laplacian(model, states)
 
 
 def _charge(model: Any, states: Array) -> Any:
@@ -140,5 +159,7 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
     if model.is_periodic and len(model.size) == 2 and len(model.cell.sites) == 1:
         named["charge"] = functools.partial(_charge, model)
     named["H"] = functools.partial(_energy, model)
+    named["torque2"] = functools.partial(_torques, model)
+    named["laplacian"] = functools.partial(_laplacian, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)
     return named

@@ -93,7 +93,8 @@ class Pieces:
 def bond_matrices(model: Any) -> np.ndarray:
     """(types, 3, 3): A of each bond of the cell, the exchange and the Dzyaloshinskii-Moriya vector D of its terms.
 
-    D . (s x s') = s . (s' x D) = -s . [D]_x s' with [D]_x v = D x v, so that the energy -D . (s x s') has A = -[D]_x.
+    D . (s x s') = -s . [D]_x s' with [D]_x v = D x v, so that the energy -D . (s x s') = -s . A s' has A = -[D]_x, of
+    which column a is e_a x D.
     """
     matrices = np.zeros((len(model.cell.bonds), 3, 3))
     for terms in model.bonds:
@@ -101,7 +102,7 @@ def bond_matrices(model: Any) -> np.ndarray:
             exchange = np.broadcast_to(np.asarray(terms.exchange, float), (3,))
             d = np.asarray(terms.dm, float)
             d = d * model.cell.direction(kind) if d.ndim == 0 else d
-            matrices[kind] += np.diag(exchange) - np.cross(np.eye(3), d).T
+            matrices[kind] += np.diag(exchange) + np.cross(np.eye(3), d).T
             matrices[kind] += 0.0 if terms.matrix is None else np.array(terms.matrix)
     return matrices
 

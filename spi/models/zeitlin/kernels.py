@@ -126,6 +126,10 @@ class ZeitlinTables(NamedTuple):
     def noise_groups(model):
         return len(model.noise.line)
 
+    def noises_commute(model):  # the bracket of omega_m and omega_n is 0 where N divides m x n
+        m1, m2 = np.reshape(modes(model.lattice.n), (-1, 2))[model.noise.mode].T
+        return not ((np.outer(m1, m2) - np.outer(m2, m1)) % model.lattice.n).any()
+
     def block_work(model):
         return turn_work(model.lattice.n) + model.d * WIDTH
 

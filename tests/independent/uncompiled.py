@@ -1,0 +1,71 @@
+"""The program through its public face, without its compiler: a process of its own that answers for all tests here.
+
+What it is asked and what it answers are Python data and arrays, so that the tests import nothing of `spi`.
+"""
+
+import functools
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+from unittest import mock
+
+import numpy as np
+
+if multiprocessing.parent_process() is not None:
+    import spi
+
+
+@functools.cache
+def process():
+    executor = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+    with mock.patch.dict(os.environ, NUMBA_DISABLE_JIT="1"):
+        executor.submit(os.getpid).result()  # it starts now, with this environment
+    return executor
+
+
+def answer(name, args, options):
+    try:
+        return globals()[name](*args, **options)
+    except Exception as error:  # not every one can be sent
+        raise RuntimeError(f"{type(error).__name__}: {error}") from None
+
+
+class Program:  # program.step(...) and so on: the functions below, called in that process
+    def __getattr__(self, name):
+        return lambda *args, **options: process().submit(answer, name, args, options).result()
+
+
+program = Program()
+
+
+def step(model, scheme, h, y, dW=None, **options):
+    """The state after steps of size h from y with the rows of dW, one for each step, or for each part of one"""
+    y = np.array(y, float)
+    integrator = spi.Integrator(model, scheme, h, initial=y.ravel(), **options)
+    dW = np.zeros((integrator.substeps, integrator.noises)) if dW is None else np.array(dW, float, ndmin=2)
+    return integrator.steps(y.reshape(1, -1), dW[:, None].copy()).reshape(y.shape)
+
+
+def start(model, paths=1, **options):
+    """The states in which paths begin, by the key `initial` among the options"""
+    return spi.Integrator(model, "splitting", 1.0, **options).start(paths)
+
+
+def paths(*args, **options):
+    return spi.trajectory(*args, **options).y.to_numpy()
+
+
+def values(model, y, functions, **options):
+    """Functions by name, or a text of names alone, of the state y, as a trajectory stores them at its start"""
+    functions = functions if isinstance(functions, dict) else {f"f_{name}": name for name in functions.split()}
+    spec = {"kind": "trajectory", "final_time": 1, "step": 1, "panels": ["functions"], "schemes": ["splitting"]}
+    found = run(spec | {"model": model, "initial": np.ravel(y), "functions": functions} | options)
+    return {name.removeprefix("f_"): f[0] for name, f in zip(found["function"].tolist(), found["value"], strict=True)}
+
+
+def run(spec):
+    """The arrays of the one part of the results of a spec"""
+    results = spi.run(spec, name="independent", out=None)
+    (part,) = results.parts
+    dataset = results[part].dataset
+    return {name: np.asarray(dataset[name]) for name in (*dataset.coords, *dataset.data_vars)}
