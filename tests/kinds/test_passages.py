@@ -18,7 +18,7 @@ def watched(paths, between, conditions, noise=1.0):
     """How paths (looks, paths) with noise of one rate are looked at, and (1, looks, paths) of each condition."""
     random = np.random.default_rng(9)
 
-    def step(y):
+    def step(y, first):
         return y + noise * math.sqrt(SHORT) * random.standard_normal(y.shape)
 
     states = paths[np.newaxis]
@@ -125,8 +125,9 @@ def test_lost_paths_stay_lost_and_a_path_that_begins_beyond_has_passed():
 
 
 def test_conditions_are_read():
-    both = path_function(RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0)), (), {"passage": "y1 > 0.5 before y1 < -0.5"})
-    y = np.array([[0.6, -0.6, 0.0, np.nan], [0] * 4, [0] * 4])
-    np.testing.assert_array_equal(both.values(y), [1, -1, 0, np.nan])
-    assert [condition(y[:, :1])[0] > 0 for condition in both.conditions] == [True, False]
+    entry = {"first": {"up": "y1 > 0.5", "down": "y1 < -0.5"}}
+    both = path_function(RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0)), (), entry)
+    y = np.array([[0.6, -0.6, 0.0], [0] * 3, [0] * 3])
+    found = [condition(y) > 0 for condition in both.conditions]
+    np.testing.assert_array_equal(found, [[True, False, False], [False, True, False]])
     assert both.label == "share with y1 > 0.5 before y1 < -0.5 until t"

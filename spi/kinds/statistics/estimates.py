@@ -63,7 +63,7 @@ class Columns(NamedTuple):
             places=case.places,
             between=case.stride * case.step,
             stored=round(case.final_time / case.step) // case.stride + 1,
-            passages=[f for f, function in enumerate(functions) if function.functional == "passage"],
+            passages=[f for f, function in enumerate(functions) if function.conditions],
         )
 
     @property

@@ -33,8 +33,10 @@ QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
 _MOST_NUMBERS = 10**7  # of what is summed up
 _MOST_OF_WAVES = 5 * 10**7  # the same of modes of spins
-_NAMES = tuple(FUNCTIONALS)
-_Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
+_NAMES = tuple(name for name in FUNCTIONALS if name != "first")
+_One = MinLen(1), Field(max_length=1)
+_Both = Annotated[dict[str, str], MinLen(2), Field(max_length=2)]
+_Functional = Annotated[dict[Literal[_NAMES], str], *_One] | Annotated[dict[Literal["first"], _Both], *_One]
 
 
 def _checked(entry: Any) -> Any:
@@ -42,6 +44,8 @@ def _checked(entry: Any) -> Any:
     for word in entry if isinstance(entry, dict) else ():
         if word not in FUNCTIONALS:
             raise wrong("is not a known functional", suggestion(word, FUNCTIONALS), word)
+        if word == "first" and not (isinstance(entry[word], dict) and len(entry[word]) == 2):
+            raise wrong(f"is {shown(entry[word])}", "must be two conditions, as in {up: y1 > 1, down: y1 < -1}", word)
     return entry
 
 

@@ -14,8 +14,10 @@ from spi.ensemble.protocol import strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
+from spi.kinds.functions import ns_to_evaluate
 from spi.kinds.plans import Cost, KernelCall, each_scheme
 from spi.numerics.rng import LANES
+from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, added, by_group, counted, moments
 from spi.statistics.cells import cells_around, count_places
 from spi.statistics.estimators import GROUPS, mean_over_paths
@@ -32,6 +34,9 @@ _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _SHORT = 2.0**-20  # of a step, in which noise alone moves a state
 _CACHED = 2**15  # floats of an array that fits the cache several times
+# Nanoseconds of one thread for a time of a path: of functionals and conditions, of columns and their pairs, of a value
+# that is counted for quantiles or a histogram, and of a series that is correlated in time.
+_ALONG_NS, _PASSAGE_NS, _COLUMN_NS, _PAIR_NS, _RANK_NS, _COUNT_NS, _SERIES_NS = 5.0, 80.0, 2.0, 1.0, 11.0, 2.0, 50.0
 
 
 class StatisticsSums(Sums):
@@ -81,11 +86,30 @@ class StatisticsPlan(BlocksPlan):
     sums = StatisticsSums
 
     def cost(self) -> Cost:
-        """Also of the reference means, which all schemes share."""
+        """Also of the functions along paths, and of the reference means, which all schemes share."""
         cost = super().cost()
+        passages, counted = bool(self.columns.passages) and self.is_bridged, self.case.counters or self.case.density
+        first = LANES * _PILOT * (passages + bool(counted)) * int(self.steps.sum()) * typical_ns(self.row, self.model)
+        observing = self.blocks * LANES * self._ns_to_observe()
+        cost = cost._replace(seconds=cost.seconds + 1e-9 * (first + observing))
         if self.part != parts(self.case)[0]:
             return cost
         return cost._replace(seconds=cost.seconds + seconds_of_means(self.case) * thread_count())
+
+    def _ns_to_observe(self) -> float:
+        """Nanoseconds that one thread takes to evaluate the functions of a path and to add up what follows."""
+        case, columns, step = self.case, self.columns, typical_ns(self.row, self.model)
+        times, stored, ns = len(columns.places), columns.stored, 0.0
+        for function in columns.functions:
+            at = stored if function.functional else times
+            ns += at * ns_to_evaluate(function, step)
+            ns += at * (_PASSAGE_NS * len(function.conditions) or _ALONG_NS * bool(function.functional))
+        counted = _RANK_NS * bool(case.ranked_places) + _COUNT_NS * bool(case.counted_bins)
+        ns += times * (_COLUMN_NS * columns.number + _PAIR_NS * len(self.pairs[0]) + counted * len(columns.functions))
+        if (given := case.time_correlations) is not None:
+            lengths = stationary.lengths(case)
+            ns += times * _SERIES_NS * (lengths["stationary"] + lengths["wave"] * len(given.spins or ()))
+        return ns
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, and nothing summed up or counted."""
