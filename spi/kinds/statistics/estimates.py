@@ -337,15 +337,14 @@ class Moments(NamedTuple):
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
     def passages(
-        self, functions: list[int], t: Array, first_times: Array, bridged: bool, random: bool, bins: int
+        self, functions: list[int], count: int, t: Array, first_times: Array, bridged: bool, random: bool, bins: int
     ) -> Passages:
-        """First times at which conditions are met, for `functions`; NaN for the others, and of two conditions.
+        """First times at which conditions are met, for `functions` of `count`; NaN for others, and of two conditions.
 
         The mean of the first time, or of the last t if it has not come, follows from `first_times` (2, passages,
         GROUPS), sums by looks at a path and by such twice as far apart.  With `bins` also the density of the first
         time, in at most that number of intervals of t, from the means, which are shares.
         """
-        count = self.mean.shape[0]
         time, time_stderr, time_half = np.full((3, count), np.nan)
         edges = np.unique(np.linspace(0, len(t) - 1, bins + 1).round().astype(int)) if bins else np.zeros(0, int)
         density, density_stderr = np.full((2, count, max(len(edges) - 1, 0)), np.nan)

@@ -304,10 +304,9 @@ class StatisticsPlan(BlocksPlan):
         if passages:
             intervals = case.bins if "histogram" in case.statistics else 0
             random = self.is_random
+            first_times = sums.first_times[0], self.is_bridged or not random, random, intervals
             of_passages = replace(
-                estimated.passages(
-                    passages, case.t, sums.first_times[0], self.is_bridged or not random, random, intervals
-                ),
+                estimated.passages(passages, count, case.t, *first_times),
                 between=self.columns.between,
                 left=np.where(of_values, np.nan, left.T).T,
             )
