@@ -26,6 +26,7 @@ from scipy.stats import beta, norm
 
 import spi
 from spi.exact import gibbs
+from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
 from spi.running.load import load
@@ -177,11 +178,18 @@ def equilibrium(keys: Mapping[str, Any]) -> Source:
     (case,) = load("intervals.yaml", text=json.dumps(spec)).cases
     law = gibbs.law_of(case.model, case.initial, case.temperature)
     exact = [law.expectation(function.values)[0] for function in case.path_functions]
+    capacity = (law.expectation(lambda y: case.path_functions[0].values(y) ** 2)[0] - exact[0] ** 2) / HEAT**2
 
     def means(results) -> Iterator[Interval]:
         for name, true in zip(case.functions, exact, strict=True):
             mean, half = (float(one.sel(function=name)[0]) for one in (results.average, results.average_half))
             yield Interval(name, mean - half, mean + half, true)
+        if "capacity" in case.derived:
+            (group,) = results.stored.groups
+            found = Equilibrium.of(group)
+            for name, true in (("derived", capacity), ("variance", capacity * HEAT**2)):
+                ends = found.estimate(name)
+                yield Interval(f"{name} of H", float(ends.low[0, 0]), float(ends.high[0, 0]), true)
 
     return of_spec(spec, means)
 
@@ -195,10 +203,12 @@ BODY = {
     "bins": 8,
     "steps": [1],
     "temperature": "1/4",
-    "functions": {"H": "H", "square": "y3^2"},
+    "functions": {"energy": "H", "square": "y3^2", "energy_squared": "H^2"},
+    "derived": {"capacity": "(energy_squared - energy^2)/T^2"},
 }
-WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}}
-UNIFORM = {"temperature": "inf", "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}}
+HEAT = 0.25  #: the temperature
+WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}, "derived": {}}
+UNIFORM = {"temperature": "inf", "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}, "derived": {}}
 
 # --- answers ---------------------------------------------------------------------------------------------------------
 
@@ -404,6 +414,7 @@ def rows() -> dict[str, Callable[[], Source]]:
         "weak, quasi": lambda: of_spec(WEAK | {"estimators": ["quasi"]}, weak),
         "work-precision": lambda: work,
         "equilibrium, 16 paths": lambda: equilibrium({"final_time": 512, "samples": 16}),
+        "equilibrium, 4 paths": lambda: equilibrium({"final_time": 2048, "samples": 4}),
         "equilibrium, 1 path": lambda: equilibrium({"final_time": 4096, "samples": 1}),
         "equilibrium, uniform, 9 paths": lambda: equilibrium(UNIFORM | {"final_time": 1024, "samples": 9}),
         "equilibrium, two wells, 16 paths": lambda: equilibrium(WELLS | {"final_time": 8192, "samples": 16}),
