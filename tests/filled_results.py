@@ -11,7 +11,7 @@ from spi.storage.stored import Meaning, stored_names
 FACTS = {int: 3, float: 0.5, bool: True, str: "a text", tuple[float, ...]: (0.5, 1.0), tuple[int, ...]: (1, 2)}
 SIZE = 4  # of every axis but those of texts
 TEXTS = ("a", "b")  # which are the names of what such an axis has
-WORDS = {"measure": "strong"}  # texts of which not all are possible
+WORDS = {"measure": "strong", "reference_formulas": ("y1", "2*y1")}  # texts of which not all are possible
 
 
 def sizes_of(cls, outer=Meaning()):  # noqa: B008

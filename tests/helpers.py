@@ -31,7 +31,7 @@ from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow,
 from spi.ensemble.scheme_protocol import REPORT, advance, judges, memory_size, needs_areas, substeps, work_size
 from spi.models import RigidBody
 from spi.models.delegation import Damped
-from spi.numerics.angles import ANY_ANGLES
+from spi.numerics.angles import ReducedAngles
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
@@ -263,13 +263,24 @@ def take_step(scheme, model, h, dW, y, coins=None):
         return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, coins, plain)
 
 
+class LibraryAngles(NamedTuple):
+    """Angles of any size, and arrays of them, by NumPy's functions."""
+
+    def sin_versine(angles, x):
+        half = np.sin(0.5 * x)
+        return np.sin(x), 2.0 * half * half
+
+    sinc_versinc = ReducedAngles.sinc_versinc
+    adding_to_zero = ReducedAngles.adding_to_zero
+
+
 def composed(model, flows, h, y, dW):
     """One step of one path, or of arrays of them, by the flows of ``schemes.stages.compositions``, uncompiled."""
     for part, k, share in flows:
         if part == "drift":
-            y = drift_flow(model, k, share * h, y, ANY_ANGLES)
+            y = drift_flow(model, k, share * h, y, LibraryAngles())
         elif model.sigma[k] is not None:
-            y = noise_flow(model, k, model.sigma[k] * dW[k], y, ANY_ANGLES)
+            y = noise_flow(model, k, model.sigma[k] * dW[k], y, LibraryAngles())
     return y
 
 

@@ -195,10 +195,13 @@ HALVINGS = 6  #: of a step, of which no scheme has more sub-steps than 64
 
 
 def clipped_variance(h):
-    """The variance that a standard normal number has left where it is clipped to [-a, a], a = A_h; 0 from h = 1 on."""
+    """The variance that a standard normal number has left where it is clipped to [-a, a], a = A_h; 0 from h = 1 on.
+
+    Rounded to 40 bits, so that last digits of the library's functions do not matter.
+    """
     a = math.sqrt(4.0 * abs(math.log(min(h, 1.0))))
     density, beyond = math.exp(-0.5 * a * a) / math.sqrt(2.0 * math.pi), 0.5 * math.erfc(a / math.sqrt(2.0))
-    return 1.0 - 2.0 * (a * density + (1.0 - a * a) * beyond)
+    return round(2.0**40 * (1.0 - 2.0 * (a * density + (1.0 - a * a) * beyond))) * 2.0**-40
 
 
 @device

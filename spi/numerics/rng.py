@@ -12,7 +12,7 @@ from ..compiler.dispatch import device
 from .elementary import log_normal, sin_versine_small, whole_float
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
-STREAM_VERSION = 6
+STREAM_VERSION = 7
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process

@@ -13,6 +13,8 @@ import numpy as np
 
 if multiprocessing.parent_process() is not None:
     import spi
+    from spi.api.paths import plan_of
+    from spi.schemes import SCHEMES, strong_order
 
 
 @functools.cache
@@ -69,3 +71,26 @@ def run(spec):
     (part,) = results.parts
     dataset = results[part].dataset
     return {name: np.asarray(dataset[name]) for name in (*dataset.coords, *dataset.data_vars)}
+
+
+def schemes():
+    return [name for name, row in SCHEMES.items() if not row.multiscale]
+
+
+def paths_after(model, scheme, h, y, dW, areas, **options):
+    """The stated strong order, states (coins, paths, d) after a step, whether five paths alone have the same, and what
+    these report; the message where a scheme is refused
+    """
+    try:
+        integrator = spi.Integrator(model, scheme, h, initial=y, **options)
+        plan = plan_of(model, scheme, {"initial": y, "final_time": h, "step": h, **options})
+    except spi.SpecError as error:
+        return str(error)
+    n, coins = integrator.substeps, (1.0, -1.0) if "coins" in integrator.needs else (1.0,)
+    parts = np.repeat(dW[np.newaxis, :, : integrator.noises] / n, n, axis=0)
+    areas = np.stack([areas[pair] for pair in integrator.pairs], axis=-1) if integrator.pairs else None
+    start, few = np.repeat(np.array(y, float)[np.newaxis], len(dW), axis=0), slice(3, 8)
+    ends = [integrator.step(start, parts, areas, np.full(len(dW), coin)) for coin in coins]
+    alone = integrator.step(start[few], parts[:, few], None if areas is None else areas[few], np.full(5, coins[-1]))
+    order = strong_order(plan.row, plan.model, plan.initial)
+    return order, np.array(ends), np.array_equal(alone, ends[-1][few]), integrator.report

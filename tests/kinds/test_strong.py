@@ -90,7 +90,7 @@ def test_a_scheme_that_is_named_as_the_reference_is_its_own():
 def test_paths_that_begin_at_0():
     found, attributes = study(case_of("schemes=[euler_maruyama]", "initial=[0, 0, 0]"), "euler_maruyama")
     assert not found["error"].any() and not found["casimir_drift"].any()
-    assert attributes["note"] == "errors of 0 have no order"
+    assert attributes["note"] == "exact"
 
 
 def test_seeds_matter_and_orders_of_schemes_do_not():

@@ -27,6 +27,7 @@ LIBRARY |= {"asin", "acos", "atan", "atan2", "asinh", "acosh", "atanh", "erf", "
 ALLOWED = {
     ("ensemble/drivers.py", "_coefficients"): "the weights of a step of the Ornstein-Uhlenbeck process",
     ("ensemble/drivers.py", "circulant"): "covariances of fractional Brownian motion, for NumPy's Fourier transform",
+    ("ensemble/increments.py", "clipped_variance"): "a factor of increments, rounded to 40 bits",
     ("ensemble/loop.py", "nested_grid"): "the whole number of doublings of a step",
     ("ensemble/observer.py", "path_observer"): "the size of a state, of which errors are shares",
     ("models/spins/observables.py", "_charge"): "angles of triangles of spins, for a report",

@@ -99,6 +99,7 @@ def strong_case(name, sigma, scheme, final_time):
         schemes=(scheme,),
         areas="exact",
         truncate_noise=name == "maxwell_bloch",
+        clipping=name == "maxwell_bloch",
         samples=500,
         seed=1,
     )
