@@ -7,7 +7,7 @@ import pytest
 from helpers import INITIAL, compiled_only
 from scipy import stats
 from scipy.integrate import quad
-from statistics_cases import AXIS, results_of, staying, watched, written
+from statistics_cases import AXIS, results_of, staying, study_of, watched, written
 from weak_cases import stderr_by_hand
 
 import spi
@@ -162,6 +162,23 @@ def check_wrapped(found, samples):
     share = counts / samples
     error = found.density * np.sqrt((1 - share) / np.maximum(share, 1e-9) / samples)
     assert np.allclose(found.stderr[share > 0], error[share > 0]) and (found.stderr > 0).all()
+
+
+def test_predicted_times_include_what_is_observed(case_of):
+    """Each quantity adds to the time that is said, in proportion to paths and times."""
+    plain = study_of(case_of("functions={y1: y1}", "statistics=[mean]", "samples=64000")).cost().seconds
+    more = {
+        "functions={y1: y1, out: {passage: y1 < 0.4}}": 0.5,
+        "functions={y1: y1, H: H}": 0.01,
+        "statistics=[mean, quantiles, histogram]": 0.05,
+        "time_correlations={until: 1/2}": 0.3,
+    }
+    for override, least in more.items():
+        given = "functions={y1: y1}", "statistics=[mean]", "samples=64000", override
+        said = study_of(case_of(*given)).cost().seconds
+        assert said > (1 + least) * plain, override
+    twice = study_of(case_of("functions={y1: y1}", "statistics=[mean]", "samples=128000")).cost().seconds
+    assert twice == pytest.approx(2 * plain)
 
 
 @compiled_only

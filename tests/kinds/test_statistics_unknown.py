@@ -60,7 +60,10 @@ def test_few_paths_tell_no_errors(case_of, samples):
     assert np.isnan(found.variance[0]).all() == (samples == 1)
     assert np.isnan(found.mean_stderr[:, 1:]).all() and np.isnan(found.variance_stderr).all()
     assert np.isnan(found.mean_low[0, 1:]).all() and not found.mean_stderr[:, 0].any()  # the initial state is known
-    share, left = found.mean[1, -1], 2 * found.passages.left[1, -1] + 1e-12  # a sum of probabilities, no whole number of paths
+    share, left = (
+        found.mean[1, -1],
+        2 * found.passages.left[1, -1] + 1e-12,
+    )  # a sum of probabilities, no whole number of paths
     count = np.clip([np.floor((share - left) * samples), np.ceil((share + left) * samples)], 0, samples).astype(int)
     below, above = (stats.binomtest(int(n), samples).proportion_ci() for n in count)
     assert below.low - left <= found.mean_low[1, -1] <= above.low + left
