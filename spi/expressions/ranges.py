@@ -173,7 +173,7 @@ def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
 def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 
-    An entry may be a mapping with a text.  NumberError if formulas name each other in a circle, or grow too long.
+    An entry may be a mapping with texts.  NumberError if formulas name each other in a circle, or grow too long.
     """
     named = [name for name, text in functions.items() if isinstance(text, str) and name not in words]
     word = re.compile(rf"\b({'|'.join(map(re.escape, named))})\b(?!\s*\()") if named else None
@@ -195,8 +195,8 @@ def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str
 
     def own(name: str, text: Any) -> Any:
         if isinstance(text, Mapping):
-            return {key: replaced(inner, ()) if isinstance(inner, str) else inner for key, inner in text.items()}
-        return replaced(text, (name,)) if isinstance(text, str) and text.strip() != name else text
+            return {key: own("", inner) for key, inner in text.items()}
+        return replaced(text, (name,) if name else ()) if isinstance(text, str) and text.strip() != name else text
 
     return {name: own(name, text) for name, text in functions.items()}
 

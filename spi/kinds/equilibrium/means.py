@@ -12,7 +12,7 @@ from spi.statistics import estimators
 from spi.statistics.accumulators import Array
 from spi.statistics.cells import range_of
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
-from spi.storage.records import Order
+from spi.storage.records import Order, student
 
 from .growth import Paths
 from .references import derived_quantity, known_laws
@@ -132,13 +132,15 @@ class Recorder(NamedTuple):
         if not count:
             return paths
         copied = {
-            name: getattr(paths, name).copy() for name in ("stretch", "batches", "lagged", "ends", "cells", "series")
+            name: getattr(paths, name).copy()
+            for name in ("stretch", "batches", "squares", "lagged", "ends", "cells", "series")
         }
         paths, lags = paths._replace(**copied), self.series.lags
         size = self.series.used // self.series.batches
         for batch in range(begin // size, -(-(begin + count) // size)):
             some = values[..., max(0, batch * size - begin) : (batch + 1) * size - begin]
             paths.batches[..., batch] += some.sum(axis=-1)
+            paths.squares[..., batch] += (some**2).sum(axis=-1)
         if self.keeps:
             paths.series[:, begin : begin + count] = values[:, 0, 0]
         else:
@@ -200,7 +202,8 @@ class Recorder(NamedTuple):
             paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
             paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
         values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
-        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_batches])
+        of_powers = np.stack([of_batches, paths.squares / (used // self.series.batches)], axis=-2)
+        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_powers])
         summed = {name: getattr(paths, name) for name in ("lagged", "ends", "cells")}
         return {"values": values, "by_batch": by_batch, **summed}
 
@@ -282,9 +285,9 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         exact = is_rounding(*of)
         known = np.where(exact, np.nan, 1.0)  # what follows from how the values vary
         of_tau, of_paths, of_batches = (with_rounding(each, *of) for each in (of_tau, of_paths, of_batches))
-        half = estimators.student(freedom) * (of_paths if enough else of_tau)
+        half = student(freedom) * (of_paths if enough else of_tau)
         if used < FEW and not enough:  # too few values to know their autocorrelations
-            half = np.fmax(half, estimators.student(samples * parted - 1) * of_batches)
+            half = np.fmax(half, student(samples * parted - 1) * of_batches)
         return {
             "average": mean + recorder.origins,
             "average_half": half,
@@ -297,7 +300,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "tau_stderr": known * spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
             "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": estimators.jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
+            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
             "correlation": known[:, np.newaxis] * rho,
             "correlation_stderr": known[:, np.newaxis] * estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
@@ -305,6 +308,22 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "density": density,
             "density_stderr": estimators.jackknife_stderr(density, density_without, counts),
         }
+
+
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, samples: int) -> Array:
+    """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
+    if samples >= LEAST_PATHS:
+        return estimators.jackknife_stderr(variance, without, counts)
+    (mean, square), (without_mean, without_square) = _by_batch(paths, samples)
+    return estimators.jackknife_stderr(
+        square - mean**2, (without_square - without_mean**2).T, np.ones(without_mean.shape[-1])
+    )
+
+
+def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
+    """Means (powers, F) of functions and of their squares, and (powers, F, batches) without each batch of time."""
+    each = np.swapaxes(paths.by_batch, 0, 1) / samples
+    return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
@@ -316,10 +335,8 @@ def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
             counts = estimators.group_counts(case.samples)
             mean, without = estimators.mean_over_paths(paths.values[0], counts)
         else:
-            parted = recorder.series.batches
-            counts, of_batch = np.ones(parted), paths.by_batch / case.samples
-            mean = of_batch.mean(axis=1)
-            without = ((of_batch.sum(axis=1, keepdims=True) - of_batch) / (parted - 1)).T
+            (mean, _), (left_out, _) = _by_batch(paths, case.samples)
+            counts, without = np.ones(recorder.series.batches), left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)

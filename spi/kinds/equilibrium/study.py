@@ -162,7 +162,11 @@ class EquilibriumPlan(Plan):
             | {"block": blocks, "lane": LANES, "state": y.shape[1], "level": 1, "record": len(self.records)}
             | {"casimir": self._conserved, "column": means.COLUMNS, "group": GROUPS}
             | {"moment": len(law.moments) if law else 0, "variable": len(law.variables) if law else 0, "bin": BINS}
-            | {"stretch": 2 * lags["lag"], "batch": self.recorders[number].series.batches if self.recorders else 0}
+            | {
+                "stretch": 2 * lags["lag"],
+                "batch": self.recorders[number].series.batches if self.recorders else 0,
+                "power": 2,
+            }
         )
         begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in OF_PATHS}
         begun["casimir"][:] = np.nan
@@ -291,6 +295,7 @@ class EquilibriumPlan(Plan):
             y=paths.y[:0],
             stretch=paths.stretch[:, :0],
             batches=paths.batches[:, :0],
+            squares=paths.squares[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
             **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
             **summed,
