@@ -138,7 +138,7 @@ def with_other_numbers(parameter):
 def of_step(scheme, model, initial, h):
     """Operations of one step and path, without its random numbers."""
     from spi.ensemble.protocol import noises
-    from spi.ensemble.scheme_protocol import REPORT, advance, memory_size, substeps, work_size
+    from spi.ensemble.scheme_protocol import advance, memory_size, report_row, substeps, work_size
     from spi.numerics.rng import LANES
 
     generator = np.random.default_rng(1)
@@ -146,7 +146,7 @@ def of_step(scheme, model, initial, h):
     y = memory(np.concatenate([np.repeat(initial, LANES), np.zeros(memory_size(scheme, model))]))
     dW = memory(np.sqrt(h) * generator.standard_normal((2 * substeps(scheme) - 1) * noises(model) * LANES))
     coins, work = np.where(np.arange(LANES) % 2, 1.0, -1.0), memory(np.zeros(work_size(scheme, model)))
-    return counted(lambda: advance(scheme, model, h, dW, coins, y, work, np.zeros(len(REPORT))), LANES)
+    return counted(lambda: advance(scheme, model, h, dW, coins, y, work, report_row()), LANES)
 
 
 def of_normal():

@@ -22,17 +22,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.stats import beta, norm
 
 import spi
 from spi.exact import gibbs
+from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
 from spi.running.load import load
-from spi.statistics.intervals import student_of_paths
+from spi.statistics.intervals import student_factor, student_of_paths
 
-INTERVAL = 1.96  #: what the tables of the program multiply standard errors by
+INTERVAL = 1.96  #: half the 95 % interval of a normal number
 
 #: dy = B grad H dt + sum_k B grad Ĥ_k ∘ dW_k of linear H and Ĥ_k: y' = A y + sum_k C_k y ∘ dW_k.
 DRIFT, NOISES, SIGMA = (0.5, 0.3, 1.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.4, 0.3)
@@ -103,8 +105,8 @@ class Interval(NamedTuple):
     exact: float
 
 
-def around(label: str, value: Any, stderr: Any, exact: Any, factor: float = INTERVAL) -> Interval:
-    """The interval of 1.96, or another factor, standard errors to both sides."""
+def around(label: str, value: Any, stderr: Any, exact: Any, factor: float) -> Interval:
+    """The interval of so many standard errors to both sides."""
     half = factor * float(stderr)
     return Interval(label, float(value) - half, float(value) + half, float(exact))
 
@@ -138,8 +140,9 @@ def strong(results) -> Iterator[Interval]:
     """Errors at each step, and the order against the slope of the exact errors at the steps of the fit."""
     steps = results.h.values
     exact = np.array([strong_error(h, 2.0**-7, 1.0) for h in steps])
+    factor = student_of_paths(int(results.dataset.attrs["samples"]))
     for i in range(len(steps)):
-        yield around("error", results.error.values[i], results.error_stderr.values[i], exact[i])
+        yield around("error", results.error.values[i], results.error_stderr.values[i], exact[i], factor)
     n = int(results.points_in_fit)
     slope = np.polyfit(np.log(steps[-n:]), np.log(exact[-n:]), 1)[0] if n > 1 else math.nan
     yield Interval("order", float(results.order_low), float(results.order_high), float(slope))
@@ -148,11 +151,12 @@ def strong(results) -> Iterator[Interval]:
 def weak(results) -> Iterator[Interval]:
     """Errors at each step."""
     y, yy = limit(1.0)
+    factor = student_factor(len(results.error_without))
     for h in results.h.values:
         one, two = euler_maruyama(float(h), 1.0)
         for name, exact in (("linear", one[0] - y[0]), ("square", two[2, 2] - yy[2, 2])):
             at = {"h": h, "function": name}
-            yield around(name, results.error.sel(at), results.error_stderr.sel(at), exact)
+            yield around(name, results.error.sel(at), results.error_stderr.sel(at), exact, factor)
 
 
 def work(seed: int) -> Iterator[Interval]:
@@ -176,11 +180,18 @@ def equilibrium(keys: Mapping[str, Any]) -> Source:
     (case,) = load("intervals.yaml", text=json.dumps(spec)).cases
     law = gibbs.law_of(case.model, case.initial, case.temperature)
     exact = [law.expectation(function.values)[0] for function in case.path_functions]
+    capacity = (law.expectation(lambda y: case.path_functions[0].values(y) ** 2)[0] - exact[0] ** 2) / HEAT**2
 
     def means(results) -> Iterator[Interval]:
         for name, true in zip(case.functions, exact, strict=True):
             mean, half = (float(one.sel(function=name)[0]) for one in (results.average, results.average_half))
             yield Interval(name, mean - half, mean + half, true)
+        if "capacity" in case.derived:
+            (group,) = results.stored.groups
+            found = Equilibrium.of(group)
+            for name, true in (("derived", capacity), ("variance", capacity * HEAT**2)):
+                ends = found.estimate(name)
+                yield Interval(f"{name} of H", float(ends.low[0, 0]), float(ends.high[0, 0]), true)
 
     return of_spec(spec, means)
 
@@ -194,10 +205,12 @@ BODY = {
     "bins": 8,
     "steps": [1],
     "temperature": "1/4",
-    "functions": {"H": "H", "square": "y3^2"},
+    "functions": {"energy": "H", "square": "y3^2", "energy_squared": "H^2"},
+    "derived": {"capacity": "(energy_squared - energy^2)/T^2"},
 }
-WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}}
-UNIFORM = {"temperature": "inf", "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}}
+HEAT = 0.25  #: the temperature
+WELLS = {"temperature": "1/16", "steps": ["1/2"], "functions": {"H": "H", "y1": "y1"}, "derived": {}}
+UNIFORM = {"temperature": "inf", "schemes": ["splitting"], "functions": {"y3": "y3", "H": "H"}, "derived": {}}
 
 # --- answers ---------------------------------------------------------------------------------------------------------
 
@@ -284,7 +297,7 @@ def means(results) -> Iterator[Interval]:
 
 
 def shares(results) -> Iterator[Interval]:
-    """Shares that have passed, looked at once."""
+    """Shares that have passed, of paths that are looked at once."""
     for f, (label, share) in enumerate(SHARES.items()):
         one = results.dataset.isel(function=f, t=-1)
         yield Interval(label, float(one.mean_low), float(one.mean_high), share)
@@ -307,14 +320,24 @@ def staying(looks: int, between: float, drift: float = 0.0) -> np.ndarray:
     return np.array(shares)
 
 
+def watched(t: np.ndarray, drift: float = 0.0) -> np.ndarray:
+    """P(|drift s + W(s)| < pi/2 for all s <= t), of t > 0: the series of the interval's modes, turned by Girsanov's."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    x, k, t = math.pi / 2 * nodes, np.arange(1.0, 400.0, 2.0), np.asarray(t, float)[:, np.newaxis]
+    modes = np.exp(-(k**2) * t / 2) @ np.cos(np.outer(k, x)) * 2 / math.pi
+    return (modes * np.exp(drift * x - drift**2 * t / 2)) @ (math.pi / 2 * weights)
+
+
 def passages(results) -> Iterator[Interval]:
-    """The first look at which |W| is beyond pi/2, until t = 2."""
+    """The first time at which |W| is beyond pi/2, until t = 2."""
     one, t = results.dataset.isel(function=0), results.t.values
-    factor, last, known = student_of_paths(int(one.attrs["samples"])), one.isel(t=-1), staying(len(t) - 1, t[1])
-    yield Interval("share", float(last.mean_low), float(last.mean_high), 1 - known[-1])
-    yield around("mean time", one.passage_time, one.passage_time_stderr, t[1] * known[:-1].sum(), factor)
+    factor, last = student_of_paths(int(one.attrs["samples"])), one.isel(t=-1)
+    yield Interval("share", float(last.mean_low), float(last.mean_high), 1 - watched(t[-1:])[0])
+    known = quad(lambda s: watched(np.array([s]))[0] if s else 1.0, 0, 2)[0]
+    yield around("mean time", one.passage_time, one.passage_time_half, known, 1.0)
     begin, end = one.passage_from_t.values, one.until_t.values
-    known = (known[np.searchsorted(t, begin)] - known[np.searchsorted(t, end)]) / (end - begin)
+    inside = np.concatenate(([1.0], watched(end)))
+    known = -np.diff(inside) / (end - begin)
     for i in (1, 3):
         value, stderr = (each.values[i] for each in (one.passage_density, one.passage_density_stderr))
         yield around("density", value, stderr, known[i], factor)
@@ -322,7 +345,7 @@ def passages(results) -> Iterator[Interval]:
 
 def seen_once() -> Mapping[str, Any]:
     """Paths looked at once, of which a share has passed a place."""
-    places = [math.cos(norm.isf(share / 2) / 2) for share in SHARES.values()]
+    places = [math.cos(norm.isf(share / 4) / 2) for share in SHARES.values()]  # that of their largest modulus
     functions = {f"f{f}": {"passage": f"{place!r} > y1"} for f, place in enumerate(places)}
     keys = {"final_time": "1/4", "step": "1/4", "samples": 4096, "statistics": ["mean"]}
     return AXIS | keys | {"functions": functions}
@@ -385,11 +408,15 @@ def rows() -> dict[str, Callable[[], Source]]:
     """What is measured, made when it is asked for."""
     found = {
         "strong": lambda: of_spec(STRONG, strong),
+        "strong, 64 paths": lambda: of_spec(STRONG | {"samples": 64}, strong),
+        "strong, 128 paths": lambda: of_spec(STRONG | {"samples": 128}, strong),
         "weak, plain": lambda: of_spec(WEAK | {"estimators": ["plain"]}, weak),
+        "weak, plain, 64 paths": lambda: of_spec(WEAK | {"estimators": ["plain"], "samples": 64}, weak),
         "weak, multilevel": lambda: of_spec(WEAK | {"estimators": ["multilevel"], "seconds": 0.1}, weak),
         "weak, quasi": lambda: of_spec(WEAK | {"estimators": ["quasi"]}, weak),
         "work-precision": lambda: work,
         "equilibrium, 16 paths": lambda: equilibrium({"final_time": 512, "samples": 16}),
+        "equilibrium, 4 paths": lambda: equilibrium({"final_time": 2048, "samples": 4}),
         "equilibrium, 1 path": lambda: equilibrium({"final_time": 4096, "samples": 1}),
         "equilibrium, uniform, 9 paths": lambda: equilibrium(UNIFORM | {"final_time": 1024, "samples": 9}),
         "equilibrium, two wells, 16 paths": lambda: equilibrium(WELLS | {"final_time": 8192, "samples": 16}),

@@ -21,7 +21,7 @@ from spi.compiler.vectors import without_refcount
 from spi.ensemble.areas import area_count
 from spi.ensemble.lanes import aligned
 from spi.ensemble.protocol import dimension, noises
-from spi.ensemble.scheme_protocol import REPORT, advance, needs_areas, work_size
+from spi.ensemble.scheme_protocol import advance, needs_areas, report_row, work_size
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import Splitting
@@ -49,7 +49,7 @@ def work_of(scheme, model, initial):
     dW[:, m * LANES :] *= 0.5 * math.sqrt(STEP)
     coins = generator.choice([-1.0, 1.0], (STEPS, LANES))
     y, begin = aligned(dimension(model) * LANES), np.repeat(initial, LANES)
-    work, report = aligned(work_size(scheme, model)), np.zeros(len(REPORT))
+    work, report = aligned(work_size(scheme, model)), report_row()
 
     def make_steps():
         y[:] = begin

@@ -15,7 +15,7 @@ from examples import STEP, example, row
 from machine import vector_width
 
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import empty_report, grid, integrate, states_at, use_threads
+from spi.ensemble.loop import empty_report, for_kernels, grid, integrate, states_at, use_threads
 from spi.ensemble.observer import last_states_only
 from spi.ensemble.protocol import noises
 from spi.ensemble.scheme_protocol import tosses
@@ -42,7 +42,8 @@ def our_work(scheme, model, initial, steps, *, h=STEP, truncate=False, blocks=BL
     noise, report = RandomStream(np.uint64(1), np.uint64(BROWNIAN)), empty_report(blocks, 1)
     times = grid(h, steps, truncate=truncate)
     start, nothing = states_at(initial, scheme, model, times, blocks), last_states_only(times)
-    return lambda: integrate(scheme, model, start.copy(), times, noise, nothing, report, 0, blocks * LANES)
+    records = for_kernels(scheme, model, start, times)
+    return lambda: integrate(*records[:2], start.copy(), records[3], noise, nothing, report, 0, blocks * LANES)
 
 
 class Pair:

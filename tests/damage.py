@@ -13,7 +13,7 @@ from filled_results import filled
 from spi import cli, storage
 from spi.kinds import KINDS
 from spi.storage import Results
-from spi.storage.results import with_checksum
+from spi.storage.results import checksum_of
 
 #: How many times as many random cases the tests of damage, mutations and kills try, for a search of an hour.
 MANY = int(os.environ.get("SPI_TEST_MANY", "1"))
@@ -113,3 +113,8 @@ def with_a_true_checksum_without(data, name):
     with h5py.File(memory, "r+") as file:
         del file[name]
     return with_checksum(memory.getvalue())
+
+
+def with_checksum(data):
+    """The bytes of an HDF5 file, followed by their checksum."""
+    return data + checksum_of(data)

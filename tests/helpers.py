@@ -28,7 +28,7 @@ from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.loop import grid, integrate, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
 from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
-from spi.ensemble.scheme_protocol import REPORT, advance, judges, memory_size, needs_areas, substeps, work_size
+from spi.ensemble.scheme_protocol import advance, judges, memory_size, needs_areas, report_row, substeps, work_size
 from spi.models import RigidBody
 from spi.models.delegation import Damped
 from spi.numerics.angles import ReducedAngles
@@ -242,7 +242,7 @@ def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
     unless given.
     """
     y = np.array(y, float)
-    block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
+    block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), report_row()
     dW = np.ascontiguousarray(dW, float)
     if needs_areas(scheme) and dW.shape[1] == noises(model):
         dW = np.concatenate([dW, np.zeros((len(dW), len(area_pairs(model)), LANES))], axis=1)

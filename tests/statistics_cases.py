@@ -12,7 +12,7 @@ from spi.storage import Part
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 #: P(|drift t + W(t)| < pi/2 at all looks until t), without sampling: of (looks, between, drift).
-staying = importlib.import_module("intervals").staying
+staying, watched = (getattr(importlib.import_module("intervals"), name) for name in ("staying", "watched"))
 
 BODY = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 #: A body with y_3 = 1 turns about its third axis by the angle W(t); with such moments and strengths nothing

@@ -17,7 +17,7 @@ from spi.ensemble.protocol import (
     casimirs,
     hamiltonian,
 )
-from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
+from spi.ensemble.scheme_protocol import REPORT, advance_large, of_arrays, report_row, work_size
 from spi.models import Zeitlin
 from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
@@ -63,13 +63,13 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
         return _answer(what, model, k, t, width, times, y, out, work)
     for n in range(len(coins)):
         if k == 0:
-            advance_large(schemes[0], model, width, t, times[n], coins[n], y, work, out)
+            advance_large(schemes[0], model, t, times[n], coins[n], y, work, out)
         elif k == 1:
-            advance_large(schemes[1], model, width, t, times[n], coins[n], y, work, out)
+            advance_large(schemes[1], model, t, times[n], coins[n], y, work, out)
         elif k == 2:
-            advance_large(schemes[2], model, width, t, times[n], coins[n], y, work, out)
+            advance_large(schemes[2], model, t, times[n], coins[n], y, work, out)
         else:
-            advance_large(schemes[3], model, width, t, times[n], coins[n], y, work, out)
+            advance_large(schemes[3], model, t, times[n], coins[n], y, work, out)
     return 0.0
 
 
@@ -147,7 +147,7 @@ def energy_of(model, y):
     return _ask(ENERGY, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), np.zeros(1), np.zeros(1))
 
 
-_SCHEMES = tuple(STEPPERS.values())
+_SCHEMES = tuple(map(of_arrays, STEPPERS.values()))
 
 
 class Taken(NamedTuple):
@@ -173,8 +173,8 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     tossed[:, :paths] = coins
     y = np.full((of.d, LANES), np.nan)
     y[:, :paths] = np.transpose(states)
-    y, report, work = y.ravel(), np.zeros(len(REPORT)), np.full(work_size(scheme, of), np.nan)
+    y, report, work = y.ravel(), report_row(end=paths), np.full(work_size(of_arrays(scheme), of), np.nan)
     number = list(STEPPERS).index(name)
     asked = _ask.py_func if in_python else _ask
     asked(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, len(rows) * m * LANES), tossed, y, report, work)
-    return Taken(y.reshape(of.d, LANES)[:, :paths].T, report)
+    return Taken(y.reshape(of.d, LANES)[:, :paths].T, report[: len(REPORT)])

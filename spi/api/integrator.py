@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ..ensemble.drivers import Driver
 from ..ensemble.increments import Given, brownian, draw_noise, draw_paths, empty_noise
-from ..ensemble.loop import add_reports, empty_report, integrate, limited_threads, move
+from ..ensemble.loop import add_reports, empty_report, for_kernels, integrate, limited_threads, move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
 from ..ensemble.random_states import first_states
@@ -199,7 +199,8 @@ class Integrator:
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():
             for piece, given, begin, last in noise.pieces(self._scheme, self._model, times, first, blocks, end):
-                integrate(self._scheme, self._model, states, piece, given, self._observer, self._report, begin, last)
+                records = for_kernels(self._scheme, self._model, states, piece)
+                integrate(*records, given, self._observer, self._report, begin, last)
         out[...] = states.reshape(blocks, d, LANES).transpose(0, 2, 1).reshape(-1, d)[:paths]
         return out
 
@@ -209,7 +210,8 @@ class Integrator:
 
         It runs on one thread, and checks neither shapes nor types; a model that depends on time begins anew.
         """
-        return move, (self._scheme, self._model, self._grid, self._observer)
+        scheme, model, _, times = for_kernels(self._scheme, self._model, None, self._grid)
+        return move, (scheme, model, times, self._observer)
 
     @property
     def report(self) -> dict[str, float]:

@@ -19,8 +19,7 @@ from ..running import finding
 from ..statistics import claims
 from ..statistics.claims import quantities
 from ..storage import records
-from ..storage.records import INTERVAL
-from ..storage.stored import Description, by_case
+from ..storage.stored import Description, Stored, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -44,7 +43,7 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
         x = "h" if "h" in arrays[wanted].dims else "t"
         marker, colour = looks[reading.about.variant]
         own: dict[str, Any] = {"marker": marker} if x == "h" else {}
-        lines = list(_lines(arrays, wanted, x))
+        lines = list(_lines(reading, arrays, wanted, x))
         if len(lines) == 1:  # the colours of several lines of one part are left to matplotlib
             own["color"] = colour
         for label, y, half in lines:
@@ -60,17 +59,28 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
     return ax
 
 
-def _lines(arrays: xr.Dataset, quantity: str, x: str) -> Iterator[tuple[str, np.ndarray, np.ndarray | None]]:
-    """(label, y, half the interval) of each line, one for each place along other axes than x."""
+def _lines(
+    reading: Stored, arrays: xr.Dataset, quantity: str, x: str
+) -> Iterator[tuple[str, np.ndarray, np.ndarray | None]]:
+    """(label, y, distances (2, ...) to the ends of the interval) of each line, one for each place along other axes."""
     values = abs(arrays[quantity]) if quantity == "error" else arrays[quantity]
-    stderr = arrays.get(f"{quantity}_stderr")
-    half = arrays.get(f"{quantity}_bound") if stderr is None else INTERVAL * stderr
+    ends = _ends(reading, arrays, quantity)
     others = [dim for dim in values.dims if dim != x]
     for place in np.ndindex(*(values.sizes[dim] for dim in others)):
         at = dict(zip(others, place, strict=True))
         names = [str(arrays[dim].values[i]) if dim in arrays.coords else f"{dim} {i}" for dim, i in at.items()]
-        width = None if half is None else half.isel(at).to_numpy()
+        width = None if ends is None else np.array([end.isel(at).to_numpy() for end in ends])
         yield ", ".join(names), values.isel(at).to_numpy(), width
+
+
+def _ends(reading: Stored, arrays: xr.Dataset, quantity: str) -> list[xr.DataArray] | None:
+    """The distances from values to the lower and the upper ends of their intervals; None without."""
+    numbers = reading.estimate(quantity)
+    if numbers is None or numbers.exact:
+        return None
+    numbers = numbers.absolute if quantity == "error" else numbers
+    dims, value = arrays[quantity].dims, numbers.value
+    return [xr.DataArray(np.nan_to_num(away), dims=dims) for away in (value - numbers.low, numbers.high - value)]
 
 
 def dataset_of(group: records.Group) -> xr.Dataset:

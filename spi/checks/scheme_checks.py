@@ -8,7 +8,7 @@ from ..ensemble.areas import areas_length
 from ..ensemble.fields import add_ito_correction, drift_field, noise_field
 from ..ensemble.increments import first_lane, kept_of_steps, row_length
 from ..ensemble.protocol import dimension, noise_indices, noises, strengths
-from ..ensemble.scheme_protocol import REPORT, advance, memory_size, substeps, work_size
+from ..ensemble.scheme_protocol import advance, memory_size, report_row, substeps, work_size
 from ..numerics.rng import LANES
 
 _STEPS = (2.0**-14, 2.0**-16)
@@ -67,7 +67,7 @@ def _one_step(scheme, model, h, y, on, coin):
             n *= 2
     assert len(dW) == (2 * finest - 1) * noises(model) * LANES + areas_length(needs.areas, model)
     states = np.concatenate([np.repeat(y, LANES), np.zeros(memory_size(scheme, model))])
-    work, report = np.zeros(max(work_size(scheme, model), 1)), np.zeros(len(REPORT))
+    work, report = np.zeros(max(work_size(scheme, model), 1)), report_row()
     coins = np.full(LANES, coin)
     with uncompiled(), np.errstate(all="ignore"):
         advance(scheme, model, h, dW, coins, states, work, report)

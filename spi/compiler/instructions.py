@@ -9,7 +9,7 @@ from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 from numba.np.arrayobj import populate_array
 
-from .records import is_array
+from .records import InMemory, is_array, record_class
 
 
 def constant(record, value):
@@ -21,6 +21,10 @@ def constant(record, value):
 
 def field(record, name):
     """Code for f(record): a field of it."""
+    if isinstance(record, InMemory):
+        return record.part(name)(record), lambda context, builder, signature, arguments: part_of(
+            context, builder, record, arguments[0], name
+        )
     place = record.fields.index(name)
 
     def code(context, builder, signature, arguments):
@@ -28,6 +32,45 @@ def field(record, name):
         return impl_ret_borrowed(context, builder, signature.return_type, value)
 
     return record.types[place](record), code
+
+
+def part_of(context, builder, record, pointer, name):
+    """The field `name` of a record in memory, or the pointer to a record within it."""
+    place = record.fields.index(name)
+    pointer = _inside(builder, pointer, place)
+    if record_class(record.types[place]):
+        return pointer
+    without = (0, 1) if isinstance(record.types[place], types.Array) else ()  # the counter and the object in Python
+    return _loaded(builder, pointer, without)
+
+
+def _inside(builder, pointer, place):
+    zero = ir.IntType(32)(0)
+    return builder.gep(pointer, [zero, ir.IntType(32)(place)], inbounds=True)
+
+
+def _loaded(builder, pointer, without=()):
+    """What lies at a pointer, number by number, those numbered `without` left out."""
+    kind = pointer.type.pointee
+    if not isinstance(kind, ir.types.Aggregate):
+        value = builder.load(pointer)
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+    whole = ir.Constant(kind, ir.Undefined)
+    for i, part in enumerate(kind.elements if hasattr(kind, "elements") else [kind.element] * kind.count):
+        inner = ir.Constant(part, None) if i in without else _loaded(builder, _inside(builder, pointer, i))
+        whole = builder.insert_value(whole, inner, i)
+    return whole
+
+
+def store_parts(builder, value, pointer):
+    """Store a value at a pointer, number by number."""
+    kind = value.type
+    if not isinstance(kind, ir.types.Aggregate):
+        builder.store(value, pointer)
+        return
+    for i in range(len(kind.elements) if hasattr(kind, "elements") else kind.count):
+        store_parts(builder, builder.extract_value(value, i), _inside(builder, pointer, i))
 
 
 def floats(record, name):

@@ -4,9 +4,27 @@ import numpy as np
 from numba import types
 
 
+class InMemory(types.Type):
+    """The Numba type of a record that lies in memory, see ``pointers.py``: what is asked of a record is asked of it."""
+
+    def __init__(self, record):
+        self.record = record
+        self.instance_class, self.fields, self.types = record.instance_class, record.fields, record.types
+        super().__init__(f"InMemory({record.name})")
+
+    @property
+    def key(self):
+        return self.record
+
+    def part(self, name):
+        """The type of a field: of a record within it that of a record in memory."""
+        inner = self.types[self.fields.index(name)]
+        return InMemory(inner) if record_class(inner) else inner
+
+
 def record_class(numba_type):
     """The ``NamedTuple`` class behind a Numba type, or None if it is not a record."""
-    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
+    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple | InMemory):
         return numba_type.instance_class
     return None
 
@@ -28,6 +46,11 @@ def field(record, name):
 def is_array(value):
     """Whether a value, or one of a Numba type, is an array."""
     return isinstance(value, np.ndarray | types.Array)
+
+
+def is_integer(value):
+    """Whether a value, or one of a Numba type, is an integer."""
+    return isinstance(value, int | np.integer | types.Integer)
 
 
 def is_none(value):

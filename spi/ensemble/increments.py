@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, device, kernel, number
-from ..compiler.records import class_of, field, is_none
+from ..compiler.dispatch import INDICES, FieldOf, device, kernel, number
+from ..compiler.records import class_of, field, is_integer, is_none
 from ..numerics.elementary import log
 from ..numerics.rng import (
     BRIDGES,
@@ -144,7 +144,7 @@ def _turn_coins(layout, coins, source, target):
 class Kept(NamedTuple):
     """The parts of a row besides the increments over the step, a constant of compiled code."""
 
-    substeps: NamedTuple  #: one of INDICES: the number of sub-steps into which it is resolved
+    substeps: Any  #: into which it is resolved: one of INDICES, or a number of compositions as data
     areas: Any  #: ``areas.Areas``, None without
     coins: Any  #: Coins or Uniforms, None without
 
@@ -156,8 +156,19 @@ def kept_of_steps(reference_scheme, scheme, model):
     areas = bool(area_pairs(model)) and any(map(needs_areas, schemes))
     coins = Coins() if areas or any(map(tosses, schemes)) else None
     coins = Uniforms() if any(map(judges, schemes)) else coins
+    if any(isinstance(class_of(each).substeps, FieldOf) for each in schemes if hasattr(class_of(each), "substeps")):
+        areas = Areas() if areas else None
+        return lambda reference_scheme, scheme, model: Kept(most_substeps(reference_scheme, scheme), areas, coins)
     layout = Kept(INDICES[max(map(substeps, schemes))](), Areas() if areas else None, coins)
     return lambda reference_scheme, scheme, model: layout
+
+
+@device(by_type=True)
+def most_substeps(reference_scheme, scheme):
+    """The number of sub-steps that serves both schemes, known when the kernel runs."""
+    if is_none(reference_scheme):
+        return lambda reference_scheme, scheme: substeps(scheme)
+    return lambda reference_scheme, scheme: max(substeps(reference_scheme), substeps(scheme))
 
 
 @device
@@ -167,8 +178,9 @@ def row_length(layout, model):
 
 
 def is_divided(layout):
-    """Whether steps are resolved into sub-steps."""
-    return number(field(layout, "substeps")) > 1
+    """Whether steps are, or may be, resolved into sub-steps."""
+    finest = field(layout, "substeps")
+    return is_integer(finest) or number(finest) > 1
 
 
 def _where_divided(body):
@@ -329,7 +341,8 @@ def keep(layout, model, dW, first):
 
 
 def _keep_row(layout, model, dW, first):
-    first[:] = dW
+    for i in range(len(dW)):  # an assignment of slices takes half a second to compile
+        first[i] = dW[i]
 
 
 def _keep_first_half(layout, model, dW, first):
@@ -684,6 +697,8 @@ def add_weighted(increment, weight, normals, other_weight, others):
 def coins_of_points(layout, noise, n, block, bits, coins, row):
     """Put the coins of step n into a row."""
     d = noise.increments + n
+    if d >= len(noise.directions):  # no scheme tosses them, see `tosses`
+        return
     net_words(noise.directions[d], noise.shifts[d], np.int64(block), bits)
     for lane in range(LANES):
         coins[row, lane] = 1.0 if (bits[lane] >> _FIRST) != _0 else -1.0

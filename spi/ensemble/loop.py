@@ -14,6 +14,7 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads
 
 from ..compiler.dispatch import device, kernel
+from ..compiler.pointers import in_memory
 from ..compiler.records import is_none
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import LANES, STEPS_PER_DRAW
@@ -40,7 +41,18 @@ from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
 from .protocol import frozen, large
 from .random_states import RandomState, block_states
-from .scheme_protocol import REPORT, SUMMED, advance, advance_large, memory_size, substeps, work_size
+from .scheme_protocol import (
+    REPORT,
+    ROW,
+    SUMMED,
+    advance,
+    advance_large,
+    memory_size,
+    of_arrays,
+    substeps,
+    use_lanes,
+    work_size,
+)
 
 #: Wall-clock seconds of a batch, after each of which a study can report and be interrupted.
 BATCH_SECONDS = 0.5
@@ -70,6 +82,7 @@ class Grid(NamedTuple):
     area_terms: int = 0  #: terms of the Fourier series of Lévy areas at the reference step, see ``areas.py``
     first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
     start: float = 0.0  #: the time of reference step 0, for a model that depends on time
+    first_lane: int = 0  #: of the lanes that reports count; that of the path where only one is asked for
 
 
 def grid(
@@ -138,28 +151,24 @@ def largest_sizes(reference_scheme, scheme, model):
 
 
 @device(by_type=True)
-def _advance(scheme, model, paths, h, dW, coins, y, work, report):
-    """One step of at least the first `paths` paths of a block."""
-    if large(model):
-        return advance_large
-    return lambda scheme, model, paths, h, dW, coins, y, work, report: advance(
-        scheme, model, h, dW, coins, y, work, report
-    )
+def _advance(scheme, model, h, dW, coins, y, work, report):
+    """One step of at least the lanes in use."""
+    return advance_large if large(model) else advance
 
 
 @device(by_type=True)
-def advance_path(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
+def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
     """One step of the scheme, or by the reference scheme if there is one."""
     if is_none(reference_scheme):
-        return lambda reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report: _advance(
-            scheme, model, paths, h, dW, coins, y, work, report
+        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: _advance(
+            scheme, model, h, dW, coins, y, work, report
         )
 
-    def either(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
+    def either(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
         if by_reference:
-            _advance(reference_scheme, model, paths, h, dW, coins, y, work, report)
+            _advance(reference_scheme, model, h, dW, coins, y, work, report)
         else:
-            _advance(scheme, model, paths, h, dW, coins, y, work, report)
+            _advance(scheme, model, h, dW, coins, y, work, report)
 
     return either
 
@@ -172,10 +181,14 @@ def advance_path(reference_scheme, scheme, by_reference, model, paths, h, dW, co
 def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
     """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
     y = block_states(initial, noise, first, blocks)
-    memory = largest_sizes(times.reference_scheme, scheme, model)[1]
-    states = np.zeros((blocks, len(times.doublings), y.shape[1] + memory))
+    states = np.zeros((blocks, len(times.doublings), y.shape[1] + _memory(times.reference_scheme, scheme, model)))
     states[..., : y.shape[1]] = y[:, np.newaxis]
     return states
+
+
+def _memory(reference_scheme, scheme, model):
+    """The memory of either scheme, in Python: :func:`largest_sizes` would be compiled for this alone."""
+    return max(memory_size(each, model) for each in (reference_scheme, scheme) if each is not None)
 
 
 def paths_of(states, d):
@@ -201,9 +214,13 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(words_length(noise)).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
+        aligned(len(report) * ROW).reshape(-1, ROW),
     )
-    copy_rows(states, owned[0])
-    y, dW, coins, work, words, bits = without_refcount(owned)  # which is in use until the last line
+    copy_rows(states, owned[0], states.shape[1])
+    copy_rows(report, owned[6], report.shape[1])
+    y, dW, coins, work, words, bits, reports = without_refcount(owned)  # which is in use until the last lines
+    for level in range(len(reports)):
+        use_lanes(reports[level], grid.first_lane, paths)
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
@@ -236,13 +253,12 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         scheme,
                         grid.by_reference[level],
                         frozen(model, begin, h),
-                        paths,
                         h,
                         dW[increments],
                         coins[side],
                         y[level],
                         work,
-                        report[level],
+                        reports[level],
                     )
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[reference])
             if s == last or not second_half:
@@ -253,7 +269,8 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
         if s < last:
             keep(layout, model, dW[drawn], dW[first + s])
             copy_coins(layout.coins, coins, here, s)
-    copy_rows(owned[0], states)
+    copy_rows(owned[0], states, states.shape[1])
+    copy_rows(owned[6], report, report.shape[1])
 
 
 @device
@@ -263,9 +280,9 @@ def steps_before(reversal, turn):
 
 
 @device
-def copy_rows(source, target):
+def copy_rows(source, target, columns):
     for level in range(source.shape[0]):
-        for i in range(source.shape[1]):
+        for i in range(columns):
             target[level, i] = source[level, i]
 
 
@@ -278,7 +295,9 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
     and `report` (blocks, step sizes, len(REPORT)) have a row per block, so that nothing depends on threads; they are
     added up outside, in the order of blocks.
     """
-    records = [(scheme, model, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
+    records = [
+        (scheme, in_memory(model), grid, noise, observer)
+    ]  # Numba's prange cannot take nested tuples, but a list
     for row in prange(len(states)):
         row = np.int64(row)
         block = first_block + row
@@ -296,6 +315,14 @@ def arguments_of(*run):
     return next(_calls(*run))
 
 
+def for_kernels(scheme, model, states, times):
+    """The first arguments of :func:`integrate`: with the records of schemes that serve states that are arrays."""
+    if not large(model):
+        return scheme, model, states, times
+    reference = None if times.reference_scheme is None else of_arrays(times.reference_scheme)
+    return of_arrays(scheme), model, states, times._replace(reference_scheme=reference)
+
+
 def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):
     """Yield the arguments of one call of :func:`integrate` after the other, on the same states and the same report."""
     given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
@@ -303,7 +330,7 @@ def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=No
     observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
     report = empty_report(blocks, len(times.doublings))
     for piece, given, begin, last in noise.pieces(scheme, model, times, first, blocks, end):
-        yield scheme, model, states, piece, given, observer, report, begin, last
+        yield *for_kernels(scheme, model, states, piece), given, observer, report, begin, last
 
 
 def integrated(*run):
@@ -313,15 +340,15 @@ def integrated(*run):
     return arguments[2], arguments[6]
 
 
-def one_step(scheme, model, h, states):
-    """Each of some states (n, d) after one step of size h without noise."""
+def one_step(scheme, model, h, states, first=0):
+    """Each of some states (n, d) after one step of size h, with the noise of paths of seed 0 from block `first` on."""
     blocks = -(-len(states) // LANES)
     padded = np.resize(states, (blocks * LANES, states.shape[1]))
     y = padded.reshape(blocks, LANES, -1).transpose(0, 2, 1).reshape(blocks, -1)
     times = grid(h, 1)
-    begun = np.zeros((blocks, 1, y.shape[1] + largest_sizes(times.reference_scheme, scheme, model)[1]))
+    begun = np.zeros((blocks, 1, y.shape[1] + memory_size(scheme, model)))
     begun[:, 0, : y.shape[1]] = y
-    ends, _ = integrated(scheme, model, begun, times, brownian(0), 0, blocks, len(padded))
+    ends, _ = integrated(scheme, model, begun, times, brownian(0), first, blocks, first * LANES + len(padded))
     return paths_of(ends, states.shape[1])[0].T[: len(states)]
 
 
@@ -373,7 +400,8 @@ def move(records, y, dW, areas, coins):
 
     `records` = (scheme, model, grid, observer), the grid being that of one step.
     """
-    scheme, model, grid, observer = records
+    scheme, told, grid, observer = records
+    model = in_memory(told)
     paths, d = y.shape
     steps = len(dW) // substeps(scheme)
     times = Grid(grid.reference_step, steps, *grid[2:])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.dispatch import answers, device, kernel, number, unrolled
+from ..compiler.pointers import in_memory
 from ..compiler.records import class_of
 from ..numerics import arrays
 from ..numerics.elementary import exp
@@ -71,6 +72,7 @@ def _keep_casimir(index, model, values, row, casimir):
 @kernel
 def invariants(model, states, times, energy, values):
     """Put H and the Casimirs of each row of `states` (n, d) at its time into `energy` (n,) and `values` (n, C)."""
+    model = in_memory(model)
     block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
     for row in range(len(states)):
         for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
@@ -259,6 +261,7 @@ def _watch_casimirs(model, worst, start, rates, n, paths, y):
 @kernel
 def energies(model, states, energy):
     """H of the states (blocks, times, d * LANES) of blocks, in `energy` (blocks, times, LANES)."""
+    model = in_memory(model)
     for row in range(states.shape[0]):
         for t in range(states.shape[1]):
             for lane in range(LANES):
@@ -320,3 +323,27 @@ def count_values(values, first_block, end, low, inverse_width, counts, times):
                         counts[t, f, 1 + np.int64(place)] += 1
                     else:
                         counts[t, f, bins + 1] += 1
+
+
+@kernel
+def rank_values(values, first_block, end, edges, counts, times):
+    """Count values (blocks, T, F, LANES) in `counts` (T, F, E + 1) by the number of `edges` (T, F, E) up to them.
+
+    E is one less than a power of two, and edges ascend.  NaN counts as above all.  Paths from number `end` on do not
+    count, nor do values but at times[0] <= t < times[1], nor those of further functions.
+    """
+    functions, most = counts.shape[1], edges.shape[2]
+    place = np.empty(LANES, np.int64)
+    for row in range(len(values)):
+        paths = min(LANES, end - (first_block + row) * LANES)
+        for t in range(times[0], times[1]):
+            for f in range(functions):
+                place[:] = 0
+                step = (most + 1) // 2
+                while step > 0:  # all lanes at once: nothing waits for a branch
+                    for lane in range(LANES):
+                        below = np.int64(not values[row, t, f, lane] < edges[t, f, place[lane] + step - 1])
+                        place[lane] += step * below  # so that NaN is above all
+                    step //= 2
+                for lane in range(paths):
+                    counts[t, f, place[lane]] += 1

@@ -27,6 +27,7 @@ import annotated_types
 from ..compiler import instructions
 from ..compiler.dispatch import device, intrinsic, method, trait
 from ..compiler.records import field, is_array, is_none
+from ..numerics.elementary import expm1
 
 #: Bounds of the fields of a record, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
@@ -413,10 +414,10 @@ def block_energies(array_state_model, y, energies, work):
 
 
 @method(optional=True)
-def block_judged_noises(array_state_model, h, dW, uniforms, y, work):
+def block_judged_noises(array_state_model, h, dW, uniforms, first, end, y, work):
     """All noises with their friction, in place, each accepted or not by the energy that it alone changes.
 
-    Returns the number of accepted flows of all lanes.
+    Returns the number of accepted flows in the lanes from `first` to before `end`.
     """
 
 
@@ -576,6 +577,32 @@ def friction_after(c, t, slope, bend):
     """
     q = c * t * bend
     return -c * t * slope / (1.0 + q * (0.5 + q * (1.0 / 12.0)))
+
+
+@trait(tuple, default=())
+def linear_friction(model):
+    """The numbers of the noises along which friction is linear: X_k X_k H is a number, the same at all states.
+
+    With g'' = X_k X_k H friction and noise over the time t are then one Ornstein-Uhlenbeck flow, s' = -c_k (g'(0) +
+    g'' s) + sigma_k dW_k / dt.
+    """
+
+
+@method(optional=True)
+def friction_bend(model, k):
+    """X_k X_k H of a noise of :func:`linear_friction`."""
+
+
+@method(optional=True)
+def friction_slope(model, k, y):
+    """(X_k H)(y) of a model at a temperature."""
+
+
+@device
+def decayed(q):
+    """(1 - exp(-q)) / q, the mean of exp(-q s) for s from 0 to 1; 1 for q = 0."""
+    q = q if abs(q) > 1e-150 else 1e-150
+    return -expm1(-q) / q
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -5,18 +5,20 @@ depend on the processor.  The numbers of a path have a stream of their own besid
 takes several attempts, those of attempt number a are the a-th of this stream.
 """
 
+from abc import ABCMeta
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..numerics.rng import INITIAL, LANES, STEPS_PER_DRAW
 from .increments import draw_paths
+from .long_states import LongState
 
 _SLICE = 256  # blocks whose attempts are made at once, because of memory
 _ATTEMPTS = 16  # at a state, at once
 
 
-class RandomState(tuple):
+class RandomState(tuple, metaclass=ABCMeta):
     """A state of a law, in place of an initial state where any will do, and the law itself.
 
     `parameters` holds the parameters that define the law, as plain data.
@@ -34,13 +36,7 @@ class RandomState(tuple):
     @property
     def text(self):
         """The law for people, such as ``gibbs, through (0, 0, 1), temperature 0.2``."""
-        first, *others = ((key, value) for key, value in self.parameters.items() if value not in (None, False))
-        return ", ".join(
-            [
-                first[1].replace("_", " "),
-                *(f"{key} {_shown(value)}".strip() for key, value in others if key != "digest"),
-            ]
-        )
+        return _text(self.parameters)
 
     def __getnewargs__(self):
         return tuple(self), self.law, self.parameters
@@ -53,6 +49,32 @@ class RandomState(tuple):
 
     def __hash__(self):
         return hash((tuple(self), repr(self.parameters)))
+
+
+@RandomState.register
+class LongRandomState(LongState):
+    """The same of very many numbers."""
+
+    def __init__(self, state, law, parameters):
+        super().__init__(state)
+        self.law, self.parameters = law, parameters
+
+    def __eq__(self, other):
+        return super().__eq__(other) and self.parameters == other.parameters
+
+    __hash__ = LongState.__hash__
+
+    @property
+    def text(self):
+        """See :class:`RandomState`."""
+        return _text(self.parameters)
+
+
+def _text(parameters):
+    """The law of these parameters for people."""
+    first, *others = ((key, value) for key, value in parameters.items() if value not in (None, False))
+    named = (f"{key} {_shown(value)}".strip() for key, value in others if key != "digest")
+    return ", ".join([first[1].replace("_", " "), *named])
 
 
 def _shown(value):

@@ -1,6 +1,9 @@
 """The methods and traits of a scheme: one step of a block of paths, and its needs; see ``protocol.py`` for models."""
 
-from ..compiler.dispatch import method, trait
+import numpy as np
+
+from ..compiler.dispatch import device, method, trait
+from ..numerics.rng import LANES
 
 
 @method
@@ -11,13 +14,20 @@ def advance(scheme, model, h, dW, coins, y, work, report):
     For a scheme with :func:`substeps` those over sub-steps follow, as ``increments.first_lane`` says.
     For one that :func:`needs_areas` the Lévy areas of :func:`area_pairs` are the last floats in `dW`, see ``areas.py``.
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
-    ``work_size(scheme, model)`` floats; the scheme adds the quantities of :data:`REPORT` to `report`.
+    ``work_size(scheme, model)`` floats; the scheme adds the quantities of :data:`REPORT` to `report`, a
+    :func:`report_row`, of the lanes in use alone.
     """
 
 
 @method(optional=True)
-def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-    """One step of an array-state model, for the first `paths` of the LANES paths; the others may stay as they are."""
+def advance_large(scheme, model, h, dW, coins, y, work, report):
+    """One step of an array-state model, for the lanes in use of :func:`lanes_in_use`; others may stay as they are."""
+
+
+@method(default=True)
+def of_arrays(scheme):
+    """The record that kernels get in place of the scheme where states are arrays.  Called in Python only."""
+    return scheme
 
 
 @trait(bool, default=False)
@@ -60,6 +70,29 @@ REPORT = (
     *("largest_residual", "largest_angle"),
 )
 SUMMED = 7  #: the first so many are sums, the others maxima
+
+_FIRST, _END = len(REPORT), len(REPORT) + 1
+ROW = len(REPORT) + 2  #: floats of a row that a step is given: behind the quantities stand the lanes in use
+
+
+def report_row(first=0, end=LANES):
+    """A row of a report for steps, in which the lanes from `first` to before `end` are in use."""
+    return np.array([0.0] * len(REPORT) + [first, end])
+
+
+@device
+def use_lanes(report, first, end):
+    """Say which lanes of a row are in use."""
+    report[_FIRST], report[_END] = first, end
+
+
+@device
+def lanes_in_use(report):
+    """(first, end): the lanes of a block that are paths asked for, from `first` to before `end`; others do not count.
+
+    Other lanes are moved as well, with the increments of their own paths, so that bits do not depend on it.
+    """
+    return int(report[_FIRST]), int(report[_END])
 
 
 def report_columns(report):

@@ -30,6 +30,7 @@ __all__ = [
     "has_sum",
     "is_constant",
     "is_step",
+    "operations",
     "parse_expression",
     "range_of",
 ]
@@ -321,6 +322,19 @@ def terms_of(total):
 def has_sum(e):
     """Whether a sum over terms stands in a tree: what was written is then shorter than its text."""
     return isinstance(e, Total) or (not isinstance(e, _LEAVES) and any(has_sum(a) for a in e if not isinstance(a, int)))
+
+
+def operations(e):
+    """(operations, observables): how often a tree computes with numbers, and how many observables it evaluates."""
+    if isinstance(e, Constant | Component | Each | int):
+        return 0, 0
+    if isinstance(e, Observable):
+        return 0, 1
+    if isinstance(e, Total):
+        parts = [[group.count * number for number in operations(group.body)] for group in e.groups]
+        return sum(part[0] for part in parts) + sum(group.count for group in e.groups), sum(part[1] for part in parts)
+    own, named = zip(*map(operations, e), strict=True)
+    return 1 + sum(own), sum(named)
 
 
 def _power(a, exponent):

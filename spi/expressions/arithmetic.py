@@ -143,9 +143,12 @@ class _Parser:
         if literal := token["literal"]:
             self.next()
             value = self.algebra.number(literal)
-            if token["imaginary"] and "i" not in self.algebra.constants:
-                raise NumberError(f"unexpected '{literal}i'")
-            return value * self.algebra.constants["i"] if token["imaginary"] else value
+            if not token["imaginary"]:
+                return value
+            unit = self.algebra.constants.get("i")
+            if not isinstance(unit, complex):  # a variable, a size or an index has the name
+                raise NumberError(f"unexpected '{literal}i'" + (f", write {literal}*i" if unit is not None else ""))
+            return value * unit
         if self.take("("):
             return self.closing()
         if not (word := token["word"]):

@@ -11,7 +11,7 @@ import difflib
 import itertools
 import re
 from collections import ChainMap
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any, Self, TypeVar
 
@@ -22,9 +22,31 @@ OF_SEVERAL = ("max", "min")
 _WORDS = (*OF_SEVERAL, "mod", "sum")
 #: Names that no variable, parameter or size can have.
 TAKEN = (*FUNCTIONS, *_WORDS, "pi", "for")
+#: Words with a meaning in formulas about states, which no variable, parameter, size or function of a file can have.
+RESERVED = {
+    "H": "the energy",
+    r"C\d*": "a Casimir function",
+    "T": "the temperature",
+    "t": "the time",
+    r"y\d+": "a component by its number",
+    r"energy_current\d*": "the current of energy",
+}
 _LONGEST = 100_000  # characters of a formula in which others are written out
 _MOST = 10_000  # entries that one range may stand for
 _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
+
+
+def meaning_of(name: str) -> str:
+    """What a name that is taken means in formulas; "" for one that is free."""
+    if name in TAKEN:
+        return "a word"
+    return next((meaning for word, meaning in RESERVED.items() if re.fullmatch(word, name)), "")
+
+
+def taken_name(variables: Iterable[str]) -> tuple[str, str] | None:
+    """(name, meaning) of the first variable, such as T or H(3), whose word is taken; y2 may be the second."""
+    found = ((name, meaning_of(name.partition("(")[0])) for n, name in enumerate(variables, 1) if name != f"y{n}")
+    return next(((name, meaning) for name, meaning in found if meaning), None)
 
 
 Algebra = TypeVar("Algebra", bound="Words")
@@ -148,10 +170,10 @@ def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
         yield body, inner
 
 
-def written_out(functions: Mapping[str, Any], words: Collection[str]) -> dict[str, Any]:
+def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 
-    An entry may be a mapping with a text.  NumberError if formulas name each other in a circle, or grow too long.
+    An entry may be a mapping with texts.  NumberError if formulas name each other in a circle, or grow too long.
     """
     named = [name for name, text in functions.items() if isinstance(text, str) and name not in words]
     word = re.compile(rf"\b({'|'.join(map(re.escape, named))})\b(?!\s*\()") if named else None
@@ -173,8 +195,8 @@ def written_out(functions: Mapping[str, Any], words: Collection[str]) -> dict[st
 
     def own(name: str, text: Any) -> Any:
         if isinstance(text, Mapping):
-            return {key: replaced(inner, ()) if isinstance(inner, str) else inner for key, inner in text.items()}
-        return replaced(text, (name,)) if isinstance(text, str) and text.strip() != name else text
+            return {key: own("", inner) for key, inner in text.items()}
+        return replaced(text, (name,) if name else ()) if isinstance(text, str) and text.strip() != name else text
 
     return {name: own(name, text) for name, text in functions.items()}
 

@@ -13,7 +13,7 @@ from spi.ensemble import loop
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import dimension
-from spi.ensemble.random_states import block_states
+from spi.ensemble.random_states import RandomState, block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
@@ -150,7 +150,8 @@ class BlocksPlan(PathsPlan, Blockwise):
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
         sums = sum(np.asarray(values).nbytes for values in self.empty(0))
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES) + sums)
+        ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
+        return Cost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
 
     def integrated(self, first: int, blocks: int, end: int, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
         """The states of some blocks after the last step, and the reports of the scheme."""
@@ -181,6 +182,15 @@ class BlocksPlan(PathsPlan, Blockwise):
         """Paths done, all paths, and the standard error of the first estimate."""
         sums = state.so_far()
         return Done(sums.paths, self.samples, self.stderr(sums) if sums.paths else float("nan"))
+
+
+_SWEEP_NS = 20.0  # of a component of a spin
+
+
+def _ns_to_draw(initial: Any) -> float:
+    """Nanoseconds to draw an initial state, where that takes sweeps over a lattice."""
+    sweeps = initial.parameters.get("sweeps") if isinstance(initial, RandomState) else None
+    return _SWEEP_NS * len(initial) * (sweeps or 0)
 
 
 #: Processor seconds below which the start of kernels, some 10 ms, would count more than their steps.

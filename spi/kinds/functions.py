@@ -11,7 +11,7 @@ import numpy as np
 
 from spi.ensemble.protocol import conserved, dimension
 from spi.exact import gibbs
-from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, parse_expression
+from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.specs.keys import listed, shown, wrong
 from spi.specs.names import Code, check_values, named_in
@@ -23,7 +23,9 @@ FUNCTIONALS = {
     "maximum": "the largest value until t",
     "minimum": "the smallest value until t",
     "integral": "the integral from 0 to t, by the trapezoidal rule",
-    "passage": "1 once a condition such as y1 > 0.5 has been seen, 0 before: its mean is the law of the first time",
+    "passage": "1 once a condition such as y1 > 0.5 has been met, 0 before: its mean is the law of the first time",
+    "first": "of two named conditions, as in {up: y1 > 0.5, down: y1 < -0.5}, 1 once the former has been met before "
+    "the latter, else 0",
     "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
@@ -33,13 +35,16 @@ class PathFunction(NamedTuple):
     """A function of the path up to a time."""
 
     functional: str  #: one of FUNCTIONALS, or "" for the value at that time
-    text: str  #: the function of the state in its least text, or "H", "C1", ..., or the condition of a passage
-    values: Callable[[Array], Array]  #: of states (d, ...)
+    text: str  #: the function of the state in its least text, or "H", "C1", ..., or the conditions of a passage
+    values: Callable[[Array], Array]  #: of states (d, ...); of a passage the first of its conditions
+    #: of a passage the function of states that is above 0 where the condition is met; of `first` those of both
+    conditions: tuple[Callable[[Array], Array], ...] = ()
+    work: tuple[int, int] = (0, 0)  #: operations, and observables such as H, to evaluate it at a state
 
     @property
     def label(self) -> str:
         """Its text in tables and figures."""
-        if self.functional == "passage":
+        if self.conditions:
             return f"share with {self.text} until t"
         return f"{self.functional} of {self.text}" if self.functional else self.text
 
@@ -59,9 +64,6 @@ class PathFunction(NamedTuple):
     def along(self, values: Array, between: float) -> Array:
         """The functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:
-            case "passage":
-                met = np.where(np.isfinite(values), values > 0, np.nan)
-                return np.maximum.accumulate(met, axis=1)
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)
             case "minimum":
@@ -76,7 +78,7 @@ class PathFunction(NamedTuple):
 
 def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
     """Its value at t = 0, but 0 where that is no number or where the range is [0, 1]."""
-    if function.functional in ("passage", "integral"):
+    if function.conditions or function.functional == "integral":
         return 0.0
     with np.errstate(all="ignore"):
         value = float(np.asarray(function.values(np.array(initial)[:, np.newaxis])).ravel()[0])
@@ -101,28 +103,39 @@ def function_of(case: Any, entry: Any) -> PathFunction:
 def path_function(model: Any, names: tuple[str, ...], entry: Any, code: Code | None = None) -> PathFunction:
     """:func:`function_of` for a model with the `names` of its components, and the functions of a Python file."""
     functional, text = ("", entry) if isinstance(entry, str) else next(iter(entry.items()))
-    return _path_function(model, names, functional, text, code)
+    texts = (text,) if isinstance(text, str) else tuple(text.values())
+    return _path_function(model, names, functional, texts, code)
 
 
 @functools.lru_cache(maxsize=256, typed=True)  # as models of two classes may be equal tuples
 def _path_function(
-    model: Any, names: tuple[str, ...], functional: str, text: str, code: Code | None = None
+    model: Any, names: tuple[str, ...], functional: str, texts: tuple[str, ...], code: Code | None = None
 ) -> PathFunction:
-    condition = text
-    if functional == "passage":
-        sides = _CONDITION.fullmatch(text)
-        if sides is None:
-            raise NumberError("not a condition such as y1 > 0.5")
-        greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
-        text = f"{greater.strip()} - ({less.strip()})"
-    tree = parse_expression(text, dimension(model), names, named_in(text, model, names, code))
-    values: Callable[[Array], Array]
+    text = " before ".join(texts)
+    known = dimension(model), names, named_in(text, model, names, code)
+    if functional in ("passage", "first"):
+        trees = [parse_expression(_difference(one), *known) for one in texts]
+        each, work = tuple(map(_values, trees)), np.sum([operations(tree) for tree in trees], axis=0).tolist()
+        return PathFunction(functional, text, each[0], each, tuple(work))
+    tree = parse_expression(text, *known)
+    shown_as = text if has_sum(tree) else in_names(canonical(tree), names)
+    return PathFunction(functional, shown_as, _values(tree), (), operations(tree))
+
+
+def _difference(condition: str) -> str:
+    """The text of what is above 0 where a condition is met."""
+    sides = _CONDITION.fullmatch(condition)
+    if sides is None:
+        raise NumberError("not a condition such as y1 > 0.5")
+    greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
+    return f"{greater.strip()} - ({less.strip()})"
+
+
+def _values(tree: Any) -> Callable[[Array], Array]:
+    """The function of states that a tree stands for."""
     if isinstance(tree, Component):
-        values = partial(_component, tree.k)
-    else:
-        values = tree.values if isinstance(tree, Observable) else as_numpy(tree)
-    written = text if has_sum(tree) else in_names(canonical(tree), names)
-    return PathFunction(functional, condition if functional == "passage" else written, values)
+        return partial(_component, tree.k)
+    return tree.values if isinstance(tree, Observable) else as_numpy(tree)
 
 
 def in_names(text: str, names: Sequence[str]) -> str:
@@ -143,6 +156,15 @@ def evaluated(functions: Sequence[PathFunction], states: Array) -> Array:
         for f, function in enumerate(functions):
             values[f] = function.values(states)
     return values
+
+
+_OPERATION_NS = 4.0  # of arrays, whose operands are fetched from memory
+
+
+def ns_to_evaluate(function: PathFunction, ns_of_step: float) -> float:
+    """Nanoseconds of a function at a state, roughly: an observable takes about as long as a step."""
+    own, named = function.work
+    return _OPERATION_NS * (1 + own) + ns_of_step * named
 
 
 def check_named(case: Any, name: str) -> None:

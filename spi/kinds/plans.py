@@ -122,13 +122,15 @@ class State:
             ],
         }
 
-    def merge(self, plain: dict[str, Any], with_extra: bool = True) -> None:
-        """Add the sums of another state of the same part, in the form of :meth:`plain`.
+    def merge(self, plain: dict[str, Any], with_extra: bool = True) -> bool:
+        """Add the sums of another state of the same part, in the form of :meth:`plain`; whether there were any.
 
         Sums over paths that are not wanted, or that cannot be separated from those of unwanted paths, are left out.
         """
+        any_of_use = False
         if with_extra and "extra" in plain:
             self.extra = _rebuilt(self.extra, plain["extra"])
+            any_of_use = not isinstance(self.extra, Nothing)
         path_sets = self.path_sets
         for other in plain["path_sets"]:
             number = other["number"]
@@ -138,13 +140,44 @@ class State:
                 short = self._adopted(number, {index: _rebuilt(empty, sums) for index, sums in other["short"]})
                 tally = Tally(nodes, short).within(path_sets[number])
                 self.tallies[number] = self.tally(number).merged(tally)
+                any_of_use |= bool(tally.nodes or tally.short)
                 digests = {(index, paths): text for index, paths, text in other["digests"]}
                 self.digests.setdefault(number, {}).update(digests)
+        return any_of_use
+
+    def fits(self, plain: dict[str, Any]) -> bool:
+        """Whether all sums in the form of :meth:`plain` have the shapes of those of this part."""
+        path_sets = self.path_sets
+        return all(
+            _fits(self.plan.empty(other["number"]), sums)
+            for other in plain.get("path_sets", ())
+            if other["number"] < len(path_sets)
+            for *_, sums in (*other["nodes"], *other["short"])
+        )
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
         """The sums over paths of a path set, by any key, without those with which the plan cannot go on."""
         adopted = {key: self.plan.adopted(number, value) for key, value in sums.items()}
         return {key: value for key, value in adopted.items() if value is not None}
+
+
+def _fits(like: Any, plain: dict[str, Any]) -> bool:
+    """Whether the fields of a record are arrays of the shapes of those of `like`, where these are not empty."""
+    fields = like._asdict()
+    if fields.keys() != plain.keys():
+        return False
+    for name, value in fields.items():
+        if hasattr(value, "_asdict"):
+            if not (isinstance(plain[name], dict) and _fits(value, plain[name])):
+                return False
+            continue
+        own, other = np.asarray(value), np.asarray(plain[name])
+        lengths = zip(own.shape, other.shape, strict=False)
+        if own.ndim != other.ndim or any(length not in (0, there) for length, there in lengths):
+            return False
+        if own.dtype.kind in "biuf" and other.dtype.kind not in "biuf":
+            return False
+    return True
 
 
 def _plain(record: Any) -> dict[str, Any]:
@@ -164,6 +197,7 @@ class Cost(NamedTuple):
     path_steps: int  #: steps of all paths and step sizes
     seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
     bytes: int  #: of memory
+    kept: int = 0  #: those of them that are needed until all parts are written
 
 
 class Done(NamedTuple):
@@ -283,6 +317,8 @@ class Plan:
         own: dict[str, Any] = {"compositions": [[name, rows[name]] for name in sorted(used & rows.keys())]}
         if self.case.noise is not None:
             own["parts"] = parts_of(self.case)
+        if self.case.in_parts:  # which the number of paths and other schemes decide, and has random numbers of its own
+            own["in_parts"] = True
         return {
             "plan": type(self).__name__,
             "part": self.part,

@@ -41,7 +41,7 @@ _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables"),
-    *("frozen", "has_friction", "friction_time"),
+    *("frozen", "has_friction", "friction_time", "friction_slope"),
 )
 
 
@@ -164,6 +164,9 @@ class Thermal(NamedTuple):
     def frozen(model, begin, h):
         within = frozen(model.model, begin, h)
         return Thermal(within, model.temperature, within.sigma)
+
+    def friction_slope(model, k, y):
+        return dot(drift_gradient(model.model, y), noise_field(model.model, k, y))
 
     def friction_time(model, k, t, y):
         c = friction_rate(model, k)

@@ -12,7 +12,7 @@ from ..compiler.dispatch import device
 from .elementary import log_normal, sin_versine_small, whole_float
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
-STREAM_VERSION = 6
+STREAM_VERSION = 7
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
@@ -25,11 +25,12 @@ DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brow
 TANGENTS = 2**12 + 2**11  # the first tangent vectors of Lyapunov exponents
 SITES = 2**15 + 2**14  # turns, normal and uniform numbers of the sites of one large lattice, channel = site of a part
 UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
-# streams of increments and of points:
-LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
-ANSWERS = 512  # increments of path set number j of an answer: ANSWERS + 2 j
+# streams of increments and of points, all below what is added to them, each with its coins behind it:
+LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j, j < 64
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
-DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
+DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j, j < 64
+#: Of an answer: increments of path set number j < 68 of scheme number i: ANSWERS[i] + 2 j.
+ANSWERS = (512, 648, 784, 144, 280, 1152, 1288, 1540, 1676, 1812)
 
 #: The largest number of Wiener processes of paths, so that their channels and those of bridges are apart.
 MOST_NOISES = 4096

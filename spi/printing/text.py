@@ -4,6 +4,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
+from decimal import ROUND_CEILING, Decimal
 from fractions import Fraction
 from numbers import Integral, Real
 from typing import IO, TYPE_CHECKING, Any
@@ -114,23 +115,31 @@ _FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 def with_interval(value: float, half: float) -> str:
     """``0.4003 ± 0.0008``: the half width with one digit, or two after a leading 1, the value to the same place.
 
-    Numbers below 1e-3 or from 1e5 on have a power of ten, ``3.42e-7 ± 0.07e-7``.  Of a value with more than seven good
-    digits seven, ``0.06612345 ± 2e-13``.
+    The half width is rounded up, so that no interval is printed narrower than it is.  Numbers below 1e-3 or from 1e5 on
+    have a power of ten, ``3.42e-7 ± 0.07e-7``.  Of a value with more than seven good digits seven, ``0.06612345 ±
+    2e-13``.
     """
     if not math.isfinite(value):
         return str(value)
     if not (math.isfinite(half) and half > 1e-300):  # below, powers of ten are no longer exact or are 0
         return short(value, ".3e") if value else "0"
     scale = math.floor(math.log10(max(abs(value), half)))
-    place = math.floor(math.log10(half))
-    place -= half < 1.95 * 10.0**place
+    place = math.floor(math.log10(float(half)))
+    leading = half < 1.95 * 10.0**place  # with a 1
+    place -= int(leading)
+    up = _rounded_up(half, place)
     if scale - place > 6:
-        return f"{short(value, '.6e')} ± {short(half, '.0e')}"
+        return f"{short(value, '.6e')} ± {short(float(up), '.1e' if leading else '.0e')}"
     if not _FIXED[0] <= 10.0**scale < _FIXED[1]:
         digits = max(scale - place, 0)
-        return f"{value / 10.0**scale:z.{digits}f}e{scale} ± {half / 10.0**scale:.{digits}f}e{scale}"
+        return f"{value / 10.0**scale:z.{digits}f}e{scale} ± {up.scaleb(-scale):.{digits}f}e{scale}"
     digits = max(-place, 0)
-    return f"{round(value, -place):z.{digits}f} ± {round(half, -place):.{digits}f}"
+    return f"{round(value, -place):z.{digits}f} ± {up:.{digits}f}"
+
+
+def _rounded_up(x: float, place: int) -> Decimal:
+    """The smallest multiple of 10^place that is no less than x, but for the rounding of x in its ninth digit."""
+    return Decimal(f"{x:.8e}").quantize(Decimal(1).scaleb(place), ROUND_CEILING)
 
 
 def power_of_two(h: float) -> str:

@@ -170,7 +170,11 @@ class Checkpoint:
         merged = set()
         for name in self.by_name if only is None else only:
             if plain := stored_of(*read, self.keys[name]):
-                self.by_name[name].merge(plain, with_extra)
+                if not self.by_name[name].fits(plain):
+                    self.tell(f"warning: {path}: has sums of other shapes than those of {name}, which begins anew")
+                    continue
+                if not self.by_name[name].merge(plain, with_extra):
+                    continue
                 merged.add(name)
                 self.machines.update(read[0]["machines"])
         return merged

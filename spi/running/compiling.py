@@ -39,9 +39,8 @@ _LOOP = 1.9  # the loop over time, with increments and sums
 _SWEEP, _COMPONENT = 0.35, 0.03  # a sweep, and each of its components
 _SQUARE = 0.01  # of the field of a step, for the square of the number of components
 _NEWTON = 3  # times as much for schemes that solve equations
-_STAGE = 7.0  # of a composition for an array-state model, whose flows are loops over arrays
+_ARRAYS = 5.0  # a step of an array-state model, whose flows are loops over arrays
 _OTHER = 0.4  # a kernel that takes no steps
-_JUDGED = 3  # stages that a scheme with flows that are judged counts for
 _ROW = 4  # components that a sweep with tables counts for, however many rows it has
 
 
@@ -51,7 +50,7 @@ class Size(NamedTuple):
     sweeps: int  #: flows of a composition
     components: int  #: of a sweep
     entries: int = 0  #: of the derivative of a field, thrice where it is solved for
-    stages: int = 0  #: of a composition for an array-state model
+    arrays: bool = False  #: whether it is that of an array-state model, where all compositions are one kernel
 
 
 def seconds_of(kernel: Callable, arguments: tuple) -> float:
@@ -61,15 +60,15 @@ def seconds_of(kernel: Callable, arguments: tuple) -> float:
 
 def steps_seconds(size: Size) -> float:
     """Processor seconds for the kernel of a step of this size."""
-    flows = size.sweeps * (_SWEEP + _COMPONENT * size.components) + _STAGE * size.stages
+    flows = size.sweeps * (_SWEEP + _COMPONENT * size.components) + _ARRAYS * size.arrays
     return _LOOP + flows + _SQUARE * size.entries
 
 
 def size_of(scheme: Any, model: Any) -> Size:
     """The :class:`Size` of a step."""
-    stages = getattr(scheme, "stages", None)
     if large(model):
-        return Size(0, 0, stages=_JUDGED if stages is None else len(stages))
+        return Size(0, 0, arrays=True)
+    stages = getattr(scheme, "stages", None)
     if stages is None and not judges(scheme):
         times = _NEWTON if isinstance(scheme, (Midpoint, IsospectralMidpoint)) else 1
         return Size(0, 0, times * dimension(model) ** 2)

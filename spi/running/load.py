@@ -84,8 +84,14 @@ def load_answer(
     target = source.path.with_name(f"{source.name}.{ANSWER}.yaml")
     if source.kind == ANSWER:
         return load(path, profile, overrides)._replace(name=target.stem)
-    called = None if Path(source.called) == source.path else target.stem
-    return specs.load(target, layers(), profile, overrides, question(source), called=called)
+    named = Path(source.called) != source.path
+    called = target.stem if named else f"{source.called} ({ANSWER})"  # for there is no file of the question
+    return specs.load(target, layers(), profile, overrides, _question(source, overrides), called=called)
+
+
+def _question(source: specs.Experiment, overrides: Iterable[str]) -> str:
+    """The spec of an answer about an experiment, without its functions where there are others in the overrides."""
+    return question(source, functions=not any(text.startswith("functions=") for text in overrides))
 
 
 def load_stored(
@@ -120,7 +126,7 @@ def load_stored(
         if not answer:
             return read(*as_run, stored.text)
         source = read(text=stored.text)
-        text = source.text if source.kind == ANSWER else question(source)
+        text = source.text if source.kind == ANSWER else _question(source, as_run[1])
         return read(*as_run, text)._replace(name=f"{stored.name}.{ANSWER}")
     except UntrustedCode as error:
         raise storage.StorageError(

@@ -58,6 +58,9 @@ class Cost(NamedTuple):
 
 #: The time of a run before and after its study, once everything is compiled.
 STARTING_SECONDS = 2.0
+#: The memory of the program itself.
+STARTING_BYTES = 220e6
+_COPIES = 2  # of what is stored, while it is written
 
 
 def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> Cost:
@@ -66,9 +69,15 @@ def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> C
     return Cost(
         path_steps=math.fsum(part.path_steps for part in costs),
         seconds=STARTING_SECONDS + sum(part.seconds for part in costs) / thread_count(),
-        megabytes=max(part.bytes for part in costs) / 1e6,
+        megabytes=_bytes(costs) / 1e6,
         at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
     )
+
+
+def _bytes(costs: Sequence[Any]) -> float:
+    """The memory of a run: the program, what parts keep, and what one needs besides, or copies when it is written."""
+    kept = sum(part.kept for part in costs)
+    return STARTING_BYTES + kept + max(_COPIES * kept, *(part.bytes - part.kept for part in costs))
 
 
 class Progress(NamedTuple):

@@ -71,7 +71,7 @@ def of_model(entry, model):
     friction among its stages where the model is at a temperature.  Judged noises without friction in what is proposed
     have lower orders, see ``metropolis.py``.
     """
-    if judges(entry.record) and has_arrays(model) and not in_place(in_kernels(model)):
+    if judges(entry.record) and has_arrays(model) and not in_place(model):
         entry = entry._replace(strong_order=0.25, strong_order_commuting=0.25, weak_order=0.5)
     if entry.composition is not None and has_friction(model):
         entry = entry._replace(record=entry.record._replace(stages=with_friction(entry.composition)))

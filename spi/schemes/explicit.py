@@ -44,8 +44,8 @@ class EulerMaruyama(NamedTuple):
         for lane in range(LANES):
             store_lane(y, lane, euler_step(model, h, dW, lane, load_lane(model, y, lane)))
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        euler_step_of_large(model, paths, h, dW, y, work)
+    def advance_large(scheme, model, h, dW, coins, y, work, report):
+        euler_step_of_large(model, h, dW, y, work, report)
 
     def work_size(scheme, model):
         return size_or(0, model)
@@ -78,8 +78,8 @@ class RenormalisedHeun(NamedTuple):
             new = add_scaled(add_scaled(state, 0.5, field), 0.5, second)
             store_lane(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        heun_step_of_large(model, paths, h, dW, y, work)
+    def advance_large(scheme, model, h, dW, coins, y, work, report):
+        heun_step_of_large(model, h, dW, y, work, report)
 
     def work_size(scheme, model):
         return size_or(0, model)

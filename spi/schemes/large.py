@@ -1,15 +1,14 @@
-"""A step of an array-state model: a few paths at a time are copied together, make the whole step, and are copied back.
+"""Steps of array-state models: a few paths at a time are copied together, make the whole step, and are copied back.
 
 Paths go ``vectors.WIDTH`` at a time, or alone where few are left; where the order of flows depends on a coin, only
-paths with the same coin go together.  A model whose flows are loops over all lanes makes them in place.
+paths with the same coin go together.  A model whose flows are loops over all lanes makes them in place.  Compositions
+of flows are in ``program.py``.
 """
-
-import functools
 
 import numpy as np
 
-from ..compiler.dispatch import device, function_of
-from ..compiler.vectors import WIDTH
+from ..compiler.dispatch import device
+from ..compiler.vectors import WIDTH, without_refcount
 from ..ensemble.protocol import (
     add_block_drift,
     add_block_ito_correction,
@@ -17,8 +16,6 @@ from ..ensemble.protocol import (
     block_drift_flow,
     block_energies,
     block_energy_flow,
-    block_friction_flow,
-    block_friction_times,
     block_judged_noises,
     block_noise_flow,
     block_work,
@@ -32,11 +29,10 @@ from ..ensemble.protocol import (
     sphere_size,
     strengths,
 )
-from ..ensemble.scheme_protocol import REPORT
+from ..ensemble.scheme_protocol import REPORT, lanes_in_use
 from ..numerics.elementary import bits, expm1, from_bits
 from ..numerics.rng import LANES
-from .stages import FINEST, Backwards, Symmetric, stages_known
-from .sweeps import report_judged, report_solves
+from .sweeps import report_each_solve, report_judged
 
 _ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
@@ -62,18 +58,25 @@ def size_or(small, model):
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
+@device
+def lanes_to_move(model, report):
+    """(first, end) of the lanes that steps move: those in use, or all where sines are chosen for all lanes at once."""
+    first, end = lanes_in_use(report)
+    return (0, LANES) if in_place(model) else (first, end)
+
+
 @device(inline=False)
-def lanes_by_coin(paths, coins):
-    """The numbers of the first `paths` lanes, those with the coin 1 first, and the number of these."""
-    lanes = np.empty(paths, np.int64)
-    heads = 0
-    for lane in range(paths):
-        if coins[lane] > 0.0:
+def lanes_by_coin(model, report, coins, tossed):
+    """The numbers of the lanes that steps move, those with the coin 1 first, or all the same, and their number."""
+    first, end = lanes_to_move(model, report)
+    lanes, heads = np.empty(end - first, np.int64), 0
+    for lane in range(first, end):
+        if not tossed or coins[lane] > 0.0:
             lanes[heads] = lane
             heads += 1
     tails = heads
-    for lane in range(paths):
-        if not coins[lane] > 0.0:
+    for lane in range(first, end):
+        if tossed and not coins[lane] > 0.0:
             lanes[tails] = lane
             tails += 1
     return lanes, heads
@@ -116,125 +119,10 @@ def take_times(model, dW, lanes, width, first, end, n, share, times):
             times[k * width + j] = strengths(model)[k] * (share * increment)
 
 
-@device(inline=False)
-def drift_stage(model, backwards, symmetric, t, width, states, work):
-    """All flows of the drift for the time t; returns the largest |angle|."""
-    count, largest = pieces(model), 0.0
-    for i in range(2 * count - 1 if symmetric else count):
-        j = i if i < count else 2 * count - 2 - i
-        share = 0.5 * t if symmetric and j < count - 1 else t
-        k = count - 1 - j if backwards else j
-        largest = max(largest, block_drift_flow(model, k, share, width, states, work))
-    return largest
-
-
-@device(inline=False)
-def noise_groups_stage(model, first, end, backwards, times, width, states, work):
-    """Flows of the groups of noises from `first` to before `end`, perhaps backwards; returns the largest |angle|."""
-    largest = 0.0
-    for i in range(end - first):
-        group = end - 1 - i if backwards else first + i
-        largest = max(largest, block_noise_flow(model, group, times, width, states, work))
-    return largest
-
-
-@device(inline=False)
+@device
 def report_large_angle(largest, report):
     if largest > _SMALL:
         report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
-
-
-@device(by_type=True)
-def run_stages_of_large(stages, model, paths, h, dW, coins, y, work, report):
-    """Apply the stages of a composition to the first `paths` states of a block, in place."""
-    return _step(stages_known(stages), in_place(model))
-
-
-@functools.lru_cache
-def _step(types, in_place):
-    """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` returns them."""
-    coin = any(stage.coin for stage in types)
-    copied = coin or not in_place
-    lines = [
-        "def step(stages, model, paths, h, dW, coins, y, work, report):",
-        "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
-        "n = width_of(model)",
-        f"states, times = {'work' if copied else 'y'}[: d * n], work[2 * d * n : (2 * d + m) * n]",
-        "scratch = work[(2 * d + m) * n :]",
-        "lanes, heads = lanes_by_coin(paths, coins)" if coin else "lanes, heads = np.arange(paths), paths",
-        "while done < paths:",
-        "    end = heads if done < heads else paths",
-        "    count, width = group_size(model, end - done)",
-        "    some = lanes[done : done + count]",
-        "    tails = done >= heads",
-        *["    take(y, some, width, states)"] * copied,
-    ]
-    used = 0
-    for i, stage in enumerate(types):
-        backwards = "tails" if stage.coin else str(stage.order is Backwards)
-        if stage.part == "friction":
-            lines += _friction_stage(i, stage.order, in_place)
-        elif stage.part == "drift":
-            arguments = f"{backwards}, {stage.order is Symmetric}, stages[{i}].fraction * h"
-            lines.append(f"    largest = max(largest, drift_stage(model, {arguments}, width, states, scratch))")
-        else:
-            lines += _noise_stage(used, stage, backwards)
-            used += stage.length
-    lines += [*["    put(y, some, width, states)"] * copied, "    done += count", "report_large_angle(largest, report)"]
-    names = {"np": np, "width_of": width_of, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
-    names |= {"block_friction_times": block_friction_times, "block_friction_flow": block_friction_flow}
-    functions = (lanes_by_coin, group_size, take, put, take_times, drift_stage, noise_groups_stage, report_large_angle)
-    names |= {f.__name__: f for f in functions}
-    return function_of(lines, names)
-
-
-def _noise_stage(first, stage, backwards):
-    """Lines for a stage of noise; its own increments begin at sub-step `first` of FINEST."""
-    length = stage.length
-    if stage.order is Symmetric:
-        groups = "noise_groups(model)"
-        last = f"max({groups} - 1, 0)"  # there may be none
-        half = length // 2
-        parts = [
-            (0, half, "0", last, "False"),
-            (0, length, last, groups, "False"),
-            (half, length, "0", last, "True"),
-        ]
-    else:
-        parts = [(0, length, "0", "noise_groups(model)", backwards)]
-    lines = []
-    for begin, stop, low, high, back in parts:
-        span = f"0, 1, 1, {(stop - begin) / FINEST!r}" if stage.shared else _span(first + begin, first + stop)
-        flows = f"noise_groups_stage(model, {low}, {high}, {back}, times, width, states, scratch)"
-        lines += [
-            f"    take_times(model, dW, some, width, {span}, times)",
-            f"    largest = max(largest, {flows})",
-        ]
-    return lines
-
-
-def _friction_stage(i, order, in_place):
-    """Lines for a stage of friction, in halves there and back where it is symmetric."""
-    share = f"{0.5 if order is Symmetric else 1.0} * stages[{i}].fraction * h"
-    lines = []
-    for backwards in (False, True) if order is Symmetric else (order is Backwards,):
-        if in_place:
-            lines.append(f"    block_friction_flow(model, {backwards}, {share}, width, states, scratch)")
-            continue
-        flows = f"noise_groups_stage(model, 0, noise_groups(model), {backwards}, times, width, states, scratch)"
-        lines += [
-            f"    block_friction_times(model, {share}, width, states, times, scratch)",
-            f"    largest = max(largest, {flows})",
-        ]
-    return lines
-
-
-def _span(begin, stop):
-    """The sub-steps from `begin` to before `stop` of FINEST as arguments, of as few sub-steps as possible."""
-    n = FINEST
-    while begin % 2 == 0 and stop % 2 == 0 and n > 1:
-        begin, stop, n = begin // 2, stop // 2, n // 2
-    return f"{begin}, {stop}, {n}, 1.0"
 
 
 @device
@@ -251,12 +139,13 @@ def copy(states, new):
 
 
 @device(inline=False)
-def euler_step_of_large(model, paths, h, dW, y, work):
-    """A step of Euler-Maruyama for the first `paths` states of a block, in place."""
-    done, lanes = 0, np.arange(paths)
+def euler_step_of_large(model, h, dW, y, work, report):
+    """A step of Euler-Maruyama for the states of a block, in place."""
+    (first, end), done = lanes_in_use(report), 0
+    lanes = np.arange(first, end)
     states, new, _, times, scratch = parts_of_work(model, work)
-    while done < paths:
-        count, width = group_size(model, paths - done)
+    while done < len(lanes):
+        count, width = group_size(model, len(lanes) - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
         copy(states, new)
@@ -276,12 +165,13 @@ def add_half_field(model, h, width, at, out, times, work):
 
 
 @device(inline=False)
-def heun_step_of_large(model, paths, h, dW, y, work):
-    """A step of Heun's scheme for the first `paths` states of a block, in place, back on the spheres."""
-    done, lanes = 0, np.arange(paths)
+def heun_step_of_large(model, h, dW, y, work, report):
+    """A step of Heun's scheme for the states of a block, in place, back on the spheres."""
+    (first, end), done = lanes_in_use(report), 0
+    lanes = np.arange(first, end)
     states, new, _, times, scratch = parts_of_work(model, work)
-    while done < paths:
-        count, width = group_size(model, paths - done)
+    while done < len(lanes):
+        count, width = group_size(model, len(lanes) - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
@@ -310,45 +200,91 @@ def renormalise(model, width, states):
 
 
 @device(inline=False)
-def midpoint_step_of_large(model, paths, h, dW, y, work, report, tolerance, most_iterations):
-    """A step of the implicit midpoint rule for the first `paths` states of a block, in place.
+def midpoint_step_of_large(model, h, dW, y, work, report, tolerance, most_iterations):
+    """A step of the implicit midpoint rule for the states of a block, in place.
 
-    x = y + F(x) / 2 by iteration from x = y, until no component changes by more than 2^-48 of the largest one.
+    x = y + F(x) / 2 by iteration from x = y.  Each state stops by itself, when no component of it changes by more than
+    2^-48 of its largest one, so that its bits do not depend on the states beside it.
     """
-    done, lanes = 0, np.arange(paths)
+    (first, end), done = lanes_in_use(report), 0
+    lanes = np.arange(first, end)
     states, x, new, times, scratch = parts_of_work(model, work)
-    while done < paths:
-        count, width = group_size(model, paths - done)
-        some, iterations, residual = lanes[done : done + count], 0, 1.0
+    left, changes = np.empty(LANES), np.empty(LANES)
+    while done < len(lanes):
+        count, width = group_size(model, len(lanes) - done)
+        some, made, iterations, moving = lanes[done : done + count], 0, 0, count
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
         copy(states, x)
-        while not residual <= _ENOUGH and iterations < most_iterations:
+        for j in range(width):
+            left[j] = np.inf
+        while moving > 0 and made < most_iterations:
             copy(states, new)
             add_half_field(model, h, width, x, new, times, scratch)
-            residual = relative_distance(x, new)
-            x, new = new, x
-            iterations += 1
-        failures = 0
-        if not residual <= tolerance:
-            copy(states, new)
-            add_half_field(model, h, width, x, new, times, scratch)
+            distances(x, new, width, changes)
+            replace_moving(x, new, width, changes, left)
+            made, iterations, moving = made + 1, iterations + moving, 0
             for j in range(count):
-                failures += 0 if relative_distance(x, new, j, width) <= tolerance else 1
+                moving += 1 if left[j] > _ENOUGH else 0  # False for NaN
+        residual, failures = largest_of(left[:count]), failures_of(left[:count], tolerance)
+        if failures > 0:  # unless the last iterate solves the equation
+            copy(states, new)
+            add_half_field(model, h, width, x, new, times, scratch)
+            distances(x, new, width, left)
+            failures = failures_of(left[:count], tolerance)
         for i in range(len(states)):
             states[i] = 2.0 * x[i] - states[i]
         put(y, some, width, states)
         done += count
-        report_solves(report, iterations, failures, residual, count)
+        report_each_solve(report, count, iterations, failures, residual)
+
+
+@device
+def component(states, i, width):
+    """Component i of states: a view, so that indices are seen to be no negative ones and loops are vectorised."""
+    return without_refcount(states[i * width : (i + 1) * width])
 
 
 @device(inline=False)
-def relative_distance(a, b, first=0, between=1):
-    """The largest difference of components over the largest component, of one state or of all; NaN if any is."""
-    difference, size = 0, 0
-    for i in range(first, len(a), between):  # integers, because a maximum of floats is not vectorised
-        difference, size = max(difference, bits(abs(a[i] - b[i]))), max(size, bits(abs(b[i])))
-    return from_bits(difference) / (from_bits(size) + 1e-300)
+def distances(a, b, width, changes):
+    """Of each state the largest difference of components over the largest component in b; NaN if any is."""
+    difference, size = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    for i in range(len(a) // width):
+        p, q = component(a, i, width), component(b, i, width)
+        for j in range(width):  # integers, because a maximum of floats is not vectorised
+            difference[j] = max(difference[j], bits(abs(p[j] - q[j])))
+            size[j] = max(size[j], bits(abs(q[j])))
+    for j in range(width):
+        changes[j] = from_bits(difference[j]) / (from_bits(size[j]) + 1e-300)
+
+
+@device(inline=False)
+def replace_moving(x, new, width, changes, left):
+    """Replace the states that still move, those with a change `left` above 2^-48, and their changes."""
+    for i in range(len(x) // width):
+        old, its = component(x, i, width), component(new, i, width)
+        for j in range(width):
+            old[j] = its[j] if left[j] > _ENOUGH else old[j]
+    for j in range(width):
+        left[j] = changes[j] if left[j] > _ENOUGH else left[j]
+
+
+@device
+def largest_of(values):
+    """The largest of some positive numbers, NaN if one is."""
+    largest = 0
+    for j in range(len(values)):
+        largest = max(largest, bits(abs(values[j])))
+    return from_bits(largest)
+
+
+@device
+def failures_of(values, tolerance):
+    """The number of values above a tolerance, or not finite."""
+    failures = 0
+    for j in range(len(values)):
+        failures += 0 if values[j] <= tolerance else 1
+    return failures
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -365,18 +301,19 @@ def judged_work(model):
 
 
 @device(by_type=True)
-def judged_step_of_large(model, paths, h, dW, uniforms, y, work, report):
-    """A step of the first `paths` states of a block, in place."""
+def judged_step_of_large(model, h, dW, uniforms, y, work, report):
+    """A step of the states of a block, in place."""
     return _judged_in_place if in_place(model) else _judged_step
 
 
 @device(inline=False)
-def _judged_in_place(model, paths, h, dW, uniforms, y, work, report):
+def _judged_in_place(model, h, dW, uniforms, y, work, report):
     """Noises judged one by one, then the drift over +h or -h, as each lane has it, by the change of H."""
     n, m, largest, drift = dimension(model) * LANES, noises(model), 0.0, 0
     backwards, before, after, turned = y[n:], work[:LANES], work[LANES : 2 * LANES], work[2 * LANES : 3 * LANES]
     proposed, scratch = work[3 * LANES : 3 * LANES + n], work[3 * LANES + 2 * n :]
-    noise = block_judged_noises(model, h, dW, uniforms, y, scratch)
+    first, end = lanes_in_use(report)
+    noise = block_judged_noises(model, h, dW, uniforms, first, end, y, scratch)
     block_energies(model, y, before, scratch)
     for lane in range(LANES):
         turned[lane] = backwards[lane]
@@ -398,12 +335,12 @@ def _judged_in_place(model, paths, h, dW, uniforms, y, work, report):
                 mine = turned[lane] == side
                 backwards[lane] = 1.0 - side if mine and not yes else backwards[lane]
                 after[lane] = 1.0 if mine and yes else 0.0
-                drift += 1 if mine and yes else 0
+                drift += 1 if mine and yes and first <= lane and lane < end else 0
             for i in range(0, n, LANES):
                 for lane in range(LANES):
                     y[i + lane] = proposed[i + lane] if after[lane] > 0.0 else y[i + lane]
     report_large_angle(largest, report)
-    report_judged(report, LANES * m, noise, LANES, drift)
+    report_judged(report, (end - first) * m, noise, end - first, drift)
 
 
 @device(inline=False)
@@ -423,19 +360,19 @@ def judge_states(model, uniforms, lanes, width, states, energies, proposed, refu
 
 
 @device(inline=False)
-def _judged_step(model, paths, h, dW, uniforms, y, work, report):
-    """A step of the first `paths` states of a block, in place; paths whose drift has one direction go together."""
+def _judged_step(model, h, dW, uniforms, y, work, report):
+    """A step of the states of a block, in place; paths whose drift has one direction go together."""
     d, m, done, largest, noise, drift = dimension(model), noises(model), 0, 0.0, 0, 0
     groups, backwards = noise_groups(model), y[d * LANES :]
     directions, energies, refused = work[:LANES], work[LANES : LANES + WIDTH], work[LANES + WIDTH : LANES + 2 * WIDTH]
     work = work[LANES + 2 * WIDTH :]
     states, proposed = work[: d * WIDTH], work[d * WIDTH : 2 * d * WIDTH]
     times, scratch = work[2 * d * WIDTH : (2 * d + m) * WIDTH], work[(2 * d + m) * WIDTH : large_work(model)]
-    for lane in range(paths):
+    for lane in range(LANES):
         directions[lane] = 1.0 - 2.0 * backwards[lane]
-    lanes, forwards = lanes_by_coin(paths, directions)
-    while done < paths:
-        count, width = group_size(model, (forwards if done < forwards else paths) - done)
+    lanes, forwards = lanes_by_coin(model, report, directions, True)
+    while done < len(lanes):
+        count, width = group_size(model, (forwards if done < forwards else len(lanes)) - done)
         some, t = lanes[done : done + count], h if done < forwards else -h
         take(y, some, width, states)
         take_times(model, dW, some, width, 0, 1, 1, 1.0, times)
@@ -449,11 +386,14 @@ def _judged_step(model, paths, h, dW, uniforms, y, work, report):
                 largest = max(largest, block_noise_flow(model, group, times, width, proposed, scratch))
                 noise += judge_states(model, row, some, width, states, energies, proposed, refused)
             else:
-                largest = max(largest, drift_stage(model, False, True, t, width, proposed, scratch))
+                for i in range(2 * pieces(model) - 1):
+                    k = min(i, 2 * pieces(model) - 2 - i)
+                    share = t if k == pieces(model) - 1 else 0.5 * t
+                    largest = max(largest, block_drift_flow(model, k, share, width, proposed, scratch))
                 drift += judge_states(model, row, some, width, states, energies, proposed, refused)
         for j in range(count):
             backwards[some[j]] = abs(backwards[some[j]] - refused[j])
         put(y, some, width, states)
         done += count
     report_large_angle(largest, report)
-    report_judged(report, paths * groups, noise, paths, drift)
+    report_judged(report, len(lanes) * groups, noise, len(lanes), drift)

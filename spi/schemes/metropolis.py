@@ -30,6 +30,7 @@ from ..ensemble.protocol import (
     pieces,
     strengths,
 )
+from ..ensemble.scheme_protocol import lanes_in_use
 from ..numerics.elementary import expm1
 from ..numerics.rng import LANES
 from .large import judged_step_of_large, judged_work, size_or
@@ -48,19 +49,19 @@ there_and_back.count = pieces
 
 
 @device
-def judged(model, uniforms, y, energies, proposed, refused):
-    """Put the proposed states that are accepted in the place of those in `y`; returns the number of these.
+def judged(model, uniforms, y, energies, proposed, refused, report):
+    """Put the proposed states that are accepted in the place of those in `y`; returns their number in lanes in use.
 
     `refused` has logarithms that are added to -dH/T, and then 1.0 where a state is not accepted, otherwise 0.0.
     """
-    count = 0
+    count, (first, end) = 0, lanes_in_use(report)
     for lane in range(LANES):
         energy = hamiltonian(model, load_lane(model, proposed, lane))
         ratio = (energies[lane] - energy) / model.temperature + refused[lane]
         accepted = uniforms[lane] - 1.0 < expm1(ratio)  # False for NaN
         energies[lane] = energy if accepted else energies[lane]
         refused[lane] = 0.0 if accepted else 1.0
-        count += 1 if accepted else 0
+        count += 1 if accepted and first <= lane and lane < end else 0
     for i in range(dimension(model)):
         for lane in range(LANES):
             at = i * LANES + lane
@@ -69,32 +70,32 @@ def judged(model, uniforms, y, energies, proposed, refused):
 
 
 @device(by_type=True)
-def judge_noises(model, h, dW, uniforms, y, energies, times, proposed):
+def judge_noises(model, h, dW, uniforms, y, energies, times, proposed, report):
     """The flows of all noises with their friction one after the other; returns the number of accepted ones.
 
     From y the time s = f(y) + sigma dW is proposed, f that of friction; from the state there the way back is -s.
     """
     if (alike := noises_alike(model)) is not None:
         return _in_loops(alike)
-    return lambda model, h, dW, uniforms, y, energies, times, proposed: _judge_each(
-        model, 0, h, dW, uniforms, y, energies, times, proposed
+    return lambda model, h, dW, uniforms, y, energies, times, proposed, report: _judge_each(
+        model, 0, h, dW, uniforms, y, energies, times, proposed, report
     )
 
 
 @unrolled(noise_indices)
-def _judge_each(index, model, count, h, dW, uniforms, y, energies, times, proposed):
+def _judge_each(index, model, count, h, dW, uniforms, y, energies, times, proposed, report):
     k = number(index)
     for lane in range(LANES):
         friction = friction_time(model, k, h, load_lane(model, y, lane))
         times[lane], times[LANES + lane] = friction + strengths(model)[k] * dW[k * LANES + lane], friction
     for i in range(dimension(model) * LANES):
         proposed[i] = y[i]
-    sweep(Noise(), index, model, proposed, times)
+    sweep(Noise(), index, model, proposed, times, report)
     for lane in range(LANES):
         back = times[lane] + friction_time(model, k, h, load_lane(model, proposed, lane))
         there, variance = times[lane] - times[LANES + lane], h * strengths(model)[k] * strengths(model)[k]
         times[lane] = (there - back) * (there + back) / (2.0 * variance)
-    return count + judged(model, uniforms[k * LANES :], y, energies, proposed, times)
+    return count + judged(model, uniforms[k * LANES :], y, energies, proposed, times, report)
 
 
 def noises_alike(model):
@@ -120,7 +121,7 @@ def noises_alike(model):
 @functools.lru_cache
 def _in_loops(alike):
     """The function that judges the noises, those that are alike in one loop."""
-    lines, names = ["def in_loops(model, h, dW, uniforms, y, energies, times, proposed):", "count = 0"], {}
+    lines, names = ["def in_loops(model, h, dW, uniforms, y, energies, times, proposed, report):", "count = 0"], {}
     for n, (numbers, (shape, moved, rows), (slopes, others)) in enumerate(alike):
         sizes = {"shape": shape, "size": len(rows[0]), "moved": moved, "slopes": slopes, "others": len(others[0])}
         names |= {f"{name}_{n}": INDICES[value]() for name, value in sizes.items()}
@@ -130,41 +131,41 @@ def _in_loops(alike):
             f"for i in range({len(numbers)}):",
             f"    k, rows, others = numbers_{n}[i], flows_{n}[i : i + 1], frictions_{n}[i : i + 1]",
             f"    count += judge_in_rows({records}, k, rows, others, model, h, dW, uniforms[k * LANES :], y, energies,"
-            " times, proposed)",
+            " times, proposed, report)",
         ]
     return function_of([*lines, "return count"], names | {"judge_in_rows": judge_in_rows, "LANES": LANES})
 
 
 @device(inline=False)
 def judge_in_rows(
-    shape, size, moved, slopes, others_size, k, rows, others, model, h, dW, uniforms, y, energies, times, proposed
+    shape, size, moved, slopes, wide, k, rows, others, model, h, dW, uniforms, y, energies, times, proposed, report
 ):
     """As :func:`_judge_each`, of a noise whose flow and friction are those of shapes in some rows."""
     sigma, rate = strengths(model)[k], friction_rate(model, k)
     friction = times[LANES:]
-    friction_in_rows(slopes, others_size, model, rate, h, y, friction, others)
+    friction_in_rows(slopes, wide, model, rate, h, y, friction, others)
     for lane in range(LANES):
         times[lane] = friction[lane] + sigma * dW[k * LANES + lane]
     for i in range(dimension(model) * LANES):
         proposed[i] = y[i]
-    largest = angle_in_rows(shape, size, model, proposed, times, rows)
+    largest = angle_in_rows(shape, size, model, proposed, times, rows, 0, LANES)
     turn_rows(largest, shape, size, moved, model, proposed, times, rows)
     back = lanes_of(INDICES[1]())
-    friction_in_rows(slopes, others_size, model, rate, h, proposed, back, others)
+    friction_in_rows(slopes, wide, model, rate, h, proposed, back, others)
     for lane in range(LANES):
         behind = times[lane] + back[lane]
         there, variance = times[lane] - friction[lane], h * sigma * sigma
         times[lane] = (there - behind) * (there + behind) / (2.0 * variance)
-    return judged(model, uniforms, y, energies, proposed, times)
+    return judged(model, uniforms, y, energies, proposed, times, report)
 
 
 @unrolled(there_and_back)
-def propose_drift(index, model, proposed, h, times):
+def propose_drift(index, model, proposed, h, times, report):
     """The palindrome of the flows of the pieces, over h in the direction of each lane."""
     share = h if number(index) == pieces(model) - 1 else 0.5 * h
     for lane in range(LANES):
         times[LANES + lane] = share * times[lane]
-    sweep(Drift(), index, model, proposed, times[LANES:])
+    sweep(Drift(), index, model, proposed, times[LANES:], report)
     return proposed
 
 
@@ -185,18 +186,19 @@ class Metropolis(NamedTuple):
         uniforms = coins[LANES:]
         for lane in range(LANES):
             energies[lane] = hamiltonian(model, load_lane(model, y, lane))
-        noise = judge_noises(model, h, dW, uniforms, y, energies, times, proposed)
+        noise = judge_noises(model, h, dW, uniforms, y, energies, times, proposed, report)
         for i in range(dimension(model) * LANES):
             proposed[i] = y[i]
         for lane in range(LANES):
             times[lane] = 1.0 - 2.0 * backwards[lane]
-        propose_drift(model, proposed, h, times)
+        propose_drift(model, proposed, h, times, report)
         for lane in range(LANES):
             times[lane] = 0.0
-        drift = judged(model, uniforms[noises(model) * LANES :], y, energies, proposed, times)
+        drift = judged(model, uniforms[noises(model) * LANES :], y, energies, proposed, times, report)
         for lane in range(LANES):
             backwards[lane] = abs(backwards[lane] - times[lane])
-        report_judged(report, len(channels(model)) * LANES, noise, LANES, drift)
+        first, end = lanes_in_use(report)
+        report_judged(report, len(channels(model)) * (end - first), noise, end - first, drift)
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        judged_step_of_large(model, paths, h, dW, coins[LANES:], y, work, report)
+    def advance_large(scheme, model, h, dW, coins, y, work, report):
+        judged_step_of_large(model, h, dW, coins[LANES:], y, work, report)

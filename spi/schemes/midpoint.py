@@ -41,7 +41,7 @@ from ..ensemble.protocol import (
     structure,
     structure_is_kept,
 )
-from ..ensemble.scheme_protocol import advance, work_size
+from ..ensemble.scheme_protocol import advance, lanes_in_use, work_size
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
 from .large import midpoint_step_of_large, size_or
@@ -131,11 +131,13 @@ def correct(model, x, correction):
 
 
 @device
-def finish(model, h, dW, y, x, tolerance):
+def finish(model, h, dW, y, x, tolerance, report):
     """Replace y by y + F(x); return (lanes with a squared relative residual above `tolerance`, largest residual).
 
-    The largest is taken by its bits, so that the loop is vectorised and a NaN counts as the largest of all.
+    Of the lanes in use alone.  The largest is taken by its bits, so that the loop is vectorised and a NaN counts as the
+    largest of all.
     """
+    first, end = lanes_in_use(report)
     failures = 0
     largest = 0
     for lane in range(LANES):
@@ -143,8 +145,9 @@ def finish(model, h, dW, y, x, tolerance):
         change = step_field(model, h, dW, lane, middle)
         size = dot(middle, middle)
         residual = squared_distance(middle, add_scaled(state, 0.5, change))
-        failures += 0 if residual <= tolerance * size else 1
-        largest = max(largest, bits(abs(residual / (size + 1e-300))))
+        in_use = first <= lane and lane < end
+        failures += 1 if in_use and not residual <= tolerance * size else 0
+        largest = max(largest, bits(abs(residual / (size + 1e-300))) if in_use else 0)
         store_lane(y, lane, add_scaled(state, 1.0, change))
     return failures, np.sqrt(from_bits(largest))
 
@@ -165,9 +168,9 @@ class Midpoint(NamedTuple):
         d = dimension(model)
         return size_or(LANES * (d + d * (d + 1) + 2), model)
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+    def advance_large(scheme, model, h, dW, coins, y, work, report):
         most = 10 * scheme.most_iterations  # which converge more slowly than those of Newton's method
-        midpoint_step_of_large(model, paths, h, dW, y, work, report, scheme.tolerance, most)
+        midpoint_step_of_large(model, h, dW, y, work, report, scheme.tolerance, most)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         d = dimension(model)
@@ -181,7 +184,7 @@ class Midpoint(NamedTuple):
             eliminate(model, matrix)
             unfinished = correct(model, x, matrix[d * d * LANES :])
             iterations += 1
-        failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
+        failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance, report)
         report_solves(report, iterations, failures, residual)
 
 
@@ -241,8 +244,9 @@ def improve(model, h, dW, y, u):
 
 
 @device
-def finish_turn(model, h, dW, y, u, tolerance):
-    """Replace y by y + M(v) u; return (lanes with a squared relative residual above `tolerance`, largest residual)."""
+def finish_turn(model, h, dW, y, u, tolerance, report):
+    """Replace y by y + M(v) u; return the failures and the largest residual as :func:`finish`."""
+    first, end = lanes_in_use(report)
     failures = 0
     largest = 0
     for lane in range(LANES):
@@ -250,8 +254,9 @@ def finish_turn(model, h, dW, y, u, tolerance):
         v = step_gradient(model, h, dW, lane, middle)
         left = residual(model, v, state, middle)
         size, square = dot(middle, middle), dot(left, left)
-        failures += 0 if square <= tolerance * size else 1
-        largest = max(largest, bits(abs(square / (size + 1e-300))))
+        in_use = first <= lane and lane < end
+        failures += 1 if in_use and not square <= tolerance * size else 0
+        largest = max(largest, bits(abs(square / (size + 1e-300))) if in_use else 0)
         store_lane(y, lane, add_scaled(state, 1.0, structure(model, middle, v)))
     return failures, np.sqrt(from_bits(largest))
 
@@ -288,7 +293,7 @@ class IsospectralMidpoint(NamedTuple):
         while unfinished > 0 and iterations < scheme.most_iterations:
             unfinished = improve(model, h, dW, y, work)
             iterations += 1
-        failures, largest = finish_turn(model, h, dW, y, work, scheme.tolerance * scheme.tolerance)
+        failures, largest = finish_turn(model, h, dW, y, work, scheme.tolerance * scheme.tolerance, report)
         report_solves(report, iterations, failures, largest)
 
 
@@ -363,7 +368,7 @@ class InnerMidpoint(NamedTuple):
                 eliminate(model, matrix)
                 unfinished = correct(model, x, matrix[d * d * LANES :])
                 iterations += 1
-        failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
+        failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance, report)
         report_solves(report, iterations, failures, residual)
 
 

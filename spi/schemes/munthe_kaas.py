@@ -28,8 +28,9 @@ from ..ensemble.protocol import (
     strengths,
     structure,
 )
+from ..ensemble.scheme_protocol import lanes_in_use
 from ..numerics.angles import by_size, sinc_versinc
-from ..numerics.elementary import bits, from_bits
+from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
 from .sweeps import report_angle
 
@@ -41,6 +42,7 @@ from .sweeps import report_angle
 # ---------------------------------------------------------------------------------------------------------------------
 
 _INFINITE_BITS = int(bits(np.inf))
+_REPORTED_BITS = int(bits(0.5 * SMALL * SMALL))  # of squares of angles that may have to be reported
 
 _NEGLIGIBLE = 2.0**-140  # for squares of lengths; well below rounding, since some components may be small
 _FEW, _MOST = 5, 6  # times four terms, enough for |M(v)| = 0.7 and 1.3
@@ -74,7 +76,12 @@ def turn(model, work, y, report):
         axis = load_lane(model, work, lane)
         largest = max(largest, bits(abs(dot(axis, axis))))
     turn_up_to(largest, model, work, y)
-    report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
+    if largest > _REPORTED_BITS:
+        largest, (first, end) = 0, lanes_in_use(report)
+        for lane in range(first, end):
+            axis = load_lane(model, work, lane)
+            largest = max(largest, bits(abs(dot(axis, axis))))
+        report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
 
 
 @device

@@ -5,16 +5,29 @@ angles, which are nearly all, need no range reduction.
 """
 
 import functools
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiler.dispatch import INDICES, device, function_of
 from ..compiler.records import field
-from ..ensemble.protocol import bracket_factors, inexact_noises, inexact_pieces, most_joined, noises, strengths
+from ..ensemble.protocol import (
+    bracket_factors,
+    decayed,
+    friction_bend,
+    friction_rate,
+    inexact_noises,
+    inexact_pieces,
+    linear_friction,
+    most_joined,
+    noises,
+    strengths,
+)
+from ..numerics.elementary import exp
 from ..numerics.rng import LANES
-from .large import run_stages_of_large, size_or
 from .midpoint import inner_size, inner_sweep
+from .program import LargeComposition
 from .stages import (
     PARTS,
     LoopTime,
@@ -46,10 +59,10 @@ class Splitting(NamedTuple):
         return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
-        return size_or(stages_work(model), model)
+        return stages_work(model)
 
-    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        run_stages_of_large(scheme.stages, model, paths, h, dW, coins, y, work, report)
+    def of_arrays(scheme):
+        return LargeComposition.of(scheme.stages)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_stages(scheme.stages, model, h, dW, coins, y, work, report)
@@ -124,7 +137,7 @@ def has_antithetic_path(scheme):
 def run_stages(stages, model, h, dW, coins, y, work, report):
     """Apply the stages in order to the states `y` of a block, in place; `work` has :func:`stages_work` floats."""
     inexact = ("drift", inexact_pieces(model)), ("noise", inexact_noises(model))
-    return _step(sweeps(stages, model), inexact, most_joined(model))
+    return _step(sweeps(stages, model), inexact, most_joined(model), linear_friction(model))
 
 
 @device
@@ -143,15 +156,18 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 
 
 @functools.lru_cache
-def _step(sweeps, inexact, most):
+def _step(sweeps, inexact, most, linear=()):
     """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
     `inexact` = ((part, numbers without an exact flow), ...) are replaced by inner steps; `most` is the largest number
-    of noises joined to one piece of the model.  The bits of the largest |angle| stay in a variable: a store in every
-    sweep would cost 5 % of the speed.
+    of noises joined to one piece of the model, `linear` are the noises of linear friction.  The bits of the largest
+    |angle| stay in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
+    scales = dict(_scales(sweeps, linear))
     for n, (stage, part, k, share, coin, time) in enumerate(sweeps):
+        lines += scales.get(n, [])
+        scale = f"scale_{k} * " if n in scales else ""
         drift = _DRIFT_TIME.format(stage=stage, share=share)
         if part == "friction":
             lines.append(f"friction_times(index_{k}, model, {drift}, y, work)")
@@ -169,14 +185,14 @@ def _step(sweeps, inexact, most):
             time = "work"
         elif part == "noise" or coin or k in dict(inexact)[part]:
             friction = "work[lane] + " if n and _are_one_flow(*sweeps[n - 1 : n + 1]) else ""
-            lines += _in_lanes(0, coin, friction + (_noise_time(k, time) if time else drift))
+            lines += _in_lanes(0, coin, friction + (scale + _noise_time(k, time) if time else drift))
             time = "work"
         else:
             time = drift
         if k in dict(inexact).get(part, ()):
             lines.append(f"inner_sweep({part}, index_{k}, model, coins, y, work, report)")
         else:
-            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
+            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}, report))")
     lines.append("report_angle(largest, report)")
     names = {
         "LANES": LANES,
@@ -189,6 +205,10 @@ def _step(sweeps, inexact, most):
         "friction_times": friction_times,
         "Together": Together,
         "bracket_factors": bracket_factors,
+        "friction_rate": friction_rate,
+        "friction_bend": friction_bend,
+        "decayed": decayed,
+        "exp": exp,
     }
     names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
@@ -201,6 +221,37 @@ def _are_one_flow(sweep, after=None):
         return False
     _, part, k, _, coin, time = after
     return (part, k, coin) == ("noise", sweep[2], 0) and not isinstance(time, LoopTime)
+
+
+def _scales(sweeps, linear):
+    """(number of a noise sweep, lines that say scale_k) where noise k and its linear friction are one exact flow.
+
+    Friction and noise without drift in between move along X_k by s' = -c (g' + g'' s) + sigma dW/dt.  Over the share f
+    of the step s has the variance sigma^2 f h (1 - exp(-2 q)) / (2 q), q = c g'' f h.  The noise flows before friction
+    over a share a of the step have lost exp(-c g'' a h) by the end, so that their increments, of the shares w of the
+    step, are multiplied by the root of (f (1 - exp(-2 q)) / (2 q)) / sum w exp(-2 q a/f).
+    """
+    acting = [n for n, (_, part, _, _, _, time) in enumerate(sweeps) if part in ("noise", "friction")]
+    runs = [[n for _, n in run] for _, run in itertools.groupby(enumerate(acting), lambda pair: pair[1] - pair[0])]
+    for run, k in itertools.product(runs, linear):
+        own = [n for n in run if sweeps[n][2] == k]
+        moving = [n for n in own if sweeps[n][1] == "noise"]
+        friction = {n: f"{sweeps[n][3]} * stages[{sweeps[n][0]}].fraction" for n in own if sweeps[n][1] == "friction"}
+        if not (friction and moving) or any(isinstance(sweeps[n][5], LoopTime | ShareOfWhole) for n in moving):
+            continue
+        left = []
+        for n in (n for n in moving if sweeps[n][4] >= 0):
+            first, end, parts = sweeps[n][5]
+            after = " + ".join(text for m, text in friction.items() if m > n) or "0.0"
+            left.append(((end - first) / parts, after))
+        total, share = " + ".join(friction.values()), sum(w for w, _ in left)
+        lost = " + ".join(f"{w!r} * exp(-2.0 * rate * ({after}))" for w, after in left)
+        exact = f"np.sqrt({share!r} * decayed(2.0 * rate * {share!r}) / ({lost}))"
+        lines = [
+            f"rate = h * friction_rate(model, {k}) * friction_bend(model, {k})",
+            f"scale_{k} = {exact} if abs({total} - {share!r}) < 1e-12 else 1.0",
+        ]
+        yield from ((n, lines if n == moving[0] else []) for n in moving)
 
 
 def _in_lanes(place, coin, time):

@@ -57,6 +57,7 @@ from ..ensemble.protocol import (
     piece_gradient,
     piece_hessian,
     piece_indices,
+    pieces,
     structure,
     structure_derivative,
 )
@@ -297,10 +298,25 @@ def flows_in_order(stages, indices, coin=1):
     return tuple(ordered)
 
 
+def flow_counts(stages, model):
+    """[(part, flows), ...] of the stages of a step on an array-state model, as :func:`sweeps` would list them.
+
+    Counted and not listed, since a lattice has millions of noises.
+    """
+    many = {"drift": pieces(model), "noise": noises(model), "friction": noises(model) if has_friction(model) else 0}
+    counts = []
+    for stage in stages_known(stages):
+        count = many.get(stage.part, 0)
+        for twice in (stage.order is Symmetric, stage.coin):
+            count = max(0, 2 * count - 1) if twice else count
+        counts.append((stage.part, count))
+    return counts
+
+
 def noises_moving(part, k, model):
     """The noises whose flow, or joint flow, number k of a part is; None in the place of one that is off."""
-    on = noise_indices(model)
     if part == "joint":
+        on = noise_indices(model)
         return tuple(j if j in on else None for j in joined_noises(model, k))
     return (k,) if part == "noise" else ()
 

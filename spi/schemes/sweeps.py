@@ -10,12 +10,16 @@ from ..compiler.records import class_of, field, is_array, is_none
 from ..compiler.vectors import WIDTH, load, store
 from ..ensemble.lanes import aligned, load_lane, store_lane
 from ..ensemble.protocol import (
+    decayed,
     drift_tables,
     friction_after,
+    friction_bend,
     friction_rate,
+    friction_slope,
     friction_tables,
     friction_time,
     is_inlined,
+    linear_friction,
     noise_tables,
     phases,
     row_length,
@@ -23,7 +27,7 @@ from ..ensemble.protocol import (
     shape_flow,
     shape_slopes,
 )
-from ..ensemble.scheme_protocol import REPORT
+from ..ensemble.scheme_protocol import REPORT, lanes_in_use
 from ..numerics.angles import by_size, sin_versine
 from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
@@ -54,10 +58,17 @@ def report_angle(largest, report):
 
 
 @device
-def report_solves(report, iterations, failures, residual, paths=LANES):
-    """Report that the equations of so many paths were solved, with so many iterations each."""
-    report[0] += paths
-    report[1] += paths * iterations
+def report_solves(report, iterations, failures, residual):
+    """Report that the equations of the lanes in use were solved, with so many iterations in each."""
+    first, end = lanes_in_use(report)
+    report_each_solve(report, end - first, (end - first) * iterations, failures, residual)
+
+
+@device
+def report_each_solve(report, solves, iterations, failures, residual):
+    """Report that so many equations were solved, with so many iterations in all."""
+    report[0] += solves
+    report[1] += iterations
     report[2] += failures
     report[_LARGEST_RESIDUAL] = np.maximum(report[_LARGEST_RESIDUAL], residual)  # keeps NaN
 
@@ -71,28 +82,46 @@ def report_judged(report, noises, noise, drifts, drift):
     report[_JUDGED + 3] += drift
 
 
+@device
+def is_idle_above(largest, report):
+    """Whether an angle with these bits is one to report, and perhaps of a lane that is not in use."""
+    first, end = lanes_in_use(report)
+    return largest > _SMALL_BITS and end - first < LANES
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # One flow on all lanes of a block, by sines for the largest of their angles.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 @device(by_type=True)
-def sweep(part, index, model, y, t):
+def sweep(part, index, model, y, t, report):
     """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
-    Returns the bits of the largest |angle| in it.
+    Returns the bits of the largest |angle| in it, of the lanes in use if that is one to report.
     """
     if table := table_of(part, index, model):
         return table_sweep(table)
     return _sweep if is_inlined(model) else _sweep_on_its_own
 
 
-def _sweep(part, index, model, y, t):
+def _sweep(part, index, model, y, t, report):
     k = number(index)
     largest = 0
     for lane in range(LANES):
         largest = max(largest, bits(angle(part, model, k, time_of(part, t, lane), load_lane(model, y, lane))))
+    in_use = angle_in_use(part, index, model, y, t, report) if is_idle_above(largest, report) else largest
     sweep_up_to(largest, part, index, model, y, t)
+    return in_use
+
+
+@device(inline=False)
+def angle_in_use(part, index, model, y, t, report):
+    """The bits of the largest |angle| of the lanes in use: of few steps, so that the others need no mask."""
+    largest, (first, end) = 0, lanes_in_use(report)
+    for lane in range(first, end):
+        state = load_lane(model, y, lane)
+        largest = max(largest, bits(angle(part, model, number(index), time_of(part, t, lane), state)))
     return largest
 
 
@@ -115,14 +144,31 @@ def sweep_within(angles, part, index, model, y, t):
 @device(by_type=True)
 def friction_times(index, model, t, y, times):
     """The time that the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    k = number(class_of(index)())
     if tables := friction_tables(model):
-        return table_friction(*tables[number(class_of(index)())])
+        return table_friction(*tables[k], k in linear_friction(model))
+    if k in linear_friction(model):
+        return _linear_friction_times
     return _friction_times if is_inlined(model) else _friction_on_its_own
 
 
 def _friction_times(index, model, t, y, times):
     for lane in range(LANES):
         times[lane] = friction_time(model, number(index), t, load_lane(model, y, lane))
+
+
+@device
+def _linear_friction_times(index, model, t, y, times):
+    share = linear_share(index, model, t)
+    for lane in range(LANES):
+        times[lane] = -share * friction_slope(model, number(index), load_lane(model, y, lane))
+
+
+@device
+def linear_share(index, model, t):
+    """-s(t) / (X_k H)(y) of linear friction, c_k t (1 - exp(-q)) / q with q = c_k t X_k X_k H."""
+    ct = friction_rate(model, number(index)) * t
+    return ct * decayed(ct * friction_bend(model, number(index)))
 
 
 _friction_on_its_own = device(inline=False)(_friction_times)
@@ -213,24 +259,32 @@ def places(rows):
 @functools.lru_cache
 def table_sweep(table):
     """The function that takes the place of ``sweep`` for the flow with this table."""
-    lines, names = ["def in_rows(part, index, model, y, t):", "largest = 0"], {}
-    turning = []
+    lines, names = ["def in_rows(part, index, model, y, t, report):", "largest = 0"], {}
+    turning, in_use = [], []
     for n, (shape, count, rows) in enumerate(table):
         sizes = {f"shape_{n}": shape, f"size_{n}": len(rows[0]), f"count_{n}": count}
         names |= {name: INDICES[value]() for name, value in sizes.items()} | {f"rows_{n}": places(rows)}
-        lines.append(f"largest = max(largest, angle_in_rows(shape_{n}, size_{n}, model, y, t, rows_{n}))")
+        angle = f"angle_in_rows(shape_{n}, size_{n}, model, y, t, rows_{n}, {{}}))"
+        lines.append("largest = max(largest, " + angle.format("0, LANES"))
+        in_use.append("    found = max(found, " + angle.format("first, end"))
         turning.append(f"turn_rows(largest, shape_{n}, size_{n}, count_{n}, model, y, t, rows_{n})")
-    names |= {"angle_in_rows": angle_in_rows, "turn_rows": turn_rows}
-    return function_of([*lines, *turning, "return largest"], names)
+    names |= {"angle_in_rows": angle_in_rows, "turn_rows": turn_rows, "LANES": LANES}
+    names |= {"is_idle_above": is_idle_above, "lanes_in_use": lanes_in_use}
+    idle = [
+        "found = largest",
+        "if is_idle_above(largest, report):",
+        "    found, (first, end) = 0, lanes_in_use(report)",
+    ]
+    return function_of([*lines, *idle, *in_use, *turning, "return found"], names)
 
 
 @device(inline=False)
-def angle_in_rows(shape, size, model, y, t, rows):
-    """The bits of the largest |angle| of a shape in some rows."""
+def angle_in_rows(shape, size, model, y, t, rows, first, end):
+    """The bits of the largest |angle| of a shape in some rows, in the lanes from `first` to before `end`."""
     largest = 0
     for row in range(rows.shape[0]):
         at = places_in(size, rows, row)
-        for lane in range(LANES):
+        for lane in range(first, end):
             state = load_at(model, at, y, lane)
             largest = max(largest, bits(shape_angle(model, number(shape), of_lane(t, lane), state)))
     return largest
@@ -254,11 +308,14 @@ turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 
 @functools.lru_cache
-def table_friction(shape, row):
+def table_friction(shape, row, is_linear=False):
     """The function that takes the place of ``friction_times`` for the noise with this shape and row."""
     names = {"shape": INDICES[shape](), "size": INDICES[len(row)](), "rows": places([row])}
     names |= {"friction_in_rows": friction_in_rows, "friction_rate": friction_rate, "number": number}
     call = "friction_in_rows(shape, size, model, friction_rate(model, number(index)), t, y, times, rows)"
+    if is_linear:
+        names |= {"linear_friction_in_rows": linear_friction_in_rows, "linear_share": linear_share}
+        call = "linear_friction_in_rows(shape, size, model, linear_share(index, model, t), y, times, rows)"
     return function_of(["def friction(index, model, t, y, times):", call], names)
 
 
@@ -269,6 +326,16 @@ def friction_in_rows(shape, size, model, rate, t, y, times, rows):
     for lane in range(LANES):
         slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
         durations[lane] = friction_after(rate, t, slope, bend)
+    copy_lanes(durations, 0, times, 0)
+
+
+@device(inline=False)
+def linear_friction_in_rows(shape, size, model, share, y, times, rows):
+    """The same of a noise of which the friction is linear, given :func:`linear_share`."""
+    durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
+    for lane in range(LANES):
+        slope, _ = shape_slopes(model, number(shape), load_at(model, at, y, lane))
+        durations[lane] = -share * slope
     copy_lanes(durations, 0, times, 0)
 
 

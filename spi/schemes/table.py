@@ -12,16 +12,16 @@ from ..ensemble.protocol import (
     dimension,
     flow_ns,
     has_bath,
-    in_kernels,
     in_place,
     inexact_noises,
     inexact_pieces,
     large,
     noise_indices,
+    noises,
     sphere_size,
     squared_length_is_casimir,
 )
-from ..ensemble.scheme_protocol import advance_large, needs_areas, substeps
+from ..ensemble.scheme_protocol import advance_large, needs_areas, of_arrays, substeps
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .explicit import EulerMaruyama, RenormalisedEulerMaruyama, RenormalisedHeun, RoesslerRS2
 from .metropolis import Metropolis
@@ -37,7 +37,7 @@ from .splitting import (
     ORDER_2,
     SYMMETRIC,
 )
-from .stages import has_joint, has_loops, has_shared, sweeps
+from .stages import flow_counts, has_joint, has_loops, has_shared, sweeps
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The cost of a step before anything is measured: for estimates of run time, and for budgets in seconds.
@@ -58,11 +58,12 @@ def _flows(stages, model):
 
     The noises of a model whose flows move a lattice in place are together one flow, and so is their friction.
     """
+    if large(model):
+        together = 1 / max(1, noises(model)) if in_place(model) else 1
+        return sum(count * (1 if part == "drift" else together) for part, count in flow_counts(stages, model))
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
-    together = 1 / max(1, len(noise_indices(model))) if in_place(in_kernels(model)) else 1
-    weights = {"noise": together, "friction": together}
     return sum(
-        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else weights.get(part, 1)
+        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
         for _, part, k, *_ in sweeps(stages, model)
     )
 
@@ -75,7 +76,7 @@ def typical_ns(entry, model):
     flows = entry.work if entry.composition is None else _flows(entry.composition, model)
     if entry.solves:
         flows *= _LARGE_SOLVE if large(model) else dimension(model) / 3
-    draws = len(noise_indices(model)) * substeps(entry.record)
+    draws = (noises(model) if large(model) else len(noise_indices(model))) * substeps(entry.record)
     if needs_areas(entry.record) and area_pairs(model):
         draws *= 1 + 2 * _TYPICAL_TERMS
     return entry.overhead * (_DRAW_NS * draws + flows * (flow_ns(model) or _COMPONENT_NS * dimension(model)))
@@ -121,7 +122,9 @@ class Scheme(NamedTuple):
     def for_large_models(self):
         """Whether it can be used with models whose states are arrays."""
         stages = self.composition or ()
-        return answers(advance_large, self.record) and not (has_loops(stages) or has_joint(stages))
+        if has_loops(stages) or has_joint(stages):
+            return False
+        return answers(advance_large, of_arrays(self.record))
 
 
 SCHEMES: dict[str, Scheme] = {}

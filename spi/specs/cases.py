@@ -34,6 +34,7 @@ from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
+from ..models.spins import Spins
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
@@ -70,7 +71,7 @@ from .keys import (
     wrong,
 )
 from .models import Model, check_words, name_of
-from .names import CodeKeys, check_values, named_in, numbers_of, taken
+from .names import CodeKeys, Taken, check_values, named_in, numbers_of
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -139,7 +140,7 @@ class FunctionKeys(CodeKeys):
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
     """The entries of a key of formulas by name, names of others being their formulas."""
     try:
-        return written_out(entries, taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
+        return written_out(entries, Taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
     except NumberError as error:
         raise wrong(f"cannot be written out: {error}", "leave one of these names out", key) from None
 
@@ -312,8 +313,8 @@ class BaseCase(Keys):
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
                 f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory "
-                "and equilibrium with samples: 1, by splittings without coins, and periodic lengths that divide into "
-                "64 equal parts"
+                "and equilibrium with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
+                "and periodic lengths that divide into 64 equal parts"
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
@@ -473,10 +474,15 @@ def _thermal(case: Any) -> Any:
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
-    if with_bath is None or not noise_indices(with_bath):
+    if with_bath is None or not (noises(with_bath) if large(with_bath) else noise_indices(with_bath)):
         fault = "is given to a model without noise, which nothing would bring to it"
-        key = "alpha" if answers(at_temperature, model) else "sigma"
-        raise wrong(fault, f"leave it out, or give {key} a number above 0", "temperature")
+        right = f"leave it out, or give {'alpha' if answers(at_temperature, model) else 'sigma'} a number above 0"
+        if isinstance(undamped(model), Spins) and undamped(model).variables:
+            fault, right = "is given beside lattice, whose flows have no friction", "leave out one of them"
+        elif noises(model) and with_bath is None:
+            fault = "is given beside a noise that does not belong to it"
+            right = "leave out one of them; at a temperature noise belongs to alpha, a number above 0"
+        raise wrong(fault, right, "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")

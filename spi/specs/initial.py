@@ -22,8 +22,9 @@ import numpy as np
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
+from ..ensemble.long_states import LONG, LongState, state_of
 from ..ensemble.protocol import NonNegative, Positive, dimension, large, populations
-from ..ensemble.random_states import Gaussian, Gibbs, Listed, RandomState, Spheres, Uniform
+from ..ensemble.random_states import Gaussian, Gibbs, Listed, LongRandomState, RandomState, Spheres, Uniform
 from ..exact.surfaces import least_on, quadratic, spheres
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError, parse
@@ -78,7 +79,7 @@ class OfGibbs(Keys):
         Annotated[int, Ge(1), Le(10**7)], "of the model spins: sweeps over the lattice by which a state is drawn"
     ) = ABSENT
 
-    def state(self, model: Any, files: Files) -> RandomState:
+    def state(self, model: Any, files: Files) -> Any:
         """A typical state, and the law."""
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
@@ -87,9 +88,11 @@ class OfGibbs(Keys):
             raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
         if isinstance(model, Spins):
             sampled = Sampled(model, self.temperature, self.sweeps or _SWEEPS)
-            start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))
+            start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))[:, 0]
             given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
-            return RandomState(tuple(start[:, 0].tolist()), sampled, given)
+            if len(start) > LONG:
+                return LongRandomState(start, sampled, given)
+            return RandomState(tuple(start.tolist()), sampled, given)
         if self.through is None:
             raise wrong("missing key 'through'", "add through: a state on the Casimir surface", "through")
         surface = _surface(model, self.through, "through")
@@ -355,11 +358,11 @@ class Stored(Keys):
     )
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity on the grid") = False
 
-    def state(self, files: Any, n: int | None) -> tuple[float, ...]:
+    def state(self, files: Any, n: int | None) -> Any:
         """The numbers of the state, on the lattice modulo `n` if there is one."""
         values = array_in(files, self.file)
         if values.ndim == 1:
-            return tuple(values.tolist())
+            return state_of(values)
         shape = f"{values.shape[0]} x {values.shape[1]}"
         if n is None:
             raise wrong(f"has {shape} numbers", "must have one dimension, a number per component", "file")
@@ -474,23 +477,24 @@ class SpinStates(Keys):
     )
     seed: key_of(Seed, "of random directions") = 1
 
-    def state(self, model: Any) -> tuple[float, ...]:
+    def state(self, model: Any) -> Any:
         """The state of a lattice of spins."""
         if model is None:  # it is wrong, which is reported
             return ()
         if not isinstance(undamped(model), Spins):
             raise wrong("has spins, which is for the model spins", "give a list, a number per component", "spins")
-        sites, of_cell = undamped(model).sites.sites, undamped(model).sites.of_cell
+        sites, per_cell = dimension(model) // 3, len(undamped(model).cell.sites)
         if self.spins == "random":
             directions = np.random.default_rng(self.seed).standard_normal((sites, 3))
         else:
             if any(len(direction) != 3 or not any(direction) for direction in self.spins):
                 raise wrong("has a direction that is none", "give three numbers, not all 0, such as [0, 0, 1]", "spins")
             given = np.array(self.spins, float)
-            if len(given) not in (1, of_cell.max() + 1):
-                raise wrong(f"has {entries_in(len(given))}", f"must have 1 or {of_cell.max() + 1}", "spins")
-            directions = given[of_cell] if len(given) > 1 else np.tile(given, (sites, 1))
-        return tuple((directions / np.linalg.norm(directions, axis=1, keepdims=True)).ravel().tolist())
+            if len(given) not in (1, per_cell):
+                raise wrong(f"has {entries_in(len(given))}", f"must have 1 or {per_cell}", "spins")
+            directions = np.tile(given, (sites // len(given), 1))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return state_of(directions)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -501,7 +505,8 @@ class SpinStates(Keys):
 def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
     """The state that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
-        return numbers(_with_ranges(value, info))
+        given = numbers(_with_ranges(value, info))
+        return state_of(given) if len(given) > LONG else given
     if "law" in value:
         return random_state(value, info.data.get("model"), cast(Files, info.context))
     model = info.data.get("model")
@@ -532,8 +537,10 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """All that decides results: the numbers, or the keys of a law."""
-    return value.parameters if isinstance(value, RandomState) else value
+    """All that decides results: the numbers, of very many their digest, or the keys of a law."""
+    if isinstance(value, RandomState):
+        return value.parameters
+    return {"numbers": len(value), "digest": value.digest} if isinstance(value, LongState) else value
 
 
 #: The annotation of ``initial``.

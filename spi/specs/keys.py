@@ -8,9 +8,9 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial, reduce, wraps
-from operator import or_
+from operator import getitem, or_
 from types import MappingProxyType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
@@ -90,21 +90,31 @@ class Keys(pydantic.BaseModel):
     """A mapping of a spec file."""
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+    #: Keys that people write here, and that stand in the mapping that this one is a part of.
+    outside: ClassVar[Collection[str]] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _check_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
-            check_keys(data, data if cls.model_config["extra"] == "allow" else cls.model_fields, needed_keys(cls))
+            allowed = data if cls.model_config["extra"] == "allow" else cls.model_fields
+            check_keys(data, allowed, needed_keys(cls), cls.outside)
         return data
 
 
 def check_keys(
-    data: Mapping[str, Any], allowed: Collection[str], needed: Mapping[str, Any] = MappingProxyType({})
+    data: Mapping[str, Any],
+    allowed: Collection[str],
+    needed: Mapping[str, Any] = MappingProxyType({}),
+    outside: Collection[str] = (),
 ) -> None:
-    """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one it lacks."""
+    """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one it lacks.
+
+    The keys `outside` are those of what the mapping is a part of.
+    """
     if unknown := next((key for key in data if key not in allowed), None):
-        raise wrong("is not a known key", suggestion(unknown, allowed), unknown)
+        right = "it stands outside of model" if unknown in outside else suggestion(unknown, allowed)
+        raise wrong("is not a known key", right, unknown)
     if missing := next((key for key in needed if key not in data), None):
         raise wrong(f"missing key '{missing}'", f"add {missing}: {needed[missing].description}", missing)
 
@@ -318,6 +328,13 @@ def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, 
     mistakes: dict[Location, str] = {}
     for error in errors:
         loc, message = explained(error, errors, data)
+        if error["type"] == "literal_error" and str(error["loc"][-1]).startswith("literal["):  # or something else
+            union = error["loc"][:-1]
+            others = [each for each in errors if each is not error and each["loc"][: len(union)] == union]
+            if others and isinstance(reduce(getitem, loc, data), dict):
+                continue  # a word may stand there or a mapping, and a mapping stands there
+            if "known: " in message and any(each["type"] == "model_type" for each in others):
+                message += ", or a mapping"
         # one mistake may be seen as each of the things that may stand there
         if not any(loc[: len(other)] == other or other[: len(loc)] == loc for other in mistakes):
             mistakes[loc] = message

@@ -25,6 +25,7 @@ from ..checks.model_checks import check_once
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import fault, large, state_fault
+from ..expressions.ranges import meaning_of, taken_name
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from ..models.spins import Anisotropy, Spins, Terms, Transport
@@ -54,9 +55,13 @@ _OTHERS = {
 KEYS = {**systems.KEYS, **_OTHERS}
 
 
+#: Keys of a case that people write among those of the model.
+OUTSIDE = ("temperature", "damping", "initial", "seed", "eps", "schemes", "functions", "samples", "final_time")
+
+
 def read_system(data: Mapping[str, Any], files: Files) -> Any:
     """The record of the model that is generated of a system; raises the error about a key of `data`."""
-    check_keys(data, KEYS)
+    check_keys(data, KEYS, outside=OUTSIDE)
     document = _document(data["system"], files) if "system" in data else None
     whole = overridden(document.data, data) if document else data
     name = _name(whole)
@@ -128,7 +133,8 @@ def _document(path: Any, files: Files) -> Document:
         raise wrong(f"is {shown(path)}, which is not a mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
     if unknown := next((key for key in document.data if key not in KEYS or key == "system"), None):
         fault = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
-        raise wrong(fault, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
+        right = suggestion(unknown, [key for key in KEYS if key != "system"])
+        raise wrong(fault, "it stands outside of model" if unknown in OUTSIDE else right, "system")
     return document
 
 
@@ -158,13 +164,19 @@ def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+class ModelKeys(Keys):
+    """The keys of a model."""
+
+    outside = OUTSIDE
+
+
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
     """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
         name = cls.__qualname__ + ("" if complete else "Part")
-        return create_model(name, __base__=Keys, __doc__=cls.__doc__, **fields)
+        return create_model(name, __base__=ModelKeys, __doc__=cls.__doc__, **fields)
 
 
 def _record(cls: Any, parameters: Keys) -> Any:
@@ -183,6 +195,8 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 def _by_name(data: Any, files: Files) -> Any:
     parameters = _BUILT_IN.validate_python(data)
+    if named := taken_name(getattr(parameters, "variables", ())):
+        raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
     return _record(MODELS[parameters.name], parameters)
 
 
@@ -195,6 +209,9 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
         fault = f"is {shown(data['name'])}, whose field {taken} has the name of a key"
+        raise wrong(fault, f"rename it; {remedy}", "name")
+    if named := next((key for key in cls._fields if meaning_of(key)), None):
+        fault = f"is {shown(data['name'])}, whose field {named} is {meaning_of(named)} in formulas"
         raise wrong(fault, f"rename it; {remedy}", "name")
     return _record(cls, keys.model_validate(data))
 

@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import math
 import re
+from collections import ChainMap
 from collections.abc import Callable, Iterable
 from types import FunctionType
 from typing import Annotated, Any, NamedTuple
@@ -22,6 +23,7 @@ from ..ensemble.observer import energies, invariants_of
 from ..ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
 from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import meaning_of
 from ..models.delegation import undamped
 from ..numerics.rng import LANES
 from ..systems import observables_of, words
@@ -29,6 +31,7 @@ from .keys import Keys, key_of, shown, wrong
 
 Array = np.ndarray
 _INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
+_COMPONENT = re.compile(r"y([1-9]\d*)")
 _WORD = re.compile(r"\b[A-Za-z]\w*")
 
 
@@ -53,6 +56,8 @@ def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
     if not found:
         raise wrong(f"is {path!r}, which has no function", "define functions such as def angle(y): ...", "python")
     for name, f in found:
+        if meaning := meaning_of(name):
+            raise wrong(f"is {path!r}, where {name} is {meaning} in formulas", "call the function otherwise", "python")
         if len(inspect.signature(f).parameters) != 1:
             right = "functions for formulas take the states alone; names of others begin with _"
             raise wrong(f"is {path!r}, where {name} does not take one argument", right, "python")
@@ -80,7 +85,8 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
     own, variables = undamped(model), set(variables)
     found = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in variables}
     named = observables(own) if answers(observables, own) else observables_of(own) if "energy_current" in text else {}
-    named = named | {name: _checked(name, f) for name, f in (code.functions if code else ()) if name not in variables}
+    own_code = {name: _checked(name, f) for name, f in (code.functions if code else ()) if name not in variables}
+    named = ChainMap(own_code, named)
     values = {word: named[word] for word in _WORD.findall(text) if word in named}
     values |= {name: _invariant(model, match[1]) for name, match in found.items() if name not in named}
     return {**words(own), **{name: Observable(name, f) for name, f in values.items()}}
@@ -97,20 +103,22 @@ def check_values(case: Any, values: Callable[[Array], Array]) -> None:
         values(np.repeat(np.array(case.initial, float)[:, np.newaxis], 2, axis=1))
 
 
-def taken(case: Any) -> set[str]:
+class Taken:
     """The words that have a meaning in formulas of a case, so that they do not stand for others of its functions."""
-    own = undamped(case.model)
-    invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
-    named = observables(own) if answers(observables, own) else ()
-    code = (name for name, _ in case.python.functions) if case.python else ()
-    return {
-        *case.variables,
-        *words(own),
-        *(f"y{k + 1}" for k in range(dimension(case.model))),
-        *invariants,
-        *named,
-        *code,
-    }
+
+    def __init__(self, case: Any) -> None:
+        own = undamped(case.model)
+        invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
+        code = (name for name, _ in case.python.functions) if case.python else ()
+        self.words = {*case.variables, *words(own), *invariants, *code}
+        self.named = observables(own) if answers(observables, own) else {}
+        self.components = dimension(case.model)
+
+    def __contains__(self, word: Any) -> bool:
+        if word in self.words or word in self.named:
+            return True
+        match = _COMPONENT.fullmatch(word)
+        return match is not None and int(match[1]) <= self.components
 
 
 @functools.lru_cache(maxsize=64)

@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..numerics.groups import GROUPS, ROUND
+from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
-from ..storage.records import Order
+from ..storage.records import Order, student
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
@@ -127,24 +129,11 @@ class Extrapolation(NamedTuple):
 
 Array = np.ndarray
 
-#: Number of jackknife groups.
-GROUPS = 64
-ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many paths
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
 _EXACT = 0.01  # errors are no powers of h to better than this, so that a more exact one has no more weight in a fit
 _SMALL = 1e-5  # relative, of what selection adds to a value
 _ITERATIONS = 20  # each moves a point at RESOLVED by about 0.7 of what the one before did, others by less
-
-
-def group_counts(samples: int) -> Array:
-    """The numbers of paths among 0, ..., samples - 1 that are in each group, shape (GROUPS,)."""
-    rounds, rest = divmod(samples, GROUPS * PARTS)
-    blocks, lanes = divmod(rest, LANES)
-    counts = np.full((GROUPS // PARTS, PARTS), rounds * (LANES // PARTS))
-    counts[:blocks] += LANES // PARTS
-    counts[blocks] += lanes // PARTS + (np.arange(PARTS) < lanes % PARTS)
-    return counts.ravel()
 
 
 def root_mean_square(sums: Array, counts: Array) -> tuple[Array, Array]:
@@ -170,27 +159,36 @@ def stderr_of_mean(values: Array) -> Array:
         return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)
 
 
-def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Array:
-    """Standard error of `value` (...) from its leave-one-out values (groups, ...), for groups of unequal size.
+class Jackknife(NamedTuple):
+    """What leave-one-out values tell of a value, of shape (...)."""
 
-    With weights w_g = n / n_g: sqrt(1/G sum_g (p_g - mean)^2 / (w_g - 1)) of the pseudo-values
-    p_g = w_g value - (w_g - 1) without_g (Busing, Meijer and van der Leeden, Statistics and Computing 9, 1999).
-    NaN for fewer than two groups; inf or NaN where a value is not finite.
+    value: Array  #: without its bias of the order of 1 over the number of groups, as of the square of a mean
+    stderr: Array
+    third: Array  #: its third cumulant, by which its law is skewed
+
+
+def jackknife(value: Array | float, without: Array, counts: Array) -> Jackknife:
+    """The value, standard error and skewness from leave-one-out values (groups, ...), for groups of unequal size.
+
+    With weights w_g = n / n_g: the mean over paths, and sqrt(1/G sum_g (p_g - mean)^2 / (w_g - 1)), of the
+    pseudo-values p_g = w_g value - (w_g - 1) without_g (Busing, Meijer and van der Leeden, Statistics and Computing 9,
+    1999); and sum_g (p_g - mean)^3 / G^3.  NaN for fewer than two groups; inf or NaN where a value is not finite.
     """
     counts = counts[counts > 0]
     if len(counts) < 2:
-        return np.full(np.shape(value), np.nan)
+        return Jackknife(*np.full((3, *np.shape(value)), np.nan))
     w = (counts.sum() / counts).reshape(-1, *[1] * np.ndim(value))
     with np.errstate(invalid="ignore", over="ignore"):
         pseudo = w * value - (w - 1.0) * without
-        return np.sqrt(np.mean((pseudo - (pseudo / w).sum(axis=0)) ** 2 / (w - 1.0), axis=0))
+        mean = (pseudo / w).sum(axis=0)
+        away = pseudo - mean
+        stderr = np.sqrt(np.mean(away**2 / (w - 1.0), axis=0))
+        return Jackknife(mean, stderr, (away**3).sum(axis=0) / float(len(counts)) ** 3)
 
 
-def student(freedom: Array | float) -> Array:
-    """Half the width of a 95 % interval in standard errors: Student's quantile for `freedom` degrees of freedom."""
-    from scipy.special import stdtrit  # not needed to start the program
-
-    return np.asarray(stdtrit(np.maximum(freedom, 1.0), 0.975))
+def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Array:
+    """The standard error of :func:`jackknife`."""
+    return jackknife(value, without, counts).stderr
 
 
 def is_resolved(value: Array, stderr: Array) -> Array:
@@ -247,11 +245,9 @@ def fit_order(
     With `stderr` (steps,), of values whose standard errors differ and of which `use` has those that are resolved, the
     points have weights, and what selection adds to them is taken away, see :func:`_selected`; a bend counts at 99 %.
     """
-    from scipy.special import stdtrit  # not needed to start the program
-
     use = np.flatnonzero(use)
-    groups = np.count_nonzero(counts) - 1
-    student, clear = stdtrit(groups, 0.975), stdtrit(groups, 0.975 if stderr is None else 0.995)
+    freedom = np.count_nonzero(counts) - 1
+    clear = student(freedom, 0.95 if stderr is None else 0.99)
 
     def fitted(degree: int, steps: Array) -> _Fit:
         return _fit(degree, steps, value[use], without[:, use], counts, None if stderr is None else stderr[use])
@@ -274,7 +270,7 @@ def fit_order(
     y = line.logarithms - 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01)))
     x, y = _centred(np.log(h[use]), line.weights), _centred(y, line.weights)
     scatter = np.sqrt((line.weights * (y - high * x) ** 2).sum() / (n - 2) / (line.weights * x @ x))
-    half = float(np.maximum(line.stderr * student, scatter * stdtrit(n - 2, 0.975)) + 0.5 * abs(high - low))
+    half = float(np.maximum(line.stderr * student(freedom), scatter * student(n - 2)) + 0.5 * abs(high - low))
     return Order(order, order - half, order + half, n)
 
 

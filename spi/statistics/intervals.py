@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from ..storage.records import INTERVAL
-from .estimators import group_counts
+from ..numerics.groups import filled_groups
+from ..storage.records import CONFIDENCE, INTERVAL, student
 
 Array = np.ndarray
-
-CONFIDENCE = 0.95
 
 
 def zero_share_bound(samples: Any, confidence: float = CONFIDENCE) -> Any:
@@ -39,14 +37,12 @@ def clopper_pearson(count: Any, samples: Any, confidence: float = CONFIDENCE) ->
 
 def student_factor(groups: int, confidence: float = CONFIDENCE) -> float:
     """Half the width of an interval in standard errors estimated from `groups` groups; NaN for fewer than two."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(groups - 1, 0.5 * (1.0 + confidence))) if groups > 1 else float("nan")
+    return float(student(groups - 1, confidence))
 
 
 def student_of_paths(samples: int, least: int = 2) -> float:
     """:func:`student_factor` of the jackknife groups that `samples` paths fill; NaN if these are fewer than `least`."""
-    groups = int(np.count_nonzero(group_counts(samples)))
+    groups = filled_groups(samples)
     return student_factor(groups) if groups >= least else float("nan")
 
 
@@ -79,9 +75,7 @@ def skewed_half_width(stderr: np.ndarray, third: np.ndarray, degrees: np.ndarray
     For k of many values that are 1, the others 0, the upper end is that of Clopper and Pearson within 3 % from k = 2
     on.
     """
-    from scipy.special import stdtrit
-
     degrees = np.maximum(np.nan_to_num(degrees, nan=np.inf, posinf=1e9), 1.0)
     with np.errstate(all="ignore"):
         shift = np.where(stderr > 0.0, np.abs(third) / stderr**2, 0.0) * (1.0 + 2.0 * INTERVAL**2) / 6.0
-        return np.asarray(stdtrit(degrees, 0.975) * stderr + np.nan_to_num(shift))
+        return np.asarray(student(degrees) * stderr + np.nan_to_num(shift))

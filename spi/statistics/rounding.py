@@ -10,12 +10,14 @@ bound, so that it is resolved nowhere and no claim about its order is judged.  S
 after n = 2^12 steps, are 7 to 10 times smaller.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
+from ..ensemble.long_states import LongState
 from ..storage.records import INTERVAL
 
 Array = np.ndarray
@@ -45,6 +47,8 @@ def with_rounding(stderr: Any, difference: Any, size: Any, steps: Any = 0) -> Ar
 
 def size_of(state: Iterable[float] | None) -> float:
     """The size of a state for :func:`rounding`: its length, or 1 of the state 0, and of none."""
+    if isinstance(state, LongState):
+        return float(np.linalg.norm(state.values)) or 1.0
     length = math.hypot(*(() if state is None else state))
     return length if 0.0 < length < math.inf else 1.0
 
@@ -56,13 +60,16 @@ def size_of_values(function: Callable[[Array], Array], state: Iterable[float]) -
     roundings of y change f by that times their size, also where f is a small difference such as H - H_0.  The sum is
     estimated from the largest change by components that are moved up or down at random.
     """
-    y = np.array(tuple(state), float)
-    scale = np.maximum(np.abs(y), size_of(y) / math.sqrt(len(y)))
-    signs = np.where(np.random.default_rng(0).random((_PATTERNS, len(y))) < 0.5, -1.0, 1.0)
-    signs[0] = 1.0
-    moved = [y, *(y + nudge * scale * sign for nudge in _NUDGES for sign in signs)]
+    long = isinstance(state, LongState)
+    y = np.asarray(state if long else tuple(state), float)
+    scale = np.maximum(np.abs(y), size_of(state if long else y) / math.sqrt(len(y)))
+    random, patterns = np.random.default_rng(0), 2 if long else _PATTERNS
+    signs = [np.where(random.random(len(y)) < 0.5, -1, 1).astype(np.int8) for _ in range(patterns)]
+    signs[0][:] = 1
+    moved = itertools.chain([y], (y + nudge * scale * sign for nudge in _NUDGES for sign in signs))
     with np.errstate(all="ignore"):
-        values = np.asarray(function(np.stack(moved, axis=1)), float).ravel()
+        each = [function(y[:, np.newaxis]) for y in moved] if long else function(np.stack([*moved], axis=1))
+        values = np.asarray(each, float).ravel()
         changes = np.abs(values[1:] - values[0]).reshape(len(_NUDGES), -1) / np.reshape(_NUDGES, (-1, 1))
         sizes = np.append(np.abs(values[0]), changes.min(axis=0))  # of a jump the smaller quotient
     return float(np.max(sizes[np.isfinite(sizes)], initial=0.0))

@@ -93,6 +93,14 @@ def chunk_blocks(steps: int, dimension: int) -> int:
     return 1 << max(0, (CHUNK_WORK // (LANES * max(steps, 1) * dimension**2)).bit_length() - 1)
 
 
+def _is_of(sums: Any, paths: int) -> bool:
+    """Whether sums under way are those of a chunk of so many paths; sums of whole paths are of a chunk of any number.
+
+    A field `wanted` of the sums says of how many paths they are, 0 once they are whole.
+    """
+    return int(getattr(sums, "wanted", 0)) in (0, paths)
+
+
 class Tally(NamedTuple):
     """The sums over the computed chunks of one path set; immutable, its methods return a new tally."""
 
@@ -113,7 +121,8 @@ class Tally(NamedTuple):
     def known(self, chunk: Chunk) -> Any | None:
         """The sums from which a chunk that is not done can go on, or None."""
         sums = self.short.get(chunk.index)
-        return sums if sums is not None and sums.paths < chunk.paths and sums.paths % LANES == 0 else None
+        may = sums is not None and sums.paths < chunk.paths and sums.paths % LANES == 0
+        return sums if may and _is_of(sums, chunk.paths) else None
 
     def with_chunk(self, chunk: Chunk, sums: Any, whole: bool) -> "Tally":
         """The tally with new sums of a chunk; `whole` if it is done and as long as a chunk can be."""
@@ -138,7 +147,8 @@ class Tally(NamedTuple):
         """The tally without sums that include later paths than those of `path_set`."""
         nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= path_set.whole}
         wanted = {chunk.index: chunk.paths for chunk in path_set.chunks(0)}
-        return Tally(nodes, {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]})
+        short = {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]}
+        return Tally(nodes, {i: sums for i, sums in short.items() if _is_of(sums, wanted[i])})
 
     def total(self, path_set: PathSet) -> Any:
         """The sums of all paths of a path set; KeyError if something is missing."""
@@ -200,6 +210,6 @@ def digest(sums: Sums) -> str:
     for name, value in sorted(sums._asdict().items()):
         if not name.endswith(_CLOCK):
             values = np.asarray(value)
-            data = repr(value).encode() if values.dtype.kind == "U" else np.ascontiguousarray(values).tobytes()
-            hasher.update(f"{name} {values.dtype} {values.shape} ".encode() + data)
+            hasher.update(f"{name} {values.dtype} {values.shape} ".encode())
+            hasher.update(repr(value).encode() if values.dtype.kind == "U" else np.ascontiguousarray(values).data)
     return hasher.hexdigest()[:32]

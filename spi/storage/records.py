@@ -5,8 +5,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
+CONFIDENCE = 0.95  #: of all intervals
+INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors that are known, or come from very many values
 HEAVY_TAILS = 100.0  #: a kurtosis that is worth a warning: few samples carry the variance, whose estimate is poor
+
+
+def student(freedom: Any, confidence: float = CONFIDENCE) -> Any:
+    """Half the width of an interval in standard errors: Student's quantile for `freedom` degrees of freedom.
+
+    NaN for less than one, where no error is known.  All intervals that are made of standard errors have this factor.
+    """
+    from scipy.special import stdtrit  # not needed to start the program
+
+    freedom = np.asarray(freedom, float)
+    return np.where(freedom >= 1.0, stdtrit(np.minimum(freedom, 1e9), 0.5 * (1.0 + confidence)), np.nan)[()]
 
 
 def in_standard_errors(difference: np.ndarray, stderr: np.ndarray) -> np.ndarray:

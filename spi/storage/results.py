@@ -156,13 +156,14 @@ def create(path: str | Path) -> Iterator[h5py.File]:
         yield file
         file.flush()
         data = file.id.get_file_image()
-    write_bytes(path, with_checksum(data))
+    write_bytes(path, data, checksum_of(data))
 
 
-def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file and wait until the disk has it."""
+def write_bytes(path: str | Path, *parts: bytes) -> None:
+    """Write a file of these parts and wait until the disk has it."""
     with open(path, "wb") as file:
-        file.write(data)
+        for part in parts:
+            file.write(part)
         file.flush()
         os.fsync(file.fileno())
 
@@ -181,17 +182,18 @@ def write_all(files: Mapping[Path, bytes]) -> None:
             write_bytes(stack.enter_context(aside(path, remedy)), data)
 
 
-def with_checksum(data: bytes) -> bytes:
-    """The bytes of an HDF5 file, followed by their checksum."""
-    return data + _CHECKSUM + hashlib.sha256(data).hexdigest().encode() + b"\n"
+def checksum_of(data: bytes) -> bytes:
+    """The checksum that follows the bytes of an HDF5 file."""
+    return _CHECKSUM + hashlib.sha256(data).hexdigest().encode() + b"\n"
 
 
 def checksum_holds(data: bytes) -> bool | None:
     """Whether the bytes of a file are those that were written; None if they do not end with a checksum."""
-    content, mark, digest = data.rpartition(_CHECKSUM)
-    if not mark or not re.fullmatch(rb"[0-9a-f]{64}\n", digest):
+    end = data.rfind(_CHECKSUM)
+    digest = data[max(end, 0) + len(_CHECKSUM) :]
+    if end < 0 or not re.fullmatch(rb"[0-9a-f]{64}\n", digest):
         return None
-    return hashlib.sha256(content).hexdigest().encode() == digest[:-1]
+    return hashlib.sha256(memoryview(data)[:end]).hexdigest().encode() == digest[:-1]
 
 
 @contextlib.contextmanager

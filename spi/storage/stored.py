@@ -25,7 +25,8 @@ A field that is None is not stored.  Axes that no field describes, as "casimir",
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
 
 The 95 % interval of a field ``x`` is that from ``x_low`` to ``x_high`` where there are such fields or properties, or
-``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times :attr:`Stored.interval`; see :meth:`Stored.estimate`.
+``x_half`` or ``x_bound`` to both sides, or ``x_stderr`` times Student's factor for :meth:`Stored.freedom`; see
+:meth:`Stored.estimate`.
 
 The file is long because declaring, storing, reading and estimating are one mechanism.
 """
@@ -52,8 +53,10 @@ from typing import (
 
 import numpy as np
 
+from ..ensemble.long_states import LongState
 from ..ensemble.random_states import RandomState
-from .records import INTERVAL, Group, Order, Part
+from ..numerics.groups import filled_groups
+from .records import Group, Order, Part, student
 
 Array = np.ndarray
 
@@ -399,7 +402,7 @@ class Description(Described):
             model=case.model_name,
             parameters={name: value for name, value in case.parameters.items() if name != "constants" and value != ()},
             variables=tuple(getattr(case, "variables", ())),
-            initial=None if random else case.initial,
+            initial=None if random or isinstance(case.initial, LongState) else case.initial,
             final_time=getattr(case, "final_time", None),
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
@@ -470,10 +473,18 @@ class Stored(Described):
         cls.entries = (*layout(cls), *properties(cls))
         cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: entry.is_fact)}
 
-    @property
-    def interval(self) -> float:
-        """Half the width of a 95 % interval in standard errors."""
-        return INTERVAL
+    def freedom(self, name: str) -> float:
+        """The degrees of freedom of the standard error of a field, by its name in files.
+
+        By default one less than the number of jackknife groups that `samples` paths fill, as most standard errors are
+        those of the jackknife; infinite of a record without `samples`, which overrides it if its errors come from few.
+        """
+        samples = getattr(self, "samples", None)
+        return math.inf if samples is None else filled_groups(samples) - 1
+
+    def interval(self, name: str = "") -> float:
+        """Half the width of a 95 % interval in standard errors, Student's for :meth:`freedom`; NaN of too few paths."""
+        return float(student(self.freedom(name)))
 
     def group(self) -> Group:
         """The group of a results file that stores it."""
@@ -521,7 +532,7 @@ class Stored(Described):
         axes, numbers = self.by_name[name].axes, np.asarray(value)
         low, high, half, stderr = (self.get(f"{name}_{end}") for end in ("low", "high", "half", "stderr"))
         half = self.get(f"{name}_bound") if half is None else half
-        if (ends := interval_ends(numbers, low, high, half, stderr, self.interval)) is None:
+        if (ends := interval_ends(numbers, low, high, half, stderr, self.interval(name))) is None:
             return Estimate(axes, numbers, numbers, numbers)
         certain = np.isinf(numbers)  # as that paths diverged
         return Estimate(axes, numbers, *(np.where(certain, numbers, end) for end in ends))

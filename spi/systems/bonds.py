@@ -36,12 +36,15 @@ def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     names = reader.names() or [f"y{k + 1}" for k in range(3 * count)]
     if len(names) != 3 * count or len(set(names)) != len(names):
         raise DefinitionError(f"has {len(names)} names; must have {3 * count} different ones", "variables")
+    reader.check_words(names)
     symbols = {name: sympy.Symbol(f"ψ{k + 1}", real=True) for k, name in enumerate(names)}
     place = {symbol: k for k, symbol in enumerate(symbols.values())}
     formulas = Symbols(symbols, reader.parameters, reader.sizes)
     if not isinstance(data.get("hamiltonian"), str):
         raise DefinitionError("must be one formula", "hamiltonian")
     pairs, fields, own = _terms(reader.at(("hamiltonian",), addends, data["hamiltonian"], formulas), place, names)
+    if not pairs:
+        raise _refused("has no product of components of two spins")
     noises = [
         {place[s]: c for s, c in noise.as_coefficients_dict().items() if s in place}
         for _, _, noise in reader.expressions("noises", formulas)
@@ -86,7 +89,7 @@ def _terms(parts: list[Any], place: Mapping[Any, int], names: list[str]) -> Any:
     count = len(names) // 3
     fields, own = np.zeros((count, 3)), np.zeros((count, 3, 3))
     for part in parts:
-        for term in sympy.Add.make_args(sympy.expand(part)):
+        for term in filter(None, sympy.Add.make_args(sympy.expand(part))):
             factor, powers = sympy.Integer(1), []
             for base, exponent in term.as_powers_dict().items():
                 if base in place and exponent in (1, 2):
@@ -128,7 +131,10 @@ def _anisotropy(own: Any) -> dict[str, Any]:
 
 
 def _noise(noises: list[dict[int, Any]], sigma: list[float], count: int) -> dict[str, Any] | None:
-    """The noise by which all spins turn alike, about any axis or about one."""
+    """The noise by which all spins turn alike, about any axis or about one.
+
+    A noise H_k = a . y turns by sigma dW_k y x a, that of spins by sigma dW x s.
+    """
     if not noises or not any(sigma):
         return None
     rows = np.zeros((len(noises), count, 3))
@@ -138,9 +144,16 @@ def _noise(noises: list[dict[int, Any]], sigma: list[float], count: int) -> dict
     alike = len(set(sigma)) == 1 and all(len({k // 3 for k in noise}) == 1 for noise in noises)
     each = [rows[:, i][rows[:, i].any(axis=1)] for i in range(count)]
     if alike and all(np.array_equal(np.sort(own, axis=0), np.sort(np.eye(3), axis=0)) for own in each):
-        return {"sigma": sigma[0]}
+        places = [k for noise in noises for k in noise]
+        return {"sigma": -sigma[0], "order": _order(places)}
     if alike and all(len(own) == 1 and np.array_equal(own, each[0]) for own in each):
         size = float(np.linalg.norm(each[0]))
-        return {"sigma": sigma[0] * size, "axis": tuple((each[0][0] / size).tolist())}
+        places = [next(iter(noise)) // 3 for noise in noises]
+        return {"sigma": sigma[0] * size, "axis": tuple((-each[0][0] / size).tolist()), "order": _order(places)}
     right = "must be x(i), y(i), z(i), or one of them, for all spins with one sigma"
     raise DefinitionError(f"are not alike for all spins; beside lattice they {right}", "noises")
+
+
+def _order(places: list[int]) -> tuple[int, ...]:
+    """The numbers of the noises place after place; none where that is their order."""
+    return () if places == sorted(places) else tuple(np.argsort(places).tolist())

@@ -15,7 +15,7 @@ from .brackets import DIGITS, NOTHING, Bracket, Function, Polynomial, Symbolics,
 from .splitting import connected, echelon
 
 MOST_DEGREE = 4
-LARGEST_DENOMINATOR = 1000  #: of the coefficients
+_LARGEST_DENOMINATOR = 1000  #: of the coefficients
 _LARGEST_POWER = 12
 _MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes seconds
 
@@ -149,7 +149,7 @@ def _new_rows(given: list[list[float]], space: np.ndarray) -> Iterator[list[Any]
         if np.linalg.matrix_rank(space[:, [*pivots, column]], tol=1e-8) > len(pivots):
             pivots.append(column)
     for row in np.linalg.solve(space[:, pivots], space):
-        exact = [Fraction(c).limit_denominator(LARGEST_DENOMINATOR) for c in row.tolist()]
+        exact = [Fraction(c).limit_denominator(_LARGEST_DENOMINATOR) for c in row.tolist()]
         is_near = np.allclose(np.array(exact, float), row, rtol=0.0, atol=1e-8)
         if is_near and np.linalg.matrix_rank(np.array([*given, row]), tol=1e-8) > len(given):
             given.append(row.tolist())

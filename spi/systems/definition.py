@@ -19,8 +19,8 @@ import sympy
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, entries, parts, repeated, whole
-from . import splitting
+from ..expressions.ranges import TAKEN, entries, meaning_of, parts, repeated, taken_name, whole
+from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
     Bracket,
@@ -35,7 +35,7 @@ from .brackets import (
     shortened,
     simplified,
 )
-from .casimirs import LARGEST_DENOMINATOR, counted, search
+from .casimirs import counted, search
 from .driving import TIME, Driving
 from .keys import KEYS, MOST, DefinitionError
 from .source import Generated, System, generate
@@ -83,6 +83,7 @@ class Reader:
         for name in self.sizes:
             check_name(name, "sizes")
         self.parameters = self.numbers()
+        self.apart: list[tuple[Any, str]] = []
 
     def symbols(self) -> tuple[Symbolics, Symbols]:
         """The bracket and its variables, parameters and perhaps time, and the symbols of formulas without time."""
@@ -125,6 +126,7 @@ class Reader:
             driving=self.driving(driven, numbers, [given_h, *(flow.expression for flow in noises)]),
             inner=inner,
             sizes=self.sizes,
+            apart=tuple(self.apart),
             searched=searched,
             independent=counted([c.expression for c in casimirs], world),
         )
@@ -188,12 +190,19 @@ class Reader:
             raise DefinitionError("is empty; name the components of the state", "variables")
         if len(variables) > MOST:
             raise DefinitionError(f"has {len(variables)} names; a system may have {MOST} components", "variables")
-        taken = {*self.sizes, *self.parameters, *TAKEN}
-        for n, name in enumerate(variables):
-            if name in variables[:n]:
+        self.check_words(variables)
+
+    def check_words(self, variables: Sequence[str]) -> None:
+        """DefinitionError if a component has the name of another, or one with another meaning in formulas."""
+        taken, before = {*self.sizes, *self.parameters, *TAKEN}, set[str]()
+        for name in variables:
+            if name in before:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
+            before.add(name)
             if name.partition("(")[0] in taken:
                 raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
+        if named := taken_name(variables):
+            raise DefinitionError(f"has '{named[0]}', {named[1]} in formulas; take another name", "variables")
 
     def names(self) -> list[str]:
         """The names of the variables that are given, ranges written out."""
@@ -270,7 +279,7 @@ class Reader:
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                flows = splitting.split(parts, world, constants)
+                flows, self.apart = joining.split(parts, world, constants)
             except splitting.NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(flows) > MOST:
@@ -308,7 +317,7 @@ class Reader:
             return flows[0]
         if world.is_casimir(function):
             raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-        term = splitting.by_quadratics(function, world)
+        term = joining.affine(function, world) or splitting.by_quadratics(function, world)
         return splitting.Flow((term,)) if term else splitting.without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
@@ -359,6 +368,8 @@ def check_name(name: str, key: str) -> None:
     if not is_name or name in TAKEN:
         right = "use letters from a to z and digits, and not the name of a function"
         raise DefinitionError(f"is not a valid name; {right}", key, name)
+    if meaning := meaning_of(name):
+        raise DefinitionError(f"is {meaning} in formulas; take another name", key, name)
 
 
 def polynomial(value: Any, formulas: Symbols) -> Polynomial:
@@ -419,6 +430,9 @@ def _report(system: System, generated: Generated) -> list[str]:
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
         lines.append(f"{name}: {_terms(flow, system)}: {kinds}{lost}")
+    for terms, reason in system.apart:
+        count, text = len(sympy.Add.make_args(terms)), shortened(system.world.name(terms))
+        lines.append(f"not one flow, {count} terms: {text}: {reason}")
     lacking = any(isinstance(motion, str) for motion in generated.motions)
     if lacking and not system.inner:
         lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
@@ -433,18 +447,19 @@ def _casimirs(system: System) -> str:
     if not total:
         return "Casimir functions: there are none"
     by = f" independent ones, by {len(functions)}" if len(functions) > count else ""
-    line = f"Casimir functions, {count} of {total}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
+    line = f"Casimir functions, {count} of {total}{by}"
+    known = ", ".join(c.text for c in functions)
     if count == total or system.searched is None:
-        return line
-    kind = f"polynomials up to degree {system.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
-    return f"{line}; sought were {kind}"
+        return f"{line}: {known or 'none is given'}"
+    which = f"{known}; no other" if known else "none"
+    right = "give them as `casimirs: [...]`"
+    return f"{line}: {which} found among polynomials of degree up to {system.searched}; {right}"
 
 
 def _terms(flow: splitting.Flow, system: System) -> str:
     values = {k: sympy.Float(v, 6) for k, v in system.constants.items()}
-    count = len(sympy.Add.make_args(flow.expression))
-    merged = f" ({count} terms merged)" if count > 1 else ""
-    return system.world.name(flow.expression.xreplace(values)) + merged
+    together = f" ({flow.together})" if flow.together else ""
+    return system.world.name(flow.expression.xreplace(values)) + together
 
 
 def _counted(kinds: Sequence[str]) -> list[str]:

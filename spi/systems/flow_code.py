@@ -589,7 +589,8 @@ class Writer(NamedTuple):
                 angle_lines += case(k, count, ["return 0.0"])
                 continue
             name, made, _, uses = self.motions[key]
-            said = "; ".join(self.world.name(flow.expression) for flow in together)
+            joined = (f" ({flow.together})" if any(term.joined for term in flow.terms) else "" for flow in together)
+            said = "; ".join(self.world.name(f.expression) + how for f, how in zip(together, joined, strict=True))
             flow_lines += case(k, count, [f"# {said}", *self.call(name, uses, moves)])
             angle_lines += case(k, count, self.angle(made, moves))
         return ["", *flow_lines, "", *angle_lines]

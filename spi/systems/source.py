@@ -30,6 +30,7 @@ class System(NamedTuple):
     inner: str  #: how compositions move by terms that have no exact flow
     driving: Driving | None  #: how time enters; None where nothing depends on it
     sizes: Mapping[str, int]
+    apart: tuple[tuple[Any, str], ...]  #: sums whose terms were not joined, and why not, see ``joining``
     searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
     independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
 
@@ -295,6 +296,7 @@ class _Generator:
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.joint_words()
+        body += self.friction_words()
         tables = flow_code.Tables(self.world, self.names, self.numbers)
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided or self.tables(tables, drift, noise)
@@ -401,6 +403,21 @@ class _Generator:
         groups = "".join(f"{family.noises!r}, " for family in grouped)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
+
+    def friction_words(self) -> list[str]:
+        """The trait ``linear_friction`` and the method ``friction_bend``, if friction along a noise is linear."""
+        bends: dict[int, Any] = {}
+        for k, noise in enumerate(() if self.system.driving else self.system.noises):
+            field = self.world.field(noise.expression)
+            bend = self.world.along(self.world.along(self.system.hamiltonian, field), field)
+            bend = sympy.expand(bend) if bend.is_polynomial(*self.world.variables) else bend
+            if bend != 0 and not self.world.used(bend) and not noise.lacking:
+                bends[k] = bend
+        if not bends:
+            return []
+        codes = {k: Formula(self.names, ()).code(bend) for k, bend in bends.items()}
+        lines = [line for k, code in codes.items() for line in case(k, max(codes) + 1, [f"return {code}"])]
+        return ["", f"linear_friction = {as_tuple(list(map(str, codes)))}", "", "def friction_bend(model, k):", *lines]
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 

@@ -255,6 +255,7 @@ class Block(NamedTuple):
     turn: tuple[Matrix, mpmath.mpf] | None
     cancels: bool  #: whether the spaces would lose digits, so that the turn is to be taken
     lost: int  #: digits that are lost nevertheless, where eigenvalues are nearly equal
+    fastest: float  #: the largest entry of the matrices
 
 
 def blocks(matrices: Sequence[Matrix]) -> list[Block]:
@@ -272,7 +273,8 @@ def blocks(matrices: Sequence[Matrix]) -> list[Block]:
             moving = tuple(space for space in spaces if space.moves)
             cancels = lost >= _BEARABLE
             digits = round(math.log10(lost)) if cancels and turn is None else 0
-            moved_together.append(Block(tuple(order), moving, turn, cancels, digits))
+            fastest = max(float(abs(c)) for entries in acting for c in entries.values())
+            moved_together.append(Block(tuple(order), moving, turn, cancels, digits, fastest))
     return moved_together
 
 
@@ -319,11 +321,11 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
     if not radius or not fastest:
         return 1.0
     natural = np.linalg.inv(np.eye(len(order)) - size / (2.0 * radius))
-    added = sum(_added(space, 1.0 / fastest, order) for space in spaces)
+    added = sum(sizes(space, 1.0 / fastest, order) for space in spaces)
     return float(np.max(added / np.maximum(natural, 1.0)))
 
 
-def _added(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
+def sizes(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
     """The sizes of the terms by which each component moves with each other, an array (component, component)."""
     left, right = (np.abs(_by_component(rows, order)) for rows in (space.left, space.right))
     inner = min(1.0, time * sum(float(abs(x)) for x in (*space.rates, *space.phases))) * np.eye(len(left))

@@ -211,6 +211,7 @@ class Term(NamedTuple):
     varying: bool  #: whether the factors depend on parameters
     inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: the quadratic functions by their symbols
     outer: Any = None  #: where there are some, the expression with these symbols
+    joined: int = 0  #: of how many terms it is the sum that do not commute, see ``joining``
 
     def slope(self, symbol: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
@@ -249,6 +250,15 @@ class Flow(NamedTuple):
     def varying(self) -> bool:
         return any(term.varying for term in self.terms)
 
+    @property
+    def together(self) -> str:
+        """How many terms it moves by at once, for people; "" for one."""
+        count = sum(term.joined or len(sympy.Add.make_args(term.expression)) for term in self.terms)
+        joined = sum(term.joined for term in self.terms)
+        if joined in (0, count):
+            return f"{count} terms {'joined' if joined else 'merged'}" if count > 1 else ""
+        return f"{count} terms merged, {joined} of them joined"
+
     def slope(self, symbol: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept."""
         return sympy.Add(*(term.slope(symbol) for term in self.terms))
@@ -276,11 +286,11 @@ def single(expression: Any, world: Symbolics) -> Term:
     return Term(expression, functionals, pivots, varying)
 
 
-def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none."""
+def parts(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any], list[tuple[Any, str]]]:
+    """(terms, products of components that do not commute, (addend without an exact flow, reason)) of a sum."""
     terms: list[Term] = []
     crossing: list[Any] = []
-    lacking: list[tuple[Any, str]] = []  # (addend without an exact flow, reason)
+    lacking: list[tuple[Any, str]] = []
     left = list(addends)
     while left:
         addend = left.pop(0)
@@ -295,6 +305,13 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
                 lacking.append((addend, str(refused)))
         else:
             terms, crossing = terms + more, crossing + cross
+    return terms, crossing, lacking
+
+
+def diagonalised(
+    terms: Sequence[Term], crossing: Sequence[Any], world: Symbolics, constants: Constants
+) -> Sequence[Term]:
+    """Terms and products as terms: the quadratic forms that products are a part of as squares of linear functions."""
     by_factor: dict[Any, list[Any]] = {}  # of time alone
     for product in crossing:
         factor, rest = split_in_time(product, world.time)
@@ -302,14 +319,10 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
     for factor, products in by_factor.items():
         for component in connected(map(world.used, products)):
             inside = [t for t in terms if not t.inner and _is_square_within(t.expression, component, factor, world)]
-            terms = [term for term in terms if term not in inside]
+            others = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
-            terms += _diagonalised(form, component, factor, world, constants)
-    flows = merged(terms, world.bracket)
-    if lacking:
-        whole, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
-        flows += [without_flow(whole, reason, world)] if world.used(whole) else []
-    return flows
+            terms = [*others, *_diagonalised(form, component, factor, world, constants)]
+    return terms
 
 
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
@@ -457,6 +470,12 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
 _MOST_KEPT = 20  # linear functions s
 
 
+def unmoved(world: Symbolics) -> tuple[Any, ...]:
+    """1, and the components that nothing moves."""
+    linked = {i for pair in world.bracket.entries for i in pair}
+    return (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked))
+
+
 def by_quadratics(function: Any, world: Symbolics) -> Term | None:
     """A function of quadratic functions and of linear ones as a term; None if it is no such function."""
     factor, rest = split_in_time(function, world.time)
@@ -480,24 +499,24 @@ def by_quadratics(function: Any, world: Symbolics) -> Term | None:
 
 def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
     """An expression with symbols for the quadratic functions in it, which are added to `inner`."""
-    if (degree := _degree(e, world)) <= 2:
-        return e if degree < 2 else _of_degree_two(e, world, inner)
-    if e.is_Add and degree < sympy.oo and len(e.args) <= _LONGEST:
+    if (total := degree(e, world)) <= 2:
+        return e if total < 2 else _of_degree_two(e, world, inner)
+    if e.is_Add and total < sympy.oo and len(e.args) <= _LONGEST:
         e = e if (factors := sympy.factor(e)).is_Add else factors
     parts = list(e.args)
     if e.is_Add:
-        low = [part for part in parts if _degree(part, world) <= 2]
+        low = [part for part in parts if degree(part, world) <= 2]
         parts = [sympy.Add(*low), *(part for part in parts if part not in low)]
     powers = [part.as_base_exp() for part in parts] if e.is_Mul else []
     for n in dict.fromkeys(n for _, n in powers):  # q^3 p^3 is (q p)^3
-        pair = [base for base, m in powers if m == n and _degree(base, world) == 1]
+        pair = [base for base, m in powers if m == n and degree(base, world) == 1]
         if len(pair) == 2:
             parts = [part for part in parts if part not in [base**n for base in pair]]
             parts.append(sympy.Pow(sympy.Mul(*pair), n, evaluate=False))
     return e.func(*(_replaced(part, world, inner) for part in parts))
 
 
-def _degree(e: Any, world: Symbolics) -> Any:
+def degree(e: Any, world: Symbolics) -> Any:
     """The degree of a polynomial; infinity for another function."""
     return sympy.Poly(e, *world.variables).total_degree() if e.is_polynomial(*world.variables) else sympy.oo
 
@@ -505,7 +524,7 @@ def _degree(e: Any, world: Symbolics) -> Any:
 def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
     """A polynomial of degree 2 with a symbol in its place, or symbols in place of parts that no bracket links."""
     rest, symbols, bracket = sympy.expand(e), sympy.S.Zero, world.bracket
-    squares = [piece for piece in sympy.Add.make_args(rest) if _degree(piece, world) == 2]
+    squares = [piece for piece in sympy.Add.make_args(rest) if degree(piece, world) == 2]
     used = {*world.used(sympy.Add(*squares))}
     groups = connected([*map(world.used, squares), *(pair for pair in bracket.entries if used >= {*pair})])
     for group in ({*range(bracket.dimension)}, *groups):
@@ -514,7 +533,7 @@ def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any
         with contextlib.suppress(NoExactFlow):
             single(form, world)
             continue  # a function of linear functions that commute
-        if u := _by_affine_field(whole, world) or _by_affine_field(form, world) or _by_kept(form, world):
+        if u := by_affine_field(whole, world) or by_affine_field(form, world) or _by_kept(form, world):
             rest -= u.function
             if symbols == 0 and not world.used(rest):
                 u, rest = u._replace(function=e), sympy.S.Zero  # as it is written, where less cancels
@@ -536,12 +555,14 @@ def _rates(u: Any, world: Symbolics) -> dict[int, Any]:
     return {i: rate.xreplace(dict(world.parameters)) for i, rate in rates.items()}
 
 
-def _by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
+def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
     """The function with its affine field and the factor of that, if it has one."""
-    linked, rates = {i for pair in world.bracket.entries for i in pair}, _rates(u, world)
-    for factor in (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked)):
+    rates = _rates(u, world)
+    for factor in unmoved(world):
         changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
-        if all(_degree(change, world) < 2 for change in changes.values()):
+        if any(change.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo) for change in changes.values()):
+            return None  # at these parameters
+        if all(degree(change, world) < 2 for change in changes.values()):
             terms = ((row, monomials(change, world.variables)) for row, change in changes.items())
             field = summed(((row, monomial), precise(c)) for row, of in terms for monomial, c in of.items())
             return _quadratic(u, world, factor=factor, field=field)
@@ -553,7 +574,7 @@ def _by_kept(u: Any, world: Symbolics) -> Quadratic | None:
     bracket, variables, rates = world.bracket, world.variables, _rates(u, world)
     linked = connected({*pair}.union(*entry) for pair, entry in bracket.entries.items())
     within = set().union(*(part for part in linked if part & {*world.used(u)})) - bracket.logarithmic
-    casimirs = [c for c in world.casimirs if _degree(c, world) == 2 and within >= {*world.used(c)}]
+    casimirs = [c for c in world.casimirs if degree(c, world) == 2 and within >= {*world.used(c)}]
     try:
         rows = _relations([sympy.expand(rates.get(i, 0)) for i in sorted(within)], variables)
         linear = [sympy.Add(*(c * variables[i] for c, i in zip(row, sorted(within), strict=True))) for row in rows]

@@ -124,10 +124,12 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
 
 def _signed(text: str) -> list[tuple[str, str]]:
     """The parts of a sum, each with its sign; the sign of a factor or in a literal such as 1e-3 does not separate."""
-    signed_parts = [["+", ""]]
+    signed_parts, before, of_factor = [["+", ""]], "", False
     for n, (c, outer) in enumerate(zip(text, outside(text), strict=True)):
-        is_sign = outer in "+-" and text[:n].rstrip()[-1:] not in ("^", "*", "/")
-        if not is_sign or re.search(r"[\d.][eE]$", text[:n]):
+        if not c.isspace():
+            of_factor = outer in "+-" and (before in ("^", "*", "/") or (of_factor and before in ("+", "-")))
+            before = c
+        if outer not in "+-" or of_factor or c.isspace() or re.search(r"[\d.][eE]$", text[:n]):
             signed_parts[-1][1] += c
         elif signed_parts[-1][1].strip():
             signed_parts.append([c, ""])

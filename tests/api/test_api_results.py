@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray
 from filled_results import filled
+from scipy.special import stdtrit
 from strong_results import H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
@@ -18,7 +19,7 @@ from spi.drawing import Figure
 from spi.kinds import KINDS
 from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
-from spi.storage import INTERVAL, records
+from spi.storage import records
 
 EXPECT = [
     claims.Claim("three", "splitting", "order", claims.EQUAL, 0.5, 0.05, "1/2 +- 0.05"),
@@ -146,7 +147,7 @@ def test_curves_in_axes_of_ones_own(results):
     np.testing.assert_array_equal(lines[1].get_xydata(), np.column_stack([H, H**0.5]))
     (segments,) = ax.containers[0].lines[2]
     low, high = segments.get_segments()[0][:, 1]
-    assert high - low == pytest.approx(2 * INTERVAL * 0.02 * H[0] ** 0.5)
+    assert high - low == pytest.approx(2 * stdtrit(63, 0.975) * 0.02 * H[0] ** 0.5)
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", "step size")
     assert ax.get_ylabel() == "strong error"
     ax = Figure().subplots()

@@ -10,6 +10,7 @@ from helpers import COMPILED
 from llvmlite import ir
 from numba.core import caching, cgutils, codegen, compiler, datamodel, event, imputils
 from numba.core.registry import cpu_target
+from numba.core.typing import templates
 
 from spi.compiler import private
 from spi.compiler.dispatch import kernel
@@ -60,7 +61,8 @@ def add_one(x):
         ("filename_base", lambda: add_one._cache._impl, CACHE),
         ("_cache typeof_pyval targetctx", lambda: add_one, CACHE),
         ("ArrayModel PrimitiveModel", lambda: datamodel.models, REFCOUNTS),
-        ("impl_ret_borrowed", lambda: imputils, INTRINSICS),
+        ("impl_ret_borrowed lower_getattr_generic", lambda: imputils, INTRINSICS),
+        ("AttributeTemplate infer_getattr", lambda: templates, INTRINSICS),
         ("do_boundscheck", lambda: cgutils, INTRINSICS),
         ("enable_boundscheck", lambda: cpu_target.target_context, INTRINSICS),
         ("refresh resolve_value_type", lambda: cpu_target.typing_context, NAMES),

@@ -12,7 +12,7 @@ from weak_cases import case_of, results_of
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import HOW
 from spi.ensemble.protocol import area_pairs
-from spi.ensemble.scheme_protocol import REPORT, advance
+from spi.ensemble.scheme_protocol import advance, report_row
 from spi.models import RigidBody
 from spi.schemes.splitting import LIE_TROTTER_AREAS, splitting
 from spi.schemes.stages import compositions, flows, sweeps
@@ -110,7 +110,7 @@ def test_a_step_is_noise_flows_loops_and_drift_flows(backwards):
             y,
             True,
         )
-        block, work, report = y.ravel().copy(), np.empty(3 * LANES), np.zeros(len(REPORT))
+        block, work, report = y.ravel().copy(), np.empty(3 * LANES), report_row()
         with uncompiled():
             advance(scheme, RIGID_BODY, h, both.ravel(), coins, block, work, report)
         new = block.reshape(y.shape)

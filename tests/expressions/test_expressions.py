@@ -264,3 +264,13 @@ def test_formulas_that_name_others():
         written_out({"a": "b + 1", "b": "2*a"}, ())
     with pytest.raises(NumberError, match="more than 100000 characters"):
         written_out({f"f{i}": f"f{i + 1} + f{i + 1}" for i in range(20)} | {"f20": "y1"}, {"y1"})
+
+
+def test_an_imaginary_number_is_none_where_i_is_a_component():
+    """`2i` is refused beside a component or an index called i, in which it would mean twice that; 2*i is that."""
+    assert canonical(parse_expression("2*i*q", 2, ("q", "i"))) == "2*y2*y1"
+    for text in ("2i", "2i*q", "sum(2i*y(i) for i = 1..2)"):
+        with pytest.raises(NumberError, match=r"unexpected '2i', write 2\*i"):
+            parse_expression(text, 2, ("q", "i"))
+    with pytest.raises(NumberError, match="complex"):
+        parse_expression("2i*q", 2, ("q", "p"))

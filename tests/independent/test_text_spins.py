@@ -122,15 +122,27 @@ def test_spellings_of_one_system(spelling):
     sums_to(program.step(model, "euler_maruyama", 1.0, s) - s, {"turn": text.drift(s)})
 
 
-OPPOSITE = pytest.mark.xfail(reason="along increments `lattice: true` has dW x s, the noise of -x_k")
+Z, Y, X, UP, DOWN, MIXED = [0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [2, 4, 1, 3, 0]
+NOISES = {  # as written -> the axis and the sites of the noises
+    "x(i)": [(X, UP)],
+    "3*x(n+1-i) + 4*z(n+1-i)": [([3, 0, 4], DOWN)],
+    "-y(mod(2*i,n)+1)": [([0, -1, 0], MIXED)],
+    "x(i), y(i), z(i)": [(X, UP), (Y, UP), (Z, UP)],
+    "z(mod(2*i,n)+1), x(i), y(n+1-i)": [(Z, MIXED), (X, UP), (Y, DOWN)],
+}
 
 
-@pytest.mark.parametrize("keys", [{}, pytest.param({"lattice": True}, marks=OPPOSITE)], ids=str)
-def test_noise_of_a_system_in_yaml(keys):
-    """sigma B grad H_k o dW_k with H_k = x_k is sigma dW_k s x e"""
-    s, dW, noise = spins(5), np.arange(1, 6) / 5, {"noises": ["x(i) for i = 1..n"], "sigma": ["0.4 for i = 1..n"]}
-    found = [field_of(YAML | noise | keys, "splitting", s, sign * dW) for sign in (1, -1)]
-    sums_to((found[0] - found[1]) / 2, {"noise": 0.4 * dW[:, None] * np.cross(s, [1, 0, 0])}, 1e-7)
+@pytest.mark.parametrize("keys", [{}, {"lattice": True}], ids=str)
+@pytest.mark.parametrize("noises", NOISES)
+@pytest.mark.parametrize("scheme, rows", [("splitting", 1), ("euler_maruyama", 1), ("splitting_symmetric", 2)])
+def test_noise_of_a_system_in_yaml(keys, noises, scheme, rows):
+    """sigma B grad H_k o dW_k with H_k = a . s is sigma dW_k s x a of that spin, increments in the order as written"""
+    s, groups, dW = spins(5), NOISES[noises], np.random.default_rng(7).normal(size=(len(NOISES[noises]), 5))
+    model = YAML | {"noises": [f"{one} for i = 1..n" for one in noises.split(", ")], "sigma": ["0.4"] * dW.size} | keys
+    found = [field_of(model, scheme, s, sign * dW, rows) for sign in (1, -1)]
+    parts = [(sites, 0.4 * of[:, None] * np.cross(s[sites], a)) for (a, sites), of in zip(groups, dW, strict=True)]
+    parts = {f"noises {n}": part[np.argsort(sites)] for n, (sites, part) in enumerate(parts)}
+    sums_to((found[0] - found[1]) / 2, parts, 1e-7)
 
 
 UNIAXIAL = {"bonds": {"exchange": [0.4, 0.4, 1.3]} | CHIRAL, "anisotropy": {"uniaxial": 0.9}}

@@ -98,6 +98,37 @@ def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):
     assert "does not reach it" in study.why(extra, 1e-3)
 
 
+@pytest.mark.parametrize("seconds", [10.0, 100.0])
+@pytest.mark.parametrize("growth", [1.5, 3.0])
+def test_a_smaller_accuracy_never_gives_a_wider_interval(monkeypatch, growth, seconds):
+    """Where the seconds allow neither way to reach it, the way that reached the larger one goes on, or the better."""
+    accuracies, unreached = 10.0 ** -np.arange(1, 5, 0.25), 0
+    for falls, first, per_sample in itertools.product((0.05, 0.3, 0.7), (0.1, 1.0, 5.0), (1e-8, 1e-5, 1e-2)):
+        refiner, halves = Refiner(first, growth, falls), []
+        for accuracy in accuracies:
+            extra, _ = decided(monkeypatch, refiner, per_sample, accuracy, seconds)
+            plan = study.AnswerPlan(case=SimpleNamespace(accuracy=accuracy), part=None)
+            bound = float(plan.prospect(extra)[0].bound.max())
+            halves.append(min(bound, extra.aim if extra.solving == study.SAMPLING else np.inf))
+        best = np.minimum.accumulate(np.maximum(halves, accuracies))
+        assert (np.array(halves[1:]) <= 1.001 * best[:-1]).all(), (falls, first, per_sample, halves)
+        unreached += int((np.array(halves) > accuracies).sum())
+    assert unreached > 20
+
+
+def test_of_two_intervals_the_narrower_is_given(monkeypatch):
+    """The samples may have more tails than the pilot knew; not where they reach the accuracy."""
+    monkeypatch.setattr(study.AnswerPlan, "refining", refiner := Refiner(1.0, 3.0, 0.1))
+    plan = study.AnswerPlan(case=SimpleNamespace(accuracy=1e-3), part=None)
+    none, values = Decisions.initial(SETS, 1, False), np.array([refiner.refine(k)[0] for k in range(4)])
+    extra = none._replace(refined=values, uncertain=0.0 * values, efforts=np.ones(4))
+    bound = float(plan.prospect(extra)[0].bound.max())
+    for half, solved in ((0.5 * bound, False), (2.0 * bound, True), (np.inf, True), (np.nan, True)):
+        outcome = SimpleNamespace(half=np.array([half]))
+        assert plan._is_better_solved(extra, outcome) == (solved and not half <= 1e-3), half
+        assert not plan._is_better_solved(none, outcome)
+
+
 @pytest.mark.parametrize("takes", [0.2, 1.0, 2.0])
 @pytest.mark.parametrize("seconds", [2.0, 20.0, 200.0])
 def test_seconds_hold_for_what_is_solved_and_what_it_leaves_for_samples(monkeypatch, takes, seconds):

@@ -145,7 +145,7 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
 def test_the_step_for_a_bias():
     unknown = Order(np.nan, np.nan, np.nan, 0)
     told = {"constant": np.array([-0.02, np.nan]), "order": (Order(2.0, 1.9, 2.1, 5), unknown)}
-    errors = {"bias": np.array([[0.1, 0.1], [0.1, 1e-4], [0.1, 1e-5]]), "bias_stderr": np.full((3, 2), 1e-4)}
+    errors = {"bias": np.array([[0.1, 0.1], [0.1, 1e-4], [0.1, 1e-5]]), "bias_half": np.full((3, 2), 2e-4)}
     what = SimpleNamespace(h=np.array([1.0, 0.5, 0.25])), SimpleNamespace(**told, **errors)
     assert step_for(*what, 0, 2e-4)[0] == pytest.approx(0.1)
     assert step_for(*what, 1, 1e-3) == (0.5, "no bias is seen there")

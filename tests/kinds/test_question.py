@@ -54,6 +54,30 @@ def test_options_apply_to_the_question():
         load_answer("rigid_body_strong", None, ["steps=[2^-3, 2^-4, 0.3]"])
 
 
+PASSAGE = """\
+kind: statistics
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+step: 2^-6
+schemes: [splitting]
+samples: 1000
+functions: {mean: y1, turned: {passage: "y1 < 0"}}
+statistics: [mean]
+"""
+
+
+def test_functions_that_are_replaced_do_not_matter_and_files_are_named_that_exist(tmp_path):
+    path = Path(tmp_path, "mine.yaml")
+    path.write_text(PASSAGE)
+    made = load_answer(path, None, ["functions=y1^2"])
+    assert made.cases[0].functions == {"phi": "y1^2"} and made.cases[0].final_time == 1.0
+    with pytest.raises(SpecError, match=rf"^{path}: functions\.turned: is no formula of the state; name what to ask"):
+        load_answer(path)
+    with pytest.raises(SpecError, match=rf"^{path} \(answer\): --set steps: has 0\.3, which is not"):
+        load_answer(path, None, ["functions=y1^2", "steps=[2^-3, 2^-4, 0.3]"])
+
+
 def test_an_answer_is_its_own_question(tmp_path):
     path = Path(tmp_path, "mine.yaml")
     path.write_text(load_answer("rigid_body_strong").text.replace("0.001", "1e-2"))

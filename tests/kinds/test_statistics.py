@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers import INITIAL, compiled_only
 from scipy import stats
-from statistics_cases import AXIS, results_of, staying, written
+from scipy.integrate import quad
+from statistics_cases import AXIS, results_of, staying, study_of, watched, written
 from weak_cases import stderr_by_hand
 
 import spi
@@ -41,15 +42,15 @@ def test_statistics_are_those_of_the_paths(case_of):
         "lowest": np.minimum.accumulate(y[2], axis=1),
         "area": middle,
         "first": np.broadcast_to(y[2][:, :1], y[2].shape),
-        "out": np.maximum.accumulate(y[0] < 0.4, axis=1),
     }
-    assert found.functions == tuple(by_hand) and found.t.tolist() == paths.t.values.tolist()
+    assert found.functions == (*by_hand, "out") and found.t.tolist() == paths.t.values.tolist()
     values = np.array(list(by_hand.values()), float)  # (F, paths, T)
-    assert np.allclose(found.mean, values.mean(axis=1), atol=1e-13)
-    assert np.allclose(found.variance, values.var(axis=1, ddof=1), rtol=1e-9, atol=1e-13)
+    assert np.allclose(found.mean[:7], values.mean(axis=1), atol=1e-13)
+    assert (found.mean[7] >= np.maximum.accumulate(y[0] < 0.4, axis=1).mean(axis=0)).all()  # also between two looks
+    assert np.allclose(found.variance[:7], values.var(axis=1, ddof=1), rtol=1e-9, atol=1e-13)
     for t in range(len(found.t)):
-        assert np.allclose(found.covariance[:, :, t], np.cov(values[:, :, t]), rtol=1e-9, atol=1e-13)
-    assert np.allclose(found.mean_stderr[:, -1], [stderr_by_hand(of_one[:, -1]) for of_one in values], atol=1e-13)
+        assert np.allclose(found.covariance[:7, :7, t], np.cov(values[:, :, t]), rtol=1e-9, atol=1e-13)
+    assert np.allclose(found.mean_stderr[:7, -1], [stderr_by_hand(of_one[:, -1]) for of_one in values], atol=1e-13)
     spread = np.cov(values[0, :, 4:], values[0, :, [4] * 5].T, rowvar=False)
     assert np.allclose(found.autocorrelation[0, 4:], spread[:5, 5] / spread[5, 5], rtol=1e-9)
     assert np.isnan(found.autocorrelation[0, :4]).all() and np.isnan(found.autocorrelation[1]).all()
@@ -163,24 +164,43 @@ def check_wrapped(found, samples):
     assert np.allclose(found.stderr[share > 0], error[share > 0]) and (found.stderr > 0).all()
 
 
+def test_predicted_times_include_what_is_observed(case_of):
+    """Each quantity adds to the time that is said, in proportion to paths and times."""
+    plain = study_of(case_of("functions={y1: y1}", "statistics=[mean]", "samples=64000")).cost().seconds
+    more = {
+        "functions={y1: y1, out: {passage: y1 < 0.4}}": 0.5,
+        "functions={y1: y1, H: H}": 0.01,
+        "statistics=[mean, quantiles, histogram]": 0.05,
+        "time_correlations={until: 1/2}": 0.3,
+    }
+    for override, least in more.items():
+        given = "functions={y1: y1}", "statistics=[mean]", "samples=64000", override
+        said = study_of(case_of(*given)).cost().seconds
+        assert said > (1 + least) * plain, override
+    twice = study_of(case_of("functions={y1: y1}", "statistics=[mean]", "samples=128000")).cost().seconds
+    assert twice == pytest.approx(2 * plain)
+
+
 @compiled_only
 @pytest.mark.parametrize("drift", [0.0, 1.0])
 def test_first_passages_of_an_angle(case_of, drift):
-    """Of drift t + W(t) out of (-pi/2, pi/2), seen at 64 looks; paths that are watched all the time pass earlier."""
+    """Of drift t + W(t) out of (-pi/2, pi/2), at 16 looks, as if it were watched all the time."""
     inertia = f"[1e12, 1e12, {1 / drift if drift else 1e12}]"
-    about = f"model={AXIS.replace('[1e12, 1e12, 1e12]', inertia)}", "initial=[1, 0, 1]", "samples=40000", "step=2^-5"
+    about = f"model={AXIS.replace('[1e12, 1e12, 1e12]', inertia)}", "initial=[1, 0, 1]", "samples=40000", "step=2^-3"
     functions = "functions={turned: {passage: y1 < 0}}", "statistics=[mean, histogram]", "bins=8"
     found = results_of(case_of(*about, *functions, "final_time=2", "every=1"))
-    inside, passages = staying(64, 2**-5, drift), found.passages
-    assert (np.abs(found.mean[0] + inside - 1) <= 4.5 * found.mean_stderr[0]).all() and passages.between == 2**-5
-    time = inside[:-1].sum() * 2**-5
-    assert abs(passages.time[0] - time) < 4 * passages.time_stderr[0] and passages.time_stderr[0] < 0.01
+    inside, passages = np.append(1, watched(found.t[1:], drift)), found.passages
+    left = passages.left[0]
+    assert (np.abs(found.mean[0] + inside - 1) <= 4.5 * found.mean_stderr[0] + left).all() and passages.between == 2**-3
+    assert (found.mean_low[0] < 1 - inside + 1e-9)[-4:].all() and (1 - inside < found.mean_high[0])[-4:].all()
+    time = quad(lambda t: watched([t], drift)[0], 1e-9, 2)[0]
+    assert abs(passages.time[0] - time) < passages.time_half[0] < 0.05 and passages.time_stderr[0] < 0.01
     assert passages.from_t.tolist() == [0, *passages.until_t[:-1]] and np.allclose(np.diff(passages.until_t), 0.25)
-    density = -np.diff(inside[::8]) / 0.25
-    assert (np.abs(passages.density[0] - density) < 4 * passages.density_stderr[0]).all() and density.max() > 0.3
-    watched = staying(64 * 16, 2**-9, drift)  # at 16 times as many looks
-    assert inside[-1] - watched[-1] > 9 * found.mean_stderr[0, -1]
-    assert passages.time[0] - watched[:-1].sum() * 2**-9 > 9 * passages.time_stderr[0]
+    density = -np.diff(inside[::2]) / 0.25
+    assert (np.abs(passages.density[0] - density) < 4 * passages.density_stderr[0] + 0.03).all() and density.max() > 0.3
+    at_looks = staying(16, 2**-3, drift)  # the control: what is seen is later
+    assert at_looks[-1] - inside[-1] > 9 * found.mean_stderr[0, -1] + left[-1]
+    assert at_looks[:-1].sum() * 2**-3 - time > 3 * passages.time_half[0]
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ from spi.ensemble.protocol import (
     piece_indices,
     pieces,
 )
-from spi.ensemble.scheme_protocol import REPORT, advance, work_size
+from spi.ensemble.scheme_protocol import advance, report_row, work_size
 from spi.models import RigidBody
 from spi.models.delegation import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
@@ -107,7 +107,7 @@ def test_the_damping_acts_after_the_pieces_in_their_order():
 
 def take_step_uncompiled(scheme, model, h, dW, y):
     """The state after a step, as plain Python makes it."""
-    block, report = y.ravel().copy(), np.zeros(len(REPORT))
+    block, report = y.ravel().copy(), report_row()
     with uncompiled():
         advance(scheme, model, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(scheme, model)), report)
     return block.reshape(y.shape), report

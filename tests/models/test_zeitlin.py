@@ -24,7 +24,7 @@ from zeitlin_cases import (
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
-from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
+from spi.ensemble.scheme_protocol import advance_large, of_arrays, report_row, work_size
 from spi.models import SineEuler, Zeitlin
 from spi.models.zeitlin import Noise
 from spi.models.zeitlin.kernels import tables
@@ -222,14 +222,14 @@ def test_noise_that_shares_the_increments_of_a_step():
     """Without the compiler: the palindrome with one increment in both halves."""
     model, h, y = ITS_TWIN, 0.3, states(3, 2)
     halves = increments(model, h, 1, 2)[0]
-    shared = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric", shared=True),
-                       flows("drift", "backwards", 1 / 2))  # fmt: skip
-    of, block, report = tables(model), np.zeros((8, LANES)), np.zeros(len(REPORT))
+    around = flows("drift", fraction=1 / 2), flows("drift", "backwards", 1 / 2)
+    shared = of_arrays(splitting(around[0], flows("noise", "symmetric", shared=True), around[1]))
+    of, block, report = tables(model), np.zeros((8, LANES)), report_row(end=2)
     block[:, :2], dW = y.T, np.zeros((of.m, LANES))
     dW[:, :2] = halves.sum(axis=0)
     block = block.ravel()
     with uncompiled():
-        advance_large(shared, of, 2, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(shared, of)), report)
+        advance_large(shared, of, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(shared, of)), report)
     for path, found in enumerate(block.reshape(8, LANES)[:, :2].T):
         even = [halves[:, :, path].mean(axis=0)] * 2
         assert apart(found, fluids.symmetric(model, h, even, y[path])) < 1e-13

@@ -8,14 +8,26 @@ import pytest
 from scipy import stats
 
 from spi.compiler.dispatch import kernel
+from spi.kinds.answer.study import SETS
+from spi.numerics import rng
 from spi.numerics.rng import (
+    ANSWERS,
+    AREAS,
+    BRIDGES,
     BROWNIAN,
     COINS,
+    DIFFERENCES,
+    DRIVERS,
+    INITIAL,
     LANES,
     LEVELS,
+    POINTS,
+    SITES,
     STEPS_PER_DRAW,
     STEPS_PER_TOSS,
     STREAM_VERSION,
+    TANGENTS,
+    UNIFORMS,
     draw_normals,
     normal_pair,
     philox,
@@ -135,7 +147,7 @@ def test_layout(seed, stream, channel, draw, block):
 
 def test_streams_have_not_changed():
     """Whoever changes these numbers must raise STREAM_VERSION: old results could not be reproduced any more."""
-    assert STREAM_VERSION == 6
+    assert STREAM_VERSION == 7
     got = normals(1, BROWNIAN, 0, [0], [0])[0]
     np.testing.assert_allclose(
         got, [-0.4675612109038287, -0.40414676238422886, 0.11777869238261014, -0.24337868579542107], rtol=0, atol=1e-14
@@ -286,10 +298,21 @@ def test_coins_do_not_depend_on_their_neighbours():
 
 
 def test_streams_do_not_overlap():
-    """A stream of coins lies beside that of its increments, and no two levels share one."""
-    levels = [LEVELS + 2 * j for j in range(64)]
-    streams = [BROWNIAN, BROWNIAN + COINS, *levels, *(stream + COINS for stream in levels)]
-    assert len(set(streams)) == len(streams)
+    """All streams of the registry: those of increments, and what is added to each of them."""
+    others = {"STREAM_VERSION", "MOST_NOISES", "LANES", "PARTS", "STEPS_PER_DRAW", "STEPS_PER_TOSS"}
+    of_increments = {"BROWNIAN", "LEVELS", "DIFFERENCES", "ANSWERS", "POINTS"}
+    added = {"COINS", "BRIDGES", "AREAS", "INITIAL", "UNIFORMS", "DRIVERS", "TANGENTS"}
+    registry = {name for name in vars(rng) if name.isupper() and not name.startswith("_")}
+    assert registry == others | of_increments | added | {"SITES"}  # a new one has its place below, too
+    of_answers = {first + 2 * j for first in ANSWERS for j in range(SETS)}
+    of_levels, of_differences = ({first + 2 * j for j in range(64)} for first in (LEVELS, DIFFERENCES))
+    increments = [BROWNIAN, *of_levels, *of_differences, *of_answers, POINTS]
+    assert len(of_answers) == SETS * len(ANSWERS) and len(set(increments)) == len(increments) == 1 + 128 + 680 + 1
+    used = (0, COINS, BRIDGES, AREAS, INITIAL, UNIFORMS, DRIVERS + 1, DRIVERS + 2, TANGENTS)
+    streams = [SITES, *(stream + use for stream in increments for use in used)]
+    assert len(set(streams)) == len(streams) and max(streams) < 2**16
+    overlapping = [*of_levels, *of_differences, *(512 + 2 * j for j in range(4 * SETS))]  # as four schemes were
+    assert len(set(overlapping)) < len(overlapping)
 
 
 def test_coins_are_fair(tossed):

@@ -76,7 +76,7 @@ def test_colours_on_a_terminal_of_any_width(results, monkeypatch, columns):
     text = Terminal()
     views.print_tables(results, text)
     assert "37\x1b[0m" in text.getvalue() and "\x1b[1;31m" in text.getvalue() and "…" not in text.getvalue()
-    assert "0.0375 ± 0.0007" in text.getvalue()
+    assert "0.0375 ± 0.0008" in text.getvalue()
 
 
 def test_results_of_an_unknown_kind_are_said_to_be_that(results):
@@ -89,8 +89,14 @@ def test_results_of_an_unknown_kind_are_said_to_be_that(results):
 @pytest.mark.parametrize(
     "value, half, text",
     [
-        (3.4217e-3, 0.0712e-3, "0.00342 ± 0.00007"),
-        (3.4217e-7, 0.0132e-7, "3.422e-7 ± 0.013e-7"),
+        (3.4217e-3, 0.0712e-3, "0.00342 ± 0.00008"),  # rounded up, as all half widths
+        (3.4217e-7, 0.0132e-7, "3.422e-7 ± 0.014e-7"),
+        (3.4217e-7, 0.0130e-7, "3.422e-7 ± 0.013e-7"),
+        (0.4003, 0.07 * 1.0000000000000002, "0.40 ± 0.07"),
+        (72.3456789, 1.467e-5, "72.34568 ± 1.5e-5"),
+        (0.123456789, 1.467e-5, "0.123457 ± 0.000015"),
+        (1e8, 1.23, "1.000000e8 ± 1.3"),
+        (123.0, 950.0, "100 ± 1000"),
         (9.996, 0.04, "10.00 ± 0.04"),
         (0.5, 0.02, "0.50 ± 0.02"),
         (1e-3, 4e-3, "0.001 ± 0.004"),
@@ -99,7 +105,7 @@ def test_results_of_an_unknown_kind_are_said_to_be_that(results):
         (0.0, 5e-324, "0"),
         (1.0, 1e-310, "1.000"),
         (2.5e-5, 0.0, "2.500e-5"),
-        (51234.2, 310.0, "51200 ± 300"),
+        (51234.2, 310.0, "51200 ± 400"),
         (1234567.0, 89.0, "1.23457e6 ± 0.00009e6"),
         (0.06612345, 2e-13, "0.06612345 ± 2e-13"),
         (math.inf, math.nan, "inf"),

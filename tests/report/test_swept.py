@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 import yaml
 from helpers import compiled_only
+from scipy.special import stdtrit
 from view_helpers import legend_texts
 
 from spi import storage
@@ -46,7 +47,7 @@ def test_curves_hold_what_single_results_hold(path):
     groups = [group for group in stored.groups if group.variant == "euler_maruyama"]
     assert (error.word, error.h) == ("sigma", 2**-6) and error.values.tolist() == [2**-6, 2**-5, 2**-4]
     assert error.of("value").tolist() == [group.arrays["error"][-1] for group in groups]
-    halves = [1.96 * group.arrays["error_stderr"][-1] for group in groups]
+    halves = [stdtrit(7, 0.975) * group.arrays["error_stderr"][-1] for group in groups]
     np.testing.assert_allclose(error.of("high") - error.of("value"), halves)
     assert curves["order", "splitting"].of("expected").tolist() == [0.5] * 3
 

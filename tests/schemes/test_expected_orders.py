@@ -14,7 +14,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.protocol import dimension, in_kernels, noises
-from spi.ensemble.scheme_protocol import REPORT, advance_large, memory_size, substeps, work_size
+from spi.ensemble.scheme_protocol import advance_large, memory_size, of_arrays, report_row, substeps, work_size
 from spi.models import Zeitlin
 from spi.models.delegation import thermal
 from spi.models.spins import Spins, Terms, Transport
@@ -88,11 +88,11 @@ def test_judged_noises_without_friction(model, scale):
             coins = np.concatenate([np.ones(LANES), generator.random((noises(record) + 1) * LANES)])
             ends = []
             for name in ("splitting_metropolis", "splitting"):
-                scheme = of_model(ALL_SCHEMES[name], model).record
+                scheme = of_arrays(of_model(ALL_SCHEMES[name], model).record)
                 y = np.append(np.repeat(scale * np.array(VORTICITY), LANES), np.zeros(memory_size(scheme, record)))
                 with uncompiled():
-                    advance = (scheme, record, LANES, h, dW, coins, y)
-                    advance_large(*advance, np.zeros(work_size(scheme, record)), np.zeros(len(REPORT)))
+                    advance = (scheme, record, h, dW, coins, y)
+                    advance_large(*advance, np.zeros(work_size(scheme, record)), report_row())
                 ends.append(y[: dimension(record) * LANES].reshape(-1, LANES))
             squares.append(((ends[0] - ends[1]) ** 2).sum(axis=0))
         errors.append(math.sqrt(np.mean(squares)))

@@ -13,7 +13,7 @@ from spi.checks.model_checks import check_model
 from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, drift_flow, noise_flow
-from spi.ensemble.scheme_protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT, report_row
 from spi.models import RigidBodySharedNoise
 from spi.models.delegation import Damped
 from spi.numerics.angles import ANY_ANGLES
@@ -63,7 +63,7 @@ def inner_of(record, part):
 def moved(record, part, times, states):
     """The states (d, lanes) after inner steps of these sizes, uncompiled, and the report."""
     d, lanes = states.shape
-    y, report = np.ones((d, LANES)), np.zeros(len(REPORT))
+    y, report = np.ones((d, LANES)), report_row()
     y[:, :lanes] = states
     with uncompiled(), np.errstate(all="ignore"):
         work = np.zeros(3 * LANES + inner_size(record))

@@ -8,7 +8,7 @@ from numpy.polynomial.hermite_e import hermegauss
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import first_lane
-from spi.ensemble.scheme_protocol import REPORT, advance, work_size
+from spi.ensemble.scheme_protocol import advance, report_row, work_size
 from spi.exact.kolmogorov import exact_expectations
 from spi.numerics.rng import LANES
 from spi.schemes.explicit import RoesslerRS2
@@ -34,7 +34,7 @@ def mean_after_a_step(h, spread=1.0):
                 dW[first : first + LANES] = values
         y, work = np.repeat(INITIAL, LANES), np.zeros(work_size(RoesslerRS2(), TWO_NOISES))
         with uncompiled():
-            advance(RoesslerRS2(), TWO_NOISES, h, dW, np.zeros(0), y, work, np.zeros(len(REPORT)))
+            advance(RoesslerRS2(), TWO_NOISES, h, dW, np.zeros(0), y, work, report_row())
         found += [w[block] @ phi(y.reshape(3, LANES)) for phi in FUNCTIONS]
     return found
 

@@ -379,7 +379,7 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
     storage.write_sums(path, {"n": 1}, {})
     before = path.read_bytes()
 
-    def interrupted(file, data):
+    def interrupted(file, data, *more):
         file.write_bytes(data[:100])
         raise fault
 

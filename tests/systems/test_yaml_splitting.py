@@ -34,12 +34,13 @@ TURNED = ["(y(1) + y(3))^4/4", "(y(2) + y(3))^4/4"]
     [
         (SYSTEMS["heavy top"][0], ["P1^2/(2*I1)", "P2^2/(2*I2)", "G3*weight + P3^2/(2*I3)"]),
         (SYSTEMS["Manakov"][0], ["m12^2/6 + m34^2/14", "m13^2/8 + m24^2/12", "m14^2/(2*J + 2) + m23^2/10"]),
-        (SYSTEMS["spin in a cavity"][0], ["q^2/2 + s3", "p^2/2", "g*q*s1"]),
-        (SYSTEMS["heisenberg(2)"][0], ["q1^2*q2 + q1^2/2 + q1*z + q2^2/2", "p1^2/2 + p2^2/2"]),
+        (SYSTEMS["spin in a cavity"][0], ["p^2/2 + q^2/2 + s3", "g*q*s1"]),
+        (SYSTEMS["heisenberg(2)"][0], ["p1^2/2 + p2^2/2 + q1^2/2 + q1*z + q2^2/2", "q1^2*q2"]),
         # the order is that of the terms
-        (spin("y3^2", "y1", "y3", "y2"), ["y3^2 + y3", "y1", "y2"]),
+        (spin("y3^2", "y1", "y3", "y2"), ["y3^2", "y1 + y2 + y3"]),
+        (spin("y3^2", "y1", "y3"), ["y3^2", "y1 + y3"]),
         (spin("y2", "y1^2", "y1^3"), ["y2", "y1^3 + y1^2"]),
-        ("{algebra: se(3), variables: [a, b, c, d, e, f], hamiltonian: f + a^2 + c + d}", ["c + f", "a^2 + d"]),
+        ("{algebra: se(3), variables: [a, b, c, d, e, f], hamiltonian: f + a^2 + c + d}", ["c + d + f", "a^2"]),
         # a constant moves nothing, and terms that cancel are no terms
         (spin("3", "y1", "pi"), ["y1"]),
         (spin("y1*y2", "y3", "(-y2*y1)"), ["y3"]),

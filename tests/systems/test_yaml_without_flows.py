@@ -55,7 +55,7 @@ SYSTEMS = {
         "{algebra: so(3) * heisenberg, variables: [s1, s2, s3, q, p, i], inner: munthe_kaas,"
         " hamiltonian: s3 + (q^2 + p^2)/2 + cos(q)*s1*p, noises: ['s1*exp(-p^2)*q', s3]}",
         product(commutators(rigid()), heisenberg(1)),
-        (3, (2,)),
+        (2, (1,)),
         (0,),
     ),
 }

@@ -133,6 +133,6 @@ def refiner(model, initial, final_time, functions, accuracy):
     It has ``refine(number)``, the values, their uncertainties, of which :func:`.refining.refined` makes an error, and
     the effort, a number that says how much work it was; ``costs(effort)``, the seconds of typical speed of each
     refinement there can be; ``effort``, that which is usual; ``rough`` (F,), which functions have kinks; and ``known``
-    (F,), the expectations where nothing moves, else None.
+    (F,), the expectations where nothing moves, else None, and ``known_bound``, of their errors.
     """
     return _solver(model).Refining(model, initial, final_time, functions, accuracy)

@@ -413,6 +413,7 @@ class Refining:
     def __init__(self, model, initial, final_time, functions, accuracy):
         self.problem, self.accuracy = _problem(model, initial, final_time, functions), accuracy
         self.known = values_at(initial, functions) if self.problem.r == 0.0 else None
+        self.known_bound = 0.0
         self.strang = plan(words_of(STRANG, self.problem.active))
         self.half_width, self.killed = domain(self.problem, self.strang, FIRST, accuracy)
         self.rough = self.problem.rough(self.half_width)

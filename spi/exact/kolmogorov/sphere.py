@@ -364,6 +364,7 @@ class Refining:
     def __init__(self, model, initial, final_time, functions, accuracy):
         self.problem = _Problem.of(model, initial, final_time, functions)
         self.known = _at_rest(self.problem).limit if self.problem.at_rest else None
+        self.known_bound = 0.0
         self.rough = self.problem.rough
         self.rounding = self.problem.rounding()[:, 0]
         self.effort = USED * len(functions)

@@ -13,6 +13,7 @@ from annotated_types import Ge
 
 from spi.ensemble.protocol import Positive, flows_lacking, large
 from spi.expressions import as_numpy
+from spi.numerics.rng import ANSWERS
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
@@ -124,6 +125,8 @@ class Case(FunctionKeys, BaseCase):
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_distinct(self.schemes, "schemes")
+        if len(self.schemes) > len(ANSWERS):
+            raise wrong(f"has {entries_in(len(self.schemes))}", f"must have at most {len(ANSWERS)}", "schemes")
         for name in self.schemes_used:
             key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:
@@ -154,11 +157,12 @@ _SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise", "pytho
 _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3
 
 
-def question(experiment: Experiment) -> str:
+def question(experiment: Experiment, functions: bool = True) -> str:
     """The spec, as YAML, of an answer about the models and the initial values of an experiment of another kind.
 
-    Functions and final time are those of the experiment; the scheme is left to choose.  SpecError if a case of it has a
-    multiscale scheme.
+    Functions and final time are those of the experiment, without `functions` other ones stand for those that a person
+    gives; the scheme is left to choose.  SpecError if a case of it has a multiscale scheme, or functions that are no
+    formulas.
     """
     document = Document(experiment.text, str)
     own = {case["name"]: case for case in document.data.get("cases") or ()}
@@ -170,7 +174,11 @@ def question(experiment: Experiment) -> str:
         if case.eps is not None:
             right = "answers are about the equation; use schemes without eps"
             raise SpecError(f"{experiment.called}: has a multiscale scheme; {right}")
-        answers.append({"name": name, "title": title, **_asked(raw, case)} if own else _asked(raw, case))
+        asked = _asked(raw, case) | ({} if functions else {"functions": _FUNCTIONS})
+        if no_formulas := [name for name, text in asked["functions"].items() if not isinstance(text, str)]:
+            right = "name what to ask, as in --function 'y1^2'"
+            raise SpecError(f"{experiment.called}: functions.{no_formulas[0]}: is no formula of the state; {right}")
+        answers.append({"name": name, "title": title, **asked} if own else asked)
     heading = {"title": f"{experiment.title} ({ANSWER})", "kind": ANSWER}
     return as_yaml(_with_numbers(heading | ({"cases": answers} if own else answers[0])))
 

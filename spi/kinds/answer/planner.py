@@ -25,25 +25,44 @@ from spi.storage.records import INTERVAL
 # ---------------------------------------------------------------------------------------------------------------------
 
 _CANCELLED = 1e-10  # of the mean square: a variance below has lost its digits
+_FEW = 4.0  # values that have the variance of a difference: with fewer there may be larger ones that no sample shows
+#: Values that must have the variance of a function whose range is not known: with fewer its mean is not resolved.
+ENOUGH = 16.0
 
 
 class Spread(NamedTuple):
     """Moments of the values of a quantity, arrays (F,)."""
 
     mean: np.ndarray
-    variance: np.ndarray  #: of a sample; where all are equal an upper bound, 0 where there is none
+    variance: np.ndarray  #: of a sample, with that of rare values that no sample shows
     third: np.ndarray  #: third central moment
-    kurtosis: np.ndarray
-    equal: np.ndarray  #: whether all values are equal, and might not be
-    unknown: np.ndarray  #: whether their range is infinite, too
+    kurtosis: np.ndarray  #: by which the variance is uncertain: of what no sample shows it is an upper bound
+    equal: np.ndarray  #: whether all values are equal, and might not be, or most of the variance was not seen
+    unknown: np.ndarray  #: whether all values are equal, and their range is infinite
+    unseen: np.ndarray | float = 0.0  #: the part of the variance that no sample shows, at most; 0 where there is none
+    few: np.ndarray | bool = False  #: whether a few values have the variance, and the range is infinite
 
     @classmethod
-    def of(cls, sums: np.ndarray, paths: int, span: np.ndarray, scrambles: bool = False) -> "Spread":
+    def of(
+        cls,
+        sums: np.ndarray,
+        paths: int,
+        span: np.ndarray,
+        scrambles: bool = False,
+        bounds: np.ndarray | None = None,
+        steep: np.ndarray | bool = False,
+        bounded: np.ndarray | bool = True,
+    ) -> "Spread":
         """The moments from sums (POWERS, F, GROUPS) over some paths, of values that are at most `span` (F,) apart.
 
-        Where all values are equal, the share of others is at most that of the rule of three, and so the variance at
-        most that times span^2.  Equal values have equal sums in all groups, to the last bit.  Where groups are
-        `scrambles` of points the variance is `paths` times that of their mean.
+        By the rule of three a share of at most 3/n of all values may lie where none of n samples does, as far from the
+        mean as the `bounds` (F, 2) allow, or by the span.  That counts where all values are equal, and of functions
+        that are `bounded` (F,) also where fewer than _FEW of them have the variance, or they may be `steep` (F,).  Of
+        it is taken off how far values that were seen are off: the largest square of a deviation is at least
+        E (x - m)^4 / E (x - m)^2.
+
+        Equal values have equal sums in all groups, to the last bit.  Where groups are `scrambles` of points the
+        variance is `paths` times that of their mean.
         """
         with np.errstate(all="ignore"):
             moments = sums.sum(axis=-1) / np.float64(paths)
@@ -51,12 +70,27 @@ class Spread(NamedTuple):
             equal = (sums[0].max(axis=-1) == sums[0].min(axis=-1)) & np.isfinite(m1)
             variance = np.maximum(m2 - m1**2, 0.0)
             of_groups = paths / GROUPS * (sums[0] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1)
-            variance = np.where(variance < _CANCELLED * m2, of_groups, variance)
-            bounded = np.where(np.isfinite(span), span, 0.0) ** 2 * zero_share_bound(paths)
-            third = np.where(equal, 0.0, m3 - 3.0 * m1 * m2 + 2.0 * m1**3)
-            tails = np.where(equal, np.nan, kurtosis(moments, variance))
-            variance = np.where(equal, bounded, of_groups if scrambles else variance)
-            return cls(m1, variance, third, tails, equal & (span > 0.0), equal & np.isinf(span))
+            lost = variance < _CANCELLED * m2
+            variance = np.where(lost, of_groups, variance)
+            tails = kurtosis(moments, variance)
+            farthest = span if bounds is None else np.maximum(bounds[:, 1] - m1, m1 - bounds[:, 0])
+            known = ~lost & (tails >= 1.0)  # which it is, unless powers underflow
+            farther = np.maximum(farthest**2 - np.where(known, tails * variance, 0.0), 0.0)
+            rare = bounded & (steep | ~known | (paths < _FEW * tails))
+            farther = np.where(equal, span**2, np.where(rare, farther, 0.0))
+            unseen = np.where(np.isfinite(farther), farther, 0.0) * zero_share_bound(paths)
+            seen = np.where(equal, 0.0, of_groups if scrambles else variance)
+            share = np.where(unseen > 0.0, seen / (seen + unseen), 1.0)
+            return cls(
+                mean=m1,
+                variance=seen + unseen,
+                third=np.where(equal, 0.0, m3 - 3.0 * m1 * m2 + 2.0 * m1**3),
+                kurtosis=np.where(equal, np.nan, np.where(share < 1.0, 1.0 + (tails - 1.0) * share**2, tails)),
+                equal=(equal & (span > 0.0)) | (unseen > seen),
+                unknown=equal & np.isinf(span),
+                unseen=unseen,
+                few=~equal & ~lost & np.isinf(span) & ~(paths >= ENOUGH * tails),
+            )
 
     def range_seen(self, paths: int) -> np.ndarray:
         """(F,) an upper bound of the range of the values that were seen, infinity where all are equal.
@@ -66,6 +100,28 @@ class Spread(NamedTuple):
         with np.errstate(all="ignore"):
             fourth = paths * np.maximum(self.kurtosis, 1.0) * self.variance**2
             return np.where(self.equal | ~(fourth > 0.0), np.inf, 2.0 * fourth**0.25)
+
+    def with_hidden(self, owners: np.ndarray) -> "Spread":
+        """The moments of functions, from these with those of summands behind them, which belong to the `owners`.
+
+        What no sample shows of a summand, the function may have, too.
+        """
+        count = len(self.mean) - len(owners)
+        own = Spread(*(np.asarray(values)[:count] for values in self))
+        if not len(owners):
+            return own
+        of_summands, unknown = (
+            np.bincount(owners, np.asarray(values, float)[count:], count) for values in (self.unseen, self.unknown)
+        )
+        with np.errstate(all="ignore"):
+            share = np.where(of_summands > 0.0, own.variance / (own.variance + of_summands), 1.0)
+            return own._replace(
+                variance=own.variance + of_summands,
+                kurtosis=np.where(share < 1.0, 1.0 + (own.kurtosis - 1.0) * share**2, own.kurtosis),
+                equal=own.equal | (of_summands > own.variance),
+                unknown=own.unknown | (unknown > 0.0),
+                unseen=own.unseen + of_summands,
+            )
 
     @classmethod
     def together(cls, each: "Sequence[Spread]") -> "Spread":
@@ -82,10 +138,10 @@ class Term(NamedTuple):
     scrambles: bool = False  #: whether the variance is that over scrambles of points
 
 
-def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray]:
-    """(F,) the standard error of a sum of means, and half the width of its 95 % interval.
+def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(F,) the standard error of a sum of means, half the width of its 95 % interval, and its degrees of freedom.
 
-    The degrees of freedom are those of Welch and Satterthwaite: the variance of a variance is (kurtosis - 1) / n.
+    These are those of Welch and Satterthwaite: the variance of a variance is (kurtosis - 1) / n.
     """
     variance: Any = 0.0
     doubt: Any = 0.0
@@ -93,11 +149,12 @@ def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(all="ignore"):
         for share, spread, paths, scrambles in terms:
             own = share**2 * spread.variance / paths
-            tails = 2.0 / (GROUPS - 1) if scrambles else np.nan_to_num((spread.kurtosis - 1.0) / paths)
+            tails = np.nan_to_num((spread.kurtosis - 1.0) / paths)
+            tails = np.maximum(2.0 / (GROUPS - 1), tails) if scrambles else tails
             variance, doubt = variance + own, doubt + own**2 * tails
             third = third + (0.0 if scrambles else share**3 * spread.third / paths**2)
-        stderr = np.sqrt(variance)
-        return stderr, skewed_half_width(stderr, np.broadcast_to(third, stderr.shape), 2.0 * variance**2 / doubt)
+        stderr, degrees = np.sqrt(variance), 2.0 * variance**2 / doubt
+        return stderr, skewed_half_width(stderr, np.broadcast_to(third, stderr.shape), degrees), degrees
 
 
 BIAS_SHARE = 0.1  #: of the accuracy, the most that the bias may have where levels are chosen
@@ -108,6 +165,7 @@ MOST_TAILS = 2**17
 #: The share of the variance of an answer up to which the variance of a level may be uncertain, and the factor by which
 #: it may be larger than it seems: a rare value that occurred once may be that much likelier.
 _LITTLE, _UNSURE = 1 / 16, 5.0
+_REPEATED = 4  # how often samples and a variance that depends on them are computed in turn
 _RARE = 3.0  # by which a variance of one value among n is as large as where none was seen
 #: Levels whose changes bound the bias, counted from the one with the smallest step.
 _BOUNDING = 3
@@ -128,6 +186,8 @@ class Measured(NamedTuple):
     along: np.ndarray  #: (K + 1,) paths of P_l along quasi-random points, 0 where it does not follow them
     value_kurtosis: np.ndarray  #: of P_l
     unseen: np.ndarray  #: samples that there are where all values of Y_l are equal, infinity elsewhere
+    value_unseen: np.ndarray  #: of the variance of P_l what no sample shows, times their number
+    value_seen: np.ndarray  #: the rest of the variance of P_l
 
     @classmethod
     def of(
@@ -137,6 +197,7 @@ class Measured(NamedTuple):
         values: Spread,
         cost: np.ndarray,
         along: Sequence[int] = (),
+        value_samples: Sequence[int] = (),
     ) -> "Measured":
         """The estimates from the moments of Y_l and P_l, arrays (K + 1, F), and the numbers of samples.
 
@@ -159,6 +220,9 @@ class Measured(NamedTuple):
             value_variance = np.where(np.isfinite(values.variance), values.variance, np.inf)
             value_variance[last + 1 :] = value_variance[last]
             stderr = np.sqrt(variance / samples[:, np.newaxis])
+            of_each = np.reshape(value_samples or [0] * len(samples), (-1, 1))
+            value_unseen = np.nan_to_num(np.broadcast_to(values.unseen, value_variance.shape) * of_each)
+            value_unseen[last + 1 :] = value_unseen[last]
         unseen = np.where(differences.equal, samples[:, np.newaxis], np.inf)
         unseen[last + 1 :] = unseen[last]
         return cls(
@@ -172,7 +236,15 @@ class Measured(NamedTuple):
             along=np.asarray(along or [0] * len(samples)),
             value_kurtosis=of_values,
             unseen=unseen,
+            value_unseen=value_unseen,
+            value_seen=value_variance - value_unseen / np.maximum(of_each, 1),
         )
+
+    def alone(self, base: int, variance_of_mean: float) -> float:
+        """The samples of P_base whose mean has a variance, s / N + b / N^2 with what no sample shows."""
+        of_seen = self.value_seen[base]
+        b = self.value_unseen[base]
+        return float(((of_seen + np.sqrt(of_seen**2 + 4.0 * b * variance_of_mean)) / (2.0 * variance_of_mean)).max())
 
 
 class Choice(NamedTuple):
@@ -279,6 +351,11 @@ def allocation(
         variance = np.append(np.where(s != 0.0, s**2 * of_differences, 0.0), np.zeros(count))
         variance[base] = of_values[choice.base]
         samples = np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2
+        if measured.value_unseen[choice.base].any() and not there:
+            for _ in range(_REPEATED):  # the variance falls as samples are added
+                share = variance[base] / samples[base]
+                variance[base] = share * measured.alone(choice.base, share)
+                samples = np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2
     samples = np.nan_to_num(samples, nan=np.inf, posinf=np.inf)
     if there:
         samples = _in_powers_of_two(samples, variance, cost, target**2, base, there)

@@ -78,6 +78,7 @@ class Answer(Stored):
     pilot_seconds: float = fact("of it for the pilot", "s", default=0.0)
     predicted_seconds: float = fact("processor time that was predicted", "s", column=True)
     next_digit_seconds: float = fact("processor time of an answer to a tenth of the accuracy", "s")
+    solver: str = fact("the way to the solution where nothing is sampled", default="")
     chosen: Chosen | None = None
     compared: Compared | None = None
 
@@ -125,7 +126,7 @@ class Answer(Stored):
     def _method(self) -> str:
         """The scheme, steps and paths, and the check."""
         if not (chosen := self.chosen):
-            return "without sampling, by the backward operator"
+            return f"without sampling, by {self.solver or 'the backward operator'}"
         times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
         steps = f"steps {power_of_two(chosen.largest_step)} to {power_of_two(chosen.smallest_step)}"
         paths = "quasi-random points" if chosen.points else "paths"

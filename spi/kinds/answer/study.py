@@ -30,10 +30,13 @@ from spi.ensemble.protocol import has_friction, large
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import SOLVING as TITLE
 from spi.exact.kolmogorov import can_solve, demands, refiner
-from spi.exact.kolmogorov.refining import Outlook, Refined, outlook, refined
+from spi.exact.kolmogorov.refining import Known, Outlook, Refined, outlook, refined
+from spi.exact.linear import Moments
 from spi.exact.work import work as working
-from spi.expressions import canonical, range_of
+from spi.expressions import as_numpy, canonical, range_of
+from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, two_steps, values_of_blocks
+from spi.kinds.linear import linear_moments
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import ANSWERS, LANES
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
@@ -179,7 +182,8 @@ class Outcome(NamedTuple):
     check_stderr: np.ndarray
     passed: bool
     share: np.ndarray  #: (levels,) weights of the differences in the value
-    unresolved: np.ndarray  #: whether all values of a mean are equal, and may lie anywhere
+    unresolved: np.ndarray  #: whether all values of a mean are equal, and may lie anywhere, or
+    few: np.ndarray  #: a few samples have the variance, and others may lie anywhere
 
     @property
     def factor(self) -> float:
@@ -241,6 +245,12 @@ def whole_blocks(paths: np.ndarray) -> np.ndarray:
     return (np.ceil(np.minimum(paths, 1e15) / size) * size).astype(np.int64)
 
 
+def _first_sampled(ways: Sequence[planner.Spread], samples: Sequence[int]) -> tuple[planner.Spread, int]:
+    """The first of some spreads that has samples, and their number; else the last one."""
+    pairs = list(zip(ways, samples, strict=True))
+    return next((pair for pair in pairs if not np.isnan(pair[0].mean).all()), pairs[-1])
+
+
 def _cpu_seconds(state: State) -> float:
     """Processor seconds of all paths so far."""
     return float(sum(state.so_far(i).cpu_seconds for i in state.tallies))
@@ -276,11 +286,41 @@ class AnswerPlan(SamplesPlan):
     # The question: functions of the state at the end, and whether their expectations can be solved for.
     # -----------------------------------------------------------------------------------------------------------------
 
-    @property
-    def phis(self) -> list[Callable]:
-        """The test functions of arrays of states."""
+    @cached_property
+    def asked(self) -> list[Callable]:
+        """The F test functions of arrays of states."""
         given = dict(self.python)
         return [given.get(name, phi) for name, phi in zip(self.case.functions, super().phis, strict=True)]
+
+    @property
+    def phis(self) -> list[Callable]:
+        """The functions of which there are sums: the F asked ones, and behind them summands that these may hide."""
+        return [*self.asked, *(as_numpy(tree) for _, tree in self.hidden)]
+
+    @cached_property
+    def hidden(self) -> list[tuple[int, Any]]:
+        """Summands in which rare values may hide, each with the number of the function that it belongs to.
+
+        Behind them stand the rests of functions, see :func:`spi.expressions.summands.unbounded_rest`.
+        """
+        return [(f, part) for f, tree in self._trees for part in hidden_summands(tree)] + self.rests
+
+    @cached_property
+    def rests(self) -> list[tuple[int, Any]]:
+        """The rests of functions without the summands whose range is known, each with the number of the function."""
+        each = ((f, unbounded_rest(tree)) for f, tree in self._trees)
+        return [(f, rest) for f, rest in each if rest is not None]
+
+    @property
+    def _trees(self) -> list[tuple[int, Any]]:
+        """The formulas, each with its number, but for those that have a Python function in their place."""
+        python, named = dict(self.python), zip(self.case.functions, self.case.expressions, strict=True)
+        return [(f, tree) for f, (name, tree) in enumerate(named) if name not in python]
+
+    @cached_property
+    def owners(self) -> np.ndarray:
+        """The numbers of the functions that the hidden summands belong to."""
+        return np.array([f for f, _ in self.hidden], np.int64)
 
     @property
     def formulas(self) -> tuple[str, ...]:
@@ -290,15 +330,21 @@ class AnswerPlan(SamplesPlan):
 
     @cached_property
     def ranges(self) -> np.ndarray:
-        """(F, 2) bounds of the functions, whatever the state is."""
+        """(F + summands, 2) bounds of the functions and of the hidden summands, whatever the state is."""
         bounds = zip(self.case.functions, map(range_of, self.case.expressions), strict=True)
-        return np.array([(-np.inf, np.inf) if name in dict(self.python) else ends for name, ends in bounds])
+        own = [(-np.inf, np.inf) if name in dict(self.python) else ends for name, ends in bounds]
+        return np.array([*own, *(range_of(tree) for _, tree in self.hidden)])
+
+    @cached_property
+    def steep(self) -> np.ndarray:
+        """(F + summands,) whether a formula may be nearly an indicator: polynomials, sines and cosines are not."""
+        return ~np.array([is_plain(tree) for tree in (*self.case.expressions, *(tree for _, tree in self.hidden))])
 
     @cached_property
     def spans(self) -> np.ndarray:
-        """(F,) the largest distance of two values of each function: 0 where all paths are the same, or infinity."""
+        """(F + summands,) the largest distance of two values: 0 where all paths are the same, or infinity."""
         if not self.is_random:
-            return np.zeros(len(self.case.functions))
+            return np.zeros(len(self.ranges))
         return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
 
     def exponents(self, scheme: int) -> tuple[float, ...]:
@@ -306,14 +352,24 @@ class AnswerPlan(SamplesPlan):
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
 
     @cached_property
+    def moments(self) -> Moments | None:
+        """The moments that the functions need, where the equation is linear and they are polynomials; else None."""
+        case = self.case
+        if case.sampling or self.python or isinstance(case.initial, RandomState):
+            return None
+        return linear_moments(case.model, case.expressions, (case.final_time,))
+
+    @cached_property
     def solvable(self) -> bool:
         """Whether the expectation can be computed without sampling."""
+        if self.moments is not None:
+            return True
         case = self.case
         open_ended = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
         if case.sampling or open_ended or not can_solve(case.model):
             return False
         end = case.final_time
-        return not demands(case.model, ((1.0, ()),), case.initial, end, (end,), self.phis).obstacle
+        return not demands(case.model, ((1.0, ()),), case.initial, end, (end,), self.asked).obstacle
 
     # -----------------------------------------------------------------------------------------------------------------
     # The paths: the path sets of each scheme, and the cost of their samples.
@@ -351,7 +407,8 @@ class AnswerPlan(SamplesPlan):
         h = case.final_time / 2.0**level
         terms = fourier_terms(case.model, records, h, areas=case.areas)
         times = grid(h, 2**level, by_reference=(0,) * len(paths["doublings"]), area_terms=terms, **paths)
-        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number)), weights)
+        stream = ANSWERS[number // SETS] + 2 * own
+        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(stream)), weights)
 
     def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:
         """The plans of the schemes that a path set has paths of."""
@@ -369,7 +426,7 @@ class AnswerPlan(SamplesPlan):
         """Seconds of typical speed of a sample of a path set."""
         sample = self.sets[number]
         quantities, paths = sample.weights.shape
-        besides = PATH_NS * paths + SUM_NS * quantities * len(self.case.functions)
+        besides = PATH_NS * paths + SUM_NS * quantities * len(self.phis)
         rates = (typical_ns(plan.row, self.case.model) for plan in self.schemes_of(number))
         return sum(1e-9 * (rate * sample.steps + besides) for rate in rates)
 
@@ -380,7 +437,7 @@ class AnswerPlan(SamplesPlan):
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums."""
-        return {"quantity": len(self.sets[number].weights), "function": len(self.case.functions)}
+        return {"quantity": len(self.sets[number].weights), "function": len(self.ranges)}
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """For a path set the model, the functions and the scheme; for the decisions the whole case."""
@@ -423,7 +480,11 @@ class AnswerPlan(SamplesPlan):
         return [state.so_far(scheme * SETS + i) for i in range(SETS)]
 
     def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> planner.Spread:
-        """The moments of a quantity of a path set.
+        """The moments (F,) of a quantity of a path set, with the rare values of hidden summands."""
+        return self._spread_of_all(totals, quantity, along).with_hidden(self.owners)
+
+    def _spread_of_all(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> planner.Spread:
+        """The moments (F + summands,) of a quantity of a path set.
 
         Differences are no larger than the range of values, or, where that is infinite, are taken to be no larger than
         the range of the values so far.
@@ -433,7 +494,10 @@ class AnswerPlan(SamplesPlan):
             seen = planner.Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
             with np.errstate(all="ignore"):
                 span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
-        return planner.Spread.of(sums, paths, span, along)
+            return planner.Spread.of(sums, paths, span, along, bounded=np.isfinite(self.spans))
+        bounds = self.ranges if self.is_random else np.repeat(sums[0].sum(axis=-1)[:, np.newaxis] / paths, 2, axis=1)
+        steep = self.steep & ~np.bool_(along)  # along points variances of smooth functions fall faster
+        return planner.Spread.of(sums, paths, span, along, bounds, steep, np.isfinite(self.spans))
 
     def measured(self, state: State, scheme: int) -> planner.Measured:
         """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
@@ -442,14 +506,17 @@ class AnswerPlan(SamplesPlan):
         beside = [self.spread(each, -1) for each in totals[:LEVELS]]
         alone = [self.spread(each, -1) for each in totals[LEVELS:ALONG]]
         along = [self.spread(each, -1, True) for each in totals[ALONG:AGAINST]]
+        paths = [each.paths for each in totals]
         ways = zip(along, alone, beside, strict=True)
-        values = [next((spread for spread in way if not np.isnan(spread.mean).all()), way[-1]) for way in ways]
+        there = zip(paths[ALONG:AGAINST], paths[LEVELS:ALONG], paths[:LEVELS], strict=True)
+        values, samples = zip(*map(_first_sampled, ways, there), strict=True)
         return planner.Measured.of(
             planner.Spread.together(differences),
-            np.array([each.paths for each in totals[:LEVELS]], float),
+            np.array(paths[:LEVELS], float),
             planner.Spread.together(values),
             self.costs[scheme * SETS : scheme * SETS + ALONG],
-            [each.paths for each in totals[ALONG:AGAINST]],
+            paths[ALONG:AGAINST],
+            samples,
         )
 
     # -----------------------------------------------------------------------------------------------------------------
@@ -504,15 +571,17 @@ class AnswerPlan(SamplesPlan):
         few = best.work < _WORTH * float(self.costs @ extra.wanted)
         return self._allocated(state, extra, WHOLE if few else BEGINNING)
 
-    def _until_seen(self, state: State, work: float) -> np.ndarray | None:
+    def _until_seen(self, state: State, work: float, few: bool = False) -> np.ndarray | None:
         """(path sets,) more samples of those of which all values are equal, as long as these are a share of the work.
 
-        Where the range of values is infinite, so is the work: up to MOST_UNSEEN samples.  None if there are no such.
+        Where the range of values is infinite, so is the work: up to MOST_UNSEEN samples, also of those of which a `few`
+        values have the variance.  None if there are no such.
         """
         wanted = state.extra.wanted
         each = [self.spread(state.so_far(i), -1 if i % SETS >= LEVELS else DIFFERENCE) for i in range(len(self.sets))]
         equal = np.array([spread.equal.any() for spread in each]) & (wanted > 0)
-        unknown = np.array([spread.unknown.any() for spread in each]) & (wanted > 0) & (wanted < MOST_UNSEEN)
+        unknown = np.array([(spread.unknown | (few & np.asarray(spread.few))).any() for spread in each])
+        unknown &= (wanted > 0) & (wanted < MOST_UNSEEN)
         left = self.seconds_left(state.extra)
         for some, limit in ((equal, min(work, left)), (unknown, left)):
             more = np.where(some, _STRIDE * wanted, wanted)
@@ -608,7 +677,7 @@ class AnswerPlan(SamplesPlan):
         if not (outcome.half <= extra.aim).all():
             extra = extra._replace(aim=max(extra.aim, self._affordable(state, extra.scheme)))
         narrow = bool((outcome.half <= extra.aim).all())
-        if outcome.unresolved.any() and (unseen := self._until_seen(state, 0.0)) is not None:
+        if outcome.unresolved.any() and (unseen := self._until_seen(state, 0.0, few=True)) is not None:
             return extra._replace(wanted=unseen, stage=extra.stage + 1)
         lost = not np.isfinite(outcome.half).all()
         if (narrow and outcome.passed) or lost or extra.stage >= MOST_STAGES:
@@ -661,14 +730,17 @@ class AnswerPlan(SamplesPlan):
     @cached_property
     def refining(self) -> Any:
         """The solver that refines the solution of the case, see :func:`spi.exact.kolmogorov.refiner`."""
-        return refiner(self.case.model, self.case.initial, self.case.final_time, self.phis, self.case.accuracy)
+        if self.moments is not None:
+            value, error = self.moments.expectations(self.case.initial, (self.case.final_time,))
+            return Known(value[:, 0], error[:, 0])
+        return refiner(self.case.model, self.case.initial, self.case.final_time, self.asked, self.case.accuracy)
 
     def prospect(self, extra: Decisions, accuracy: float | None = None) -> tuple[Refined, Outlook]:
         """The solution by the refinements so far, and the outlook on the next ones."""
         refining, number = self.refining, len(extra.refined)
         solution = refined(extra.refined, extra.uncertain, refining.rough)
         if refining.known is not None:
-            solution = solution._replace(value=refining.known, bound=0.0 * refining.known)
+            solution = solution._replace(value=refining.known, bound=refining.known_bound + 0.0 * refining.known)
         costs = refining.costs(extra.efforts[-1] if number else refining.effort)  # the next take what the last one took
         return solution, outlook(solution, number, costs, accuracy or self.case.accuracy)
 
@@ -717,8 +789,12 @@ class AnswerPlan(SamplesPlan):
         both: dict[str, Any] = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
         if _goes_on(ahead, sampling, self.case.seconds - spent):
             return extra._replace(solving=SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
-        if not reaches and (solution.bound <= sampled.aim).all():  # neither reaches it, and this is the better
-            return self._solved(extra._replace(**both), solution)
+        if not reaches:  # and solving is not expected to: this goes on where it is, or becomes, the better
+            left, (_, better) = self.case.seconds - spent, self.prospect(extra, sampled.aim)
+            if max(better.seconds, ahead.next_seconds) <= left:
+                return self._refined(extra._replace(solving=SOLVING, **both), ahead)
+            if not better.seconds:
+                return self._solved(extra._replace(**both), solution)
         return sampled._replace(solving=SAMPLING, **both)
 
     def _solved(self, extra: Decisions, solution: Refined) -> Decisions:
@@ -763,20 +839,38 @@ class AnswerPlan(SamplesPlan):
         w, finest = weights(exponents[: extra.levels]), extra.finest
         share = planner.shares(w, extra.base, finest, LEVELS)
         used, totals = np.flatnonzero(share), self.totals(state, extra.scheme)
-        base = totals[extra.set_of_base]
-        of_base = self.spread(base, -1, bool(extra.points))
-        value = of_base.mean + (share[used, np.newaxis] * measured.mean[used]).sum(axis=0)
-        terms = [planner.Term(1.0, of_base, base.paths, bool(extra.points))]
-        terms += [planner.Term(float(share[level]), self.spread(totals[level]), totals[level].paths) for level in used]
-        (stderr, sampling), q = planner.sampling_error(terms), planner.order_of(exponents, extra.levels)
-        constant = self.ranges[:, 0] == self.ranges[:, 1]  # by the formula
+        base, along = totals[extra.set_of_base], bool(extra.points)
+        of_all = [planner.Term(1.0, self._spread_of_all(base, -1, along), base.paths, along)]
+        of_all += [
+            planner.Term(float(share[level]), self._spread_of_all(totals[level]), totals[level].paths) for level in used
+        ]
+        terms = [term._replace(spread=term.spread.with_hidden(self.owners)) for term in of_all]
+        value = terms[0].spread.mean + (share[used, np.newaxis] * measured.mean[used]).sum(axis=0)
+        (stderr, sampling, _), q = planner.sampling_error(terms), planner.order_of(exponents, extra.levels)
+        constant = np.equal(*self.ranges[: len(value)].T)  # by the formula
         rounding = np.where(constant, 0.0, ROUNDING * np.abs(value))
         bias = np.maximum(planner.bound(measured, exponents, extra.levels, finest, extra.base), rounding)
-        unresolved = np.any([term.spread.unknown for term in terms], axis=0)
+        few = self._few(of_all)
+        unresolved = few | np.any([term.spread.unknown for term in terms], axis=0)
         half = np.where(unresolved, np.inf, bias + sampling)
         check, check_stderr = planner.changed(measured, w, finest + 1)
         passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _CHECK_WIDTH * check_stderr).all())
-        return Outcome(value, half, bias, stderr, q, check, check_stderr, passed, share, unresolved)
+        return Outcome(value, half, bias, stderr, q, check, check_stderr, passed, share, unresolved, few)
+
+    def _few(self, terms: Sequence[planner.Term]) -> np.ndarray:
+        """(F,) whether a few samples have the variance of an estimate whose function has no known range, or a summand.
+
+        With fewer than planner.ENOUGH the largest values of heavy tails have not been seen, and no interval holds.
+        """
+        seen = [term.spread._replace(variance=term.spread.variance - term.spread.unseen) for term in terms]
+        _, _, degrees = planner.sampling_error(
+            [term._replace(spread=spread) for term, spread in zip(terms, seen, strict=True)]
+        )
+        some = np.any([np.asarray(term.spread.few) for term in terms], axis=0)  # else it is the variance of rounding errors
+        few = some & np.isinf(self.spans) & (degrees < 2.0 * planner.ENOUGH)
+        own = few[: len(few) - len(self.owners)]
+        own[[f for f, _ in self.rests]] = False  # of these the rest is judged
+        return own | (np.bincount(self.owners, few[len(own) :], len(own)) > 0.0)
 
     @np.errstate(all="ignore")
     def compared(self, state: State) -> Compared:
@@ -815,7 +909,8 @@ class AnswerPlan(SamplesPlan):
             "next_digit_seconds": extra.next_cpu_seconds,
             "cpu_seconds": extra.cpu_seconds + _cpu_seconds(state),
         }
-        if extra.solving == SOLVING:
+        outcome = None if extra.solving == SOLVING else self.outcome(state)
+        if outcome is None or self._is_better_solved(extra, outcome):
             solution, _ = self.prospect(extra)
             reached = bool((solution.bound <= case.accuracy).all())
             return Answer(
@@ -824,10 +919,10 @@ class AnswerPlan(SamplesPlan):
                 bias=solution.bound,
                 stderr=np.zeros(len(case.functions)),
                 reached=reached,
+                solver="the moments of a linear equation" if self.moments else "the backward operator",
                 warnings=() if reached else (f"the numerical error is more than {short(case.accuracy, 'g')}",),
                 **facts,
             )
-        outcome = self.outcome(state)
         if extra.aim > case.accuracy and np.isfinite(outcome.half).all():
             facts["aim"] = max(case.accuracy, float(outcome.half.max()))  # as far as seconds and samples allow
         chosen = self._chosen(state, outcome)
@@ -843,6 +938,14 @@ class AnswerPlan(SamplesPlan):
             compared=other,
             **facts,
         )
+
+    def _is_better_solved(self, extra: Decisions, outcome: Outcome) -> bool:
+        """Whether the refinements before it was sampled have a narrower interval, where that is not narrow enough."""
+        if not len(extra.refined):
+            return False
+        both = self.prospect(extra)[0].bound, outcome.half
+        bound, half = (float(np.nan_to_num(each, nan=np.inf).max()) for each in both)
+        return bound < half and half > self.case.accuracy
 
     def _chosen(self, state: State, outcome: Outcome) -> Chosen:
         """The choice, with the levels that it uses and that of the check."""
@@ -884,9 +987,11 @@ class AnswerPlan(SamplesPlan):
         if not outcome.passed and np.isfinite(outcome.value).all():
             yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
         if outcome.unresolved.any():
-            names = [name for name, unresolved in zip(case.functions, outcome.unresolved, strict=True) if unresolved]
-            reason = "all values that were seen are equal, and how far off others can be is not known from the formula"
-            yield f"not resolved: {joined(names)}; {reason}"
+            equal, few = "all values that were seen are equal", "a few samples have nearly all of the variance"
+            for seen, which in ((equal, outcome.unresolved & ~outcome.few), (few, outcome.few)):
+                if names := [name for name, so in zip(case.functions, which, strict=True) if so]:
+                    reason = f"{seen}, and how far off others can be is not known from the formula"
+                    yield f"not resolved: {joined(names)}; {reason}"
         if lost := [name for name, x in zip(case.functions, outcome.value, strict=True) if not math.isfinite(x)]:
             yield f"not finite: {joined(lost)}; paths diverged"
         if other and not other.agrees:

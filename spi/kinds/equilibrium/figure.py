@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots, style
-from spi.storage.records import INTERVAL
 
 from .results import Averages, Equilibrium
 
@@ -83,7 +82,8 @@ def _law(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
         bins = law.fraction.shape[2]
         x = (np.arange(bins) + 0.5) / bins + APART * (k - (len(laws) - 1) / 2)
         look, label = panels.scheme_look(one, looks, markersize=3.5), style.label(one.about)
-        arrays = [(bins * law.fraction[i, v], INTERVAL * bins * law.fraction_stderr[i, v]) for v in variables]
+        factor = one.interval("fraction")
+        arrays = [(bins * law.fraction[i, v], factor * bins * law.fraction_stderr[i, v]) for v in variables]
         drawn.append([plots.series(x, value, look, label, half) for value, half in arrays])
         reach.append(max(float(np.nanmax(np.abs(value - 1) + half)) for value, half in arrays))
     room = 1.08 * max(NARROWEST, min(reach), min(max(reach), max(WIDEST, 3 * min(reach))))

@@ -19,6 +19,7 @@ class Paths(Sums):
     """
 
     n: Array = of_first(dtype=int)
+    wanted: Array = of_first(dtype=int)  #: paths whose values are summed up, 0 once all steps are done
     y: Array = of_first("block state")
     casimir: Array = joined("record casimir")  #: relative errors
     report: Array = reports("level")
@@ -28,8 +29,10 @@ class Paths(Sums):
     counts: Array = joined("variable bin")
     stretch: Array = of_first("function block lane stretch")  #: the last values of functions
     batches: Array = of_first("function block lane batch")  #: sums of values over the batches of time
+    squares: Array = of_first("function block lane batch")  #: the same of their squares
+    series: Array = of_first("function kept")  #: all values along one long path, whose bins are known at its end
     values: Array = added("column function group")  #: sums over paths, see :data:`COLUMNS`
-    by_batch: Array = added("function batch")  #: sums over paths of means over each batch
+    by_batch: Array = added("function power batch")  #: sums over paths of means over each batch, and of squares
     lagged: Array = added("function lag group")  #: sums of products of values at each lag
     ends: Array = added("function lag group")  #: sums of both values of all pairs at that lag
     cells: Array = added("function cell group", int)  #: values below all bins or NaN, in each, and above all

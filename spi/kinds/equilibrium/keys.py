@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
 from spi.expressions.arithmetic import NumberError
+from spi.kinds import one_path as alone
 from spi.kinds.functions import PathFunction, check_function, function_of
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
@@ -20,15 +21,18 @@ from spi.specs.names import CodeKeys
 from spi.statistics.claims import claimable
 
 from .references import EXACT, FINEST, check, derived_quantity
-from .results import BATCHES, OF_FUNCTIONS, PANELS, Equilibrium
+from .results import OF_FUNCTIONS, PANELS, Equilibrium
 
 Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
-_LEAST_KEPT = 4 * BATCHES
+_LOOKING = 1 / 16  # of the time in which a large lattice moves, for looking at it, unless a spacing is given
+_LEAST_LOOKS = 8  # at it in any case
+_LEAST_KEPT = 2
 _BURNT = 0.2  # of the time
+_BLOCKS = 16  # that are recorded together
 _MOST_BYTES = 2**29  # of states that are recorded at a time
 
 
@@ -56,7 +60,8 @@ class Case(CodeKeys, BaseCase):
     spacing: key_of(
         Positive | None,
         "time between two values of functions, a multiple of every step size; default: the largest step size, "
-        f"or so many times that that a path has at most {_MOST_SNAPSHOTS}",
+        f"or so many times that that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
+        f"lattice is looked at for about {_LOOKING:.0%} of the time",
         "time",
     ) = None
     bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of the histograms of functions") = 40
@@ -97,10 +102,24 @@ class Case(CodeKeys, BaseCase):
     @property
     def between(self) -> float:
         """The time between two values of functions."""
-        if self.spacing:
-            return self.spacing
-        most = self.last_time / (_MOST_SNAPSHOTS * max(self.steps))
-        return max(self.steps) * 2.0 ** max(0, np.ceil(np.log2(most)))
+        return self.spacing or max(self.steps) * 2.0 ** max(0, np.ceil(np.log2(self._least_stride)))
+
+    @property
+    def _least_stride(self) -> float:
+        """The number of the largest steps from which on a power of two lies between two values."""
+        h = max(self.steps)
+        least = self.last_time / (_MOST_SNAPSHOTS * h)
+        if not alone.is_long(self):
+            return max(least, STEPS_PER_TOSS / (self._fitting - 1) if self._fitting > 1 else 0.0, 1.0)
+        a_step = min(one_path(self.model, self.row(name).record, h).ns for name in self.schemes)
+        looking = alone.look_ns(self, len(self.functions)) / (_LOOKING * a_step)
+        return max(least, min(looking, self.last_time / (_LEAST_LOOKS * h) / 2), 1.0)
+
+    @property
+    def _fitting(self) -> float:
+        """The number of states of paths that are moved together that fit into memory."""
+        paths = 1 if self.in_parts else LANES * min(_BLOCKS, -(-self.samples // LANES))
+        return _MOST_BYTES / (8 * paths * dimension(self.model))
 
     @property
     def burnt(self) -> float:
@@ -174,13 +193,15 @@ class Case(CodeKeys, BaseCase):
                 raise wrong(f"{mistake} {quantity(h)}", "give a spacing that is one of every step size", key)
         left = int((self.last_time - self.burnt) / self.between * (1 + ROUNDING))
         if left < _LEAST_KEPT:
-            mistake = f"leaves {max(left, 0)} values with a spacing of {quantity(self.between)} after burn_in"
+            values = "1 value" if left == 1 else "no value"
+            mistake = f"leaves {values} with a spacing of {quantity(self.between)} after burn_in"
             right = f"must leave {_LEAST_KEPT}: final_time {quantity(self.burnt + _LEAST_KEPT * self.between)} or more"
             raise wrong(mistake, right, "final_time")
-        states = 1 + STEPS_PER_TOSS * max(self.steps) / self.between
-        lanes = 1 if self.in_parts else LANES
-        if 8 * lanes * BATCHES * dimension(self.model) * states > _MOST_BYTES:
+        if not alone.is_long(self) and 1 + STEPS_PER_TOSS * max(self.steps) / self.between > self._fitting:
             right = f"must be larger, such as {quantity(STEPS_PER_TOSS * max(self.steps))}"
+            if self._fitting < 2:
+                fault = f"moves {LANES} paths of {dimension(self.model)} numbers together, whose states do not fit"
+                raise wrong(fault, "give samples: 1, for which threads share one path where they can", "samples")
             raise wrong("records more states at a time than fit", right, "spacing")
         return self
 

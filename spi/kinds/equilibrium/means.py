@@ -12,11 +12,11 @@ from spi.statistics import estimators
 from spi.statistics.accumulators import Array
 from spi.statistics.cells import range_of
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
-from spi.storage.records import Order
+from spi.storage.records import Order, student
 
 from .growth import Paths
 from .references import derived_quantity, known_laws
-from .results import BATCHES, LEAST_PATHS, Averages, Derived
+from .results import FEW, LEAST_PATHS, Averages, Derived, batches_of
 
 _MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
@@ -37,8 +37,8 @@ class Series(NamedTuple):
     def of(cls, case: Any, number: int) -> "Series":
         """The snapshots at step size number `number` of a case."""
         total = round(case.final_time / case.between)
-        burnt = math.ceil(case.burnt / case.between - 1e-9)
-        return cls(round(case.between / case.steps[number]), total, max(0, total - burnt) // BATCHES * BATCHES)
+        left = max(0, total - math.ceil(case.burnt / case.between - 1e-9))
+        return cls(round(case.between / case.steps[number]), total, left // batches_of(left) * batches_of(left))
 
     @property
     def first(self) -> int:
@@ -46,9 +46,14 @@ class Series(NamedTuple):
         return self.total - self.used
 
     @property
+    def batches(self) -> int:
+        """The number of batches of time."""
+        return batches_of(self.used)
+
+    @property
     def lags(self) -> int:
         """The number of lags of autocovariances: about a tenth of `used`, a power of two."""
-        return min(1 << math.ceil(math.log2(self.used / 10)), _MOST_LAGS)
+        return min(1 << max(0, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
         """Number of steps, in whole tosses, whose states may be recorded at a time for `blocks` blocks."""
@@ -63,16 +68,28 @@ class Recorder(NamedTuple):
     origins: Array  #: (F,) subtracted from values, so that variances do not cancel
     series: Series
     low: Array  #: (F,) where the first bin begins
-    width: Array  #: (F,) of a bin
+    width: Array  #: (F,) of a bin; NaN where bins are made of all values at the end
     bins: int
 
     @classmethod
-    def of(cls, case: Any, number: int, bins: Any) -> "Recorder":
-        """The recorder at step size number `number` of a case, with `bins` (low, width)."""
+    def of(cls, case: Any, number: int, bins: Any = (np.nan, np.nan)) -> "Recorder":
+        """The recorder at step size number `number` of a case, with `bins` (low, width), or such of all values."""
         functions = case.path_functions
         origins = np.array([origin_of(function, case.initial) for function in functions])
-        low, width = bins
+        low, width = (np.broadcast_to(each, len(functions)) for each in bins)
         return cls(functions, origins, Series.of(case, number), low, width, case.bins)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether all values are kept."""
+        return bool(np.isnan(self.width).any())
+
+    def with_bins_of(self, series: Array) -> "Recorder":
+        """The recorder with bins around all values (F, kept), the recorder itself where it has bins."""
+        if not self.keeps:
+            return self
+        low, width = bins_around(series + self.origins[:, np.newaxis], self.bins)
+        return self._replace(low=low, width=width)
 
     @property
     def edges(self) -> Array:
@@ -82,7 +99,8 @@ class Recorder(NamedTuple):
     @property
     def lengths(self) -> dict[str, int]:
         """The lengths of the axes of the fields of :class:`Paths` about functions."""
-        return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2}
+        kept = self.series.used if self.keeps else 0
+        return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2, "kept": kept}
 
     def values(self, y: Array, n: int, lanes: int = LANES) -> Array:
         """(F, blocks, LANES, K): the functions, less their origins, of those of recorded states that count.
@@ -98,20 +116,35 @@ class Recorder(NamedTuple):
         values = np.swapaxes(values, 2, 3)
         return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], LANES, values.shape[3])))
 
+    def counts_at(self, n: int) -> bool:
+        """Whether a state after n steps is one of those that count."""
+        number, rest = divmod(n, self.series.stride)
+        return rest == 0 and self.series.first < number <= self.series.total
+
+    def values_of(self, state: Array) -> Array:
+        """(F,): the functions of a state, less their origins."""
+        return evaluated(self.functions, state[:, np.newaxis])[:, 0] - self.origins
+
     def recorded(self, paths: Paths, values: Array, n: int, first: int, end: int) -> Paths:
         """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
         if not count:
             return paths
-        copied = {name: getattr(paths, name).copy() for name in ("stretch", "batches", "lagged", "ends", "cells")}
+        copied = {
+            name: getattr(paths, name).copy()
+            for name in ("stretch", "batches", "squares", "lagged", "ends", "cells", "series")
+        }
         paths, lags = paths._replace(**copied), self.series.lags
-        size = self.series.used // BATCHES
+        size = self.series.used // self.series.batches
         for batch in range(begin // size, -(-(begin + count) // size)):
             some = values[..., max(0, batch * size - begin) : (batch + 1) * size - begin]
             paths.batches[..., batch] += some.sum(axis=-1)
-        for f in range(len(values)):
-            self._count(paths.cells[f], values[f], f, first, end)
+            paths.squares[..., batch] += (some**2).sum(axis=-1)
+        if self.keeps:
+            paths.series[:, begin : begin + count] = values[:, 0, 0]
+        else:
+            self._count_all(paths.cells, values, first, end)
         while count:
             place = begin % lags
             taken = min(count, lags - place)
@@ -120,6 +153,11 @@ class Recorder(NamedTuple):
             if begin % lags == 0:
                 self._correlate(paths, begin == lags, first, end)
         return paths
+
+    def _count_all(self, cells: Array, values: Array, first: int, end: int) -> None:
+        """Count values (F, blocks, LANES, K) in cells (F, ...)."""
+        for f in range(len(values)):
+            self._count(cells[f], values[f], f, first, end)
 
     def _count(self, cells: Array, values: Array, f: int, first: int, end: int) -> None:
         """Count values of a function in its cells: below all bins or NaN, in each, and above all."""
@@ -146,14 +184,17 @@ class Recorder(NamedTuple):
     def finished(self, paths: Paths, first: int, end: int) -> dict[str, Any]:
         """The fields of :class:`Paths` with sums over groups alone, once all steps are done."""
         lags, used = self.series.lags, self.series.used
-        paths = paths._replace(**{name: getattr(paths, name).copy() for name in ("stretch", "lagged", "ends")})
+        paths = paths._replace(**{name: getattr(paths, name).copy() for name in ("stretch", "lagged", "ends", "cells")})
+        if self.keeps:
+            kept = np.broadcast_to(paths.series[:, np.newaxis, np.newaxis], (len(self.functions), 1, LANES, used))
+            self.with_bins_of(paths.series)._count_all(paths.cells, kept, first, end)
         over = used % lags
         last = paths.stretch[..., over : over + lags].copy()  # the last ones, the latest at the end
         if over:
             self._correlate(paths, False, first, end)
-        of_batches = paths.batches / (used // BATCHES)
+        of_batches = paths.batches / (used // self.series.batches)
         mean = of_batches.mean(axis=-1)
-        half = BATCHES // 2
+        half = self.series.batches // 2
         drift = of_batches[..., half:].mean(axis=-1) - of_batches[..., :half].mean(axis=-1)
         columns = mean, mean**2, drift, drift**2, (of_batches**2).sum(axis=-1)
         for f in range(len(self.functions)):
@@ -161,8 +202,10 @@ class Recorder(NamedTuple):
             paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
             paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
         values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
-        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_batches])
-        return {"values": values, "lagged": paths.lagged, "ends": paths.ends, "by_batch": by_batch}
+        of_powers = np.stack([of_batches, paths.squares / (used // self.series.batches)], axis=-2)
+        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_powers])
+        summed = {name: getattr(paths, name) for name in ("lagged", "ends", "cells")}
+        return {"values": values, "by_batch": by_batch, **summed}
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
@@ -183,6 +226,7 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 
 def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Averages:
     """The record of the functions of a case, from the sums over the paths of each step size."""
+    recorders = [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
     each = [_estimates(recorder, paths, case) for recorder, paths in zip(recorders, totals, strict=True)]
     fields = {name: np.array([at_h[name] for at_h in each]) for name in each[0]}
     without, average = fields.pop("without"), fields["average"]
@@ -215,7 +259,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
 
 def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
-    samples, used, spacing = case.samples, recorder.series.used, case.between
+    samples, used, spacing, parted = case.samples, recorder.series.used, case.between, recorder.series.batches
     counts, total = estimators.group_counts(samples), samples * used
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = estimators.mean_over_paths(paths.values, counts)
@@ -231,6 +275,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         of_paths = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)) if enough else np.full_like(mean, np.nan)
         freedom = samples - 1 if enough else total / (2 * correlation.window + 1)
         spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_tau
+        of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (samples * parted - 1))
         scale = used * recorder.width[:, np.newaxis]
         density, density_without = estimators.mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
@@ -239,21 +284,23 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, recorder.series.total * recorder.series.stride
         exact = is_rounding(*of)
         known = np.where(exact, np.nan, 1.0)  # what follows from how the values vary
-        of_tau, of_paths = with_rounding(of_tau, *of), with_rounding(of_paths, *of)
-        of_batches = np.sqrt(np.maximum(batches - mean**2 * BATCHES, 0) / BATCHES / (samples * BATCHES - 1))
+        of_tau, of_paths, of_batches = (with_rounding(each, *of) for each in (of_tau, of_paths, of_batches))
+        half = student(freedom) * (of_paths if enough else of_tau)
+        if used < FEW and not enough:  # too few values to know their autocorrelations
+            half = np.fmax(half, student(samples * parted - 1) * of_batches)
         return {
             "average": mean + recorder.origins,
-            "average_half": estimators.student(freedom) * (of_paths if enough else of_tau),
+            "average_half": half,
             "without": without[:, 0] + recorder.origins,
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
-            "stderr_batches": with_rounding(of_batches, *of),
+            "stderr_batches": of_batches,
             "halves": known * drift / spread,
             "tau": known * spacing * correlation.tau,
             "tau_stderr": known * spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
             "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": estimators.jackknife_stderr(covariance[:, 0], left_out[..., 0], counts),
+            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
             "correlation": known[:, np.newaxis] * rho,
             "correlation_stderr": known[:, np.newaxis] * estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
@@ -261,6 +308,22 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "density": density,
             "density_stderr": estimators.jackknife_stderr(density, density_without, counts),
         }
+
+
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, samples: int) -> Array:
+    """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
+    if samples >= LEAST_PATHS:
+        return estimators.jackknife_stderr(variance, without, counts)
+    (mean, square), (without_mean, without_square) = _by_batch(paths, samples)
+    return estimators.jackknife_stderr(
+        square - mean**2, (without_square - without_mean**2).T, np.ones(without_mean.shape[-1])
+    )
+
+
+def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
+    """Means (powers, F) of functions and of their squares, and (powers, F, batches) without each batch of time."""
+    each = np.swapaxes(paths.by_batch, 0, 1) / samples
+    return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
@@ -272,9 +335,8 @@ def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
             counts = estimators.group_counts(case.samples)
             mean, without = estimators.mean_over_paths(paths.values[0], counts)
         else:
-            counts, of_batch = np.ones(BATCHES), paths.by_batch / case.samples
-            mean = of_batch.mean(axis=1)
-            without = ((of_batch.sum(axis=1, keepdims=True) - of_batch) / (BATCHES - 1)).T
+            (mean, _), (left_out, _) = _by_batch(paths, case.samples)
+            counts, without = np.ones(recorder.series.batches), left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)

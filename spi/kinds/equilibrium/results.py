@@ -9,7 +9,7 @@ import numpy as np
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.printing.text import decimal, power_of_two, short
-from spi.storage.records import INTERVAL, Order, in_standard_errors
+from spi.storage.records import INTERVAL, Order, in_standard_errors, student
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
@@ -18,14 +18,23 @@ PANELS = ("growth", "law", "distance", *OF_FUNCTIONS)
 
 #: Number of batches into which the time of a path after the burn-in is divided.
 BATCHES = 16
+#: Least number of values of which there are so many batches; of fewer there are 4, and of fewer than 8 there are 2.
+FEW = 4 * BATCHES
 #: Least number of paths whose standard error is that of independent paths; with fewer it is that of correlated values.
 LEAST_PATHS = 8
 #: Least number of integrated autocorrelation times that a path must have.
 LONG_ENOUGH = 50
 #: Two standard errors may differ by this factor, beyond their own uncertainty.
 APART = 1.5
+#: Fields whose standard errors are those of independent paths, and of jackknife groups of any number of paths.
+_OF_PATHS, _OF_GROUPS = ("bias", "law_distance", "mean", "fraction"), ("correlation", "density")
 #: The probability by chance of the difference between both halves of the time from which on there is a warning.
 _SELDOM = 0.01
+
+
+def batches_of(values: int) -> int:
+    """The number of batches of so many values of a path."""
+    return BATCHES if values >= FEW else 4 if values >= 8 else 2
 
 
 class Law(Described):
@@ -168,10 +177,10 @@ class Averages(Described):
         """(S, F) NaN without a temperature."""
         return self.factors * self.variance
 
-    @derived("h function", "half the interval of the response")
-    def responses_half(self) -> Array:
+    @derived("h function", "standard error of the response")
+    def responses_stderr(self) -> Array:
         """(S, F)."""
-        return INTERVAL * np.abs(self.factors) * self.variance_stderr
+        return np.abs(self.factors) * self.variance_stderr
 
     @derived("function", "exact response")
     def response_exact(self) -> Array:
@@ -203,7 +212,7 @@ class Averages(Described):
         with np.errstate(divide="ignore", invalid="ignore"):
             of_tau = self.tau_stderr / (2 * self.tau)
             of_paths = np.full_like(of_tau, 1 / np.sqrt(2 * max(samples - 1, 1)))
-            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * BATCHES) - 1, 1)))
+            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * batches_of(self.kept)) - 1, 1)))
             each = np.log([self.stderr_paths, self.stderr_tau, self.stderr_batches])
             spread = np.array([of_paths, of_tau, of_batches])
             excess = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
@@ -293,6 +302,17 @@ class Equilibrium(Stored):
         """(S, C) the bias by its standard error; NaN where that is 0."""
         return in_standard_errors(self.bias, np.where(self.bias_stderr > 0, self.bias_stderr, np.nan))
 
+    def freedom(self, name: str) -> float:
+        """That of the paths for errors of Casimirs and the law, else of the groups of paths, or of few paths batches.
+
+        Autocorrelations and histograms have those of the groups of any number of paths.
+        """
+        if name in _OF_PATHS:
+            return self.samples - 1
+        if self.averages is None or self.samples >= LEAST_PATHS or name in _OF_GROUPS:
+            return super().freedom(name)
+        return batches_of(self.averages.kept) - 1
+
     @property
     def largest_finite(self) -> int | None:
         """The number of the largest step size at which all paths are finite; None if there is none."""
@@ -365,11 +385,9 @@ def _count(steps: int) -> str:
 
 def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     """A line for each reason to doubt the errors of the means, about the worst step size and function."""
-    from scipy.special import stdtrit  # not needed to start the program
-
     count, paths = averages.average.size, reading.samples
     lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
-    likely = float(stdtrit(max(paths - 1, 15), 1 - 0.5 * (1 - (1 - _SELDOM) ** (1 / count))))
+    likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / count)))
     burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
     longer = np.isfinite(averages.tau) & ~np.isfinite(averages.window) & (lengths >= LONG_ENOUGH)
     for values, bad, doubt in (
@@ -415,7 +433,7 @@ def step_for(reading: Equilibrium, averages: Averages, f: int, wanted: float) ->
     constant, order = averages.constant[f], averages.order[f].order
     if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
         return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
-    near = np.abs(averages.bias[:, f]) + INTERVAL * averages.bias_stderr[:, f] <= wanted  # false for NaN
+    near = np.abs(averages.bias[:, f]) + averages.bias_half[:, f] <= wanted  # false for NaN
     if near.any():
         return float(reading.h[near].max()), "no bias is seen there"
     return float(reading.h[-1]), "the smallest here, its bias is not known"

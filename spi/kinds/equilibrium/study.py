@@ -20,9 +20,10 @@ import numpy as np
 from spi.ensemble import loop
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
-from spi.ensemble.protocol import casimirs, one_path
+from spi.ensemble.protocol import casimirs, conserved, one_path
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
+from spi.kinds import one_path as alone
 from spi.kinds.blocks import reported
 from spi.kinds.functions import evaluated
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
@@ -34,7 +35,7 @@ from spi.storage.records import Part
 
 from . import means
 from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
-from .results import BATCHES, Equilibrium
+from .results import Equilibrium
 
 #: About the number of snapshots of each path.
 SNAPSHOTS = 8192
@@ -67,6 +68,21 @@ class EquilibriumPlan(Plan):
         """The movers of a single path of each step size, where threads share its state; otherwise none."""
         return tuple(one_path(self.case.model, self.scheme, h) for h in self.case.steps) if self.case.in_parts else ()
 
+    @functools.cached_property
+    def is_long(self) -> bool:
+        """Whether functions are evaluated state by state, while one large lattice moves."""
+        return alone.is_long(self.case)
+
+    @property
+    def model(self) -> Any:
+        """The record of the model for kernels, of one large lattice that of a part."""
+        return self.one_path[0].model if self.is_long else super().model
+
+    @functools.cached_property
+    def _start(self) -> np.ndarray:
+        """(d,): the state in which one path begins."""
+        return alone.start_of(self)
+
     @property
     def lanes(self) -> int:
         """The states that stand together in an array."""
@@ -89,6 +105,8 @@ class EquilibriumPlan(Plan):
         """The recorder of functions at each step size; none without functions."""
         if not self.case.functions:
             return ()
+        if self.is_long:
+            return tuple(means.Recorder.of(self.case, i) for i in range(len(self.case.steps)))
         return tuple(means.Recorder.of(self.case, i, self._bins(i)) for i in range(len(self.case.steps)))
 
     def _bins(self, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -101,22 +119,33 @@ class EquilibriumPlan(Plan):
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        if self.one_path:
+            return self._cost_of_one()
         blocks = -(-self.case.samples // LANES)
-        alone = self.case.in_parts  # one lattice, whose sites threads share; a block cannot be shared
-        steps = sum(self.case.counts) * (1 if alone else blocks * LANES)
-        idle = 1 if alone else loop.thread_count() / min(loop.thread_count(), blocks)
+        steps = sum(self.case.counts) * blocks * LANES
+        idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         bare = replace(self, case=self.case.model_copy(update={"functions": {}}))
         of_a_block = sum(np.asarray(values).nbytes for values in bare.empty(0, 1))
         recorded = len(self.case.functions) * 2**21 * min(blocks, _CHUNK_BLOCKS)
         return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps) + recorded)
 
+    def _cost_of_one(self) -> Cost:
+        """The same of one lattice, whose sites threads share: its state with copies, and what looking at it needs."""
+        steps = sum(self.case.counts)
+        moving = sum(n * mover.ns for n, mover in zip(self.case.counts, self.one_path, strict=True))
+        looks = len(self.case.steps) * self.case.last_time / self.case.between if self.case.functions else 0
+        looking = looks * alone.look_ns(self.case, len(self.case.functions))
+        return Cost(steps, 1e-9 * (moving + looking), alone.bytes_of(self.case))
+
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; the paths of one step size do not depend on the other ones."""
         if number is None:
             return super().deciding(None)
-        records = {} if self.case.step_count else {"records": self.records.tolist()}
-        return super().deciding(0) | {"steps": self.case.steps[number]} | records
+        own: dict[str, Any] = {"steps": self.case.steps[number]}
+        if not self.case.step_count:  # which other step sizes decide as well
+            own |= {"records": self.records.tolist(), "between": self.case.between}
+        return super().deciding(0) | own
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths of each step size."""
@@ -125,13 +154,19 @@ class EquilibriumPlan(Plan):
     def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
         """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
         law, y = self.law, self._begun(number, blocks, first)
-        lags = {"function": 0, "lag": 0, "cell": 0} | (self.recorders[number].lengths if self.recorders else {})
+        lags = {"function": 0, "lag": 0, "cell": 0, "kept": 0} | (
+            self.recorders[number].lengths if self.recorders else {}
+        )
         sums = Paths.empty(
             lags
             | {"block": blocks, "lane": LANES, "state": y.shape[1], "level": 1, "record": len(self.records)}
-            | {"casimir": len(casimirs(self.model, self.initial)), "column": means.COLUMNS, "group": GROUPS}
+            | {"casimir": self._conserved, "column": means.COLUMNS, "group": GROUPS}
             | {"moment": len(law.moments) if law else 0, "variable": len(law.variables) if law else 0, "bin": BINS}
-            | {"stretch": 2 * lags["lag"], "batch": BATCHES if self.recorders else 0}
+            | {
+                "stretch": 2 * lags["lag"],
+                "batch": self.recorders[number].series.batches if self.recorders else 0,
+                "power": 2,
+            }
         )
         begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in OF_PATHS}
         begun["casimir"][:] = np.nan
@@ -140,14 +175,19 @@ class EquilibriumPlan(Plan):
     def _begun(self, number: int, blocks: int, first: int) -> np.ndarray:
         """The states of `blocks` blocks before their first step."""
         if self.one_path:
-            return self.initial_states(0, 1).T[:1].repeat(blocks, axis=0)
+            return self._start[np.newaxis].repeat(blocks, axis=0) if blocks else np.empty((0, len(self.initial)))
         times = loop.grid(self.case.steps[number], 1)
         return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
+
+    @property
+    def _conserved(self) -> int:
+        """The number of Casimir functions."""
+        return conserved(self.model) if self.is_long else len(casimirs(self.model, self.initial))
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block, or of the one path."""
         if self.one_path:
-            return [KernelCall(*self.one_path[0].call)]
+            return alone.kernel_calls(self.case, self.one_path[0])
         return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.clipping), self.stream)
 
     def advance(self, chunks: Sequence[Chunk], started: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
@@ -155,8 +195,10 @@ class EquilibriumPlan(Plan):
         for chunk in chunks:
             begun = started and len(started.y) == chunk.blocks
             paths: Any = started if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
+            paths = paths._replace(wanted=chunk.paths)
             started = None
-            with loop.limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
+            shared = loop.thread_count() if self.one_path else chunk.blocks
+            with loop.limited_threads(shared):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + loop.BATCH_SECONDS
                 while not paths.paths:
                     paths = self._advanced(chunk, paths)
@@ -199,10 +241,12 @@ class EquilibriumPlan(Plan):
 
     def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
         """The paths of a chunk at the next snapshot."""
-        number, count = chunk.path_set, self.case.counts[chunk.path_set]
+        number = chunk.path_set
         began, before = time.perf_counter(), int(paths.n)
         stop = self.next_stop(before, number)
         recorder = self.recorders[number] if self.recorders else None
+        if self.is_long:
+            return self._looked_at(chunk, paths, stop, recorder)
         recording = recorder is not None and stop > recorder.series.first * recorder.series.stride
         every = recorder.series.stride if recorder and recording else 0
         stored, rows, report = self._integrated(paths.y, number, stop - before, before, chunk.end, every, chunk.first)
@@ -210,26 +254,48 @@ class EquilibriumPlan(Plan):
         paths = paths._replace(n=stop, y=y, report=loop.add_reports(paths.report, report))
         with np.errstate(all="ignore"):
             if recorder and recording:
-                paths = recorder.recorded(
-                    paths, recorder.values(stored, before, self.lanes), before, chunk.first, chunk.end
-                )
-            if stop in self.records:
-                errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
-                paths = paths._replace(casimir=errors)
-            if self.law and stop > _WARM_UP * count:
-                paths = paths.counted(self.law, states)
-            if stop == count:
-                paths = self._ended(chunk, paths, states)
+                values = recorder.values(stored, before, self.lanes)
+                paths = recorder.recorded(paths, values, before, chunk.first, chunk.end)
+            paths = self._stopped(chunk, paths, states)
         return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
+
+    def _looked_at(self, chunk: Chunk, paths: Paths, stop: int, recorder: means.Recorder | None) -> Paths:
+        """One large lattice at the next stop, whose functions are evaluated while it moves."""
+        began, before, y, values = time.perf_counter(), int(paths.n), paths.y[0], []
+        every, mover = recorder.series.stride if recorder else 0, self.one_path[chunk.path_set]
+        for n, state in alone.moved(mover, paths.y[0], before, stop, every, int(self.stream.seed), 0):
+            y = state
+            if recorder and recorder.counts_at(n):
+                values.append(recorder.values_of(y))
+        paths = paths._replace(n=stop, y=y[np.newaxis], report=np.zeros_like(paths.report))
+        with np.errstate(all="ignore"):
+            if recorder and values:
+                found = np.transpose(values)[:, np.newaxis, np.newaxis]
+                in_lanes = np.broadcast_to(found, (len(found), 1, LANES, len(values)))
+                paths = recorder.recorded(paths, in_lanes, before, chunk.first, chunk.end)
+            paths = self._stopped(chunk, paths, y[:, np.newaxis])
+        return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
+
+    def _stopped(self, chunk: Chunk, paths: Paths, states: np.ndarray) -> Paths:
+        """The paths of a chunk that have stopped, with the sums over their states (d, paths)."""
+        stop, count = int(paths.n), self.case.counts[chunk.path_set]
+        if stop in self.records:
+            errors = self._recorded(paths.casimir, stop, self.case.steps[chunk.path_set], states, chunk.first)
+            paths = paths._replace(casimir=errors)
+        if self.law and stop > _WARM_UP * count:
+            paths = paths.counted(self.law, states)
+        return self._ended(chunk, paths, states) if stop == count else paths
 
     def _ended(self, chunk: Chunk, paths: Paths, states: np.ndarray) -> Paths:
         """The paths of a chunk after all steps."""
         summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end) if self.recorders else {}
         return paths._replace(
             paths=chunk.paths,
+            wanted=0,
             y=paths.y[:0],
             stretch=paths.stretch[:, :0],
             batches=paths.batches[:, :0],
+            squares=paths.squares[:, :0],
             nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
             **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
             **summed,
@@ -239,9 +305,16 @@ class EquilibriumPlan(Plan):
         """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
         if not errors.shape[1]:
             return errors
-        first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]
+        if self.is_long:
+            first, now = (alone.casimirs(self.case, y) for y in (self._start[:, np.newaxis], states))
+        else:
+            now = casimirs_of_states(self.model, states)
+            if self.one_path:  # whose law draws one state and no block of them
+                first = casimirs_of_states(self.model, self._start[:, np.newaxis])
+            else:
+                first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]
         grown = np.reshape(growth(self.model, n * h), (-1, 1))
-        change = casimirs_of_states(self.model, states) * grown - first
+        change = now * grown - first
         errors = errors.copy()
         errors[np.searchsorted(self.records, n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
         return errors

@@ -5,10 +5,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from spi.numerics.groups import filled_groups
 from spi.printing.tables import Column, Table
 from spi.printing.text import short, with_interval
 from spi.statistics.claims import lost_among
-from spi.statistics.estimators import RESOLVED, group_counts, student
+from spi.statistics.estimators import RESOLVED
+from spi.storage.records import student
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The panels of a figure.
@@ -49,7 +51,7 @@ class Pictures(Described):
     @property
     def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
-        return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
+        return student(filled_groups(self.points) - 1) * self.distance_stderr
 
     @property
     def density(self) -> Array:
@@ -139,27 +141,26 @@ class Exponents(Stored):
         """The exponents that the dimension lacks."""
         return lost_among(self.exponent[:, -1], "exponents")
 
-    @property
-    def interval(self) -> float:
-        """Half the width of a 95 % interval in standard errors, Student's over the paths."""
-        return float(student(self.samples - 1))
+    def freedom(self, name: str) -> float:
+        """Of the dimension that of the jackknife groups, of means that of the paths."""
+        return super().freedom(name) if name == "dimension" else self.samples - 1
 
     @property
     def exponent_half(self) -> Array:
         """(m, times) half the 95 % intervals of the exponents."""
-        return self.interval * self.exponent_stderr
+        return self.interval() * self.exponent_stderr
 
     @property
     def total_half(self) -> Array:
         """(times,) half the 95 % interval of the sum."""
-        return self.interval * self.total_stderr
+        return self.interval() * self.total_stderr
 
     @derived("", "half the interval of the Lyapunov dimension")
     def dimension_half(self) -> float | None:
         """Half the 95 % interval of the dimension, Student's over the jackknife groups."""
         if self.dimension_stderr is None:
             return None
-        return float(student(int(np.count_nonzero(group_counts(self.samples))) - 1)) * self.dimension_stderr
+        return self.interval("dimension") * self.dimension_stderr
 
     @property
     def is_stationary(self) -> bool:
@@ -180,7 +181,7 @@ class Exponents(Stored):
         if self.change > _LARGE:
             yield f"    vectors changed by factors of {self.change:.0e} between two stops: take a smaller `every`"
         if not self.is_stationary and self.energy is not None and self.energy_stderr is not None:
-            halves = self.interval * self.energy_stderr
+            halves = self.interval() * self.energy_stderr
             began, ended = (
                 f"{with_interval(float(self.energy[i]), float(halves[i]))} at t = {self.t[i]:g}" for i in (0, -1)
             )

@@ -139,6 +139,10 @@ class Stability(Stored):
     reference_scheme: str | None = fact("scheme of the reference, if not each is its own", default=None)
     panels: tuple[str, ...] = fact("what the figure shows")
 
+    def freedom(self, name: str) -> float:
+        """That of means over the paths."""
+        return self.samples - 1
+
     @classmethod
     def answers(cls, readings: Sequence["Stability"]) -> Iterator[str]:
         """The largest accurate step size of each scheme, at the first and the last value of the parameter."""

@@ -1,6 +1,6 @@
 """Estimates from the sums over paths, with standard errors by the jackknife over groups of paths."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -16,8 +16,10 @@ from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 from spi.statistics.cells import cells_around, places_in_cells
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, mean_over_paths
-from spi.statistics.intervals import order_statistics, student_factor, student_of_paths, zero_share_bound
+from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
+from spi.statistics.quantiles import quantiles_of
 
+from .passages import Looks, corrected
 from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -48,6 +50,7 @@ class Columns(NamedTuple):
     places: np.ndarray  #: (T,) which of the stored states have statistics
     between: float  #: the time between two stored states
     stored: int  #: states of a path, with the initial one
+    passages: list[int]  #: the functions that are passages
 
     @classmethod
     def of(cls, case: Any) -> "Columns":
@@ -60,6 +63,7 @@ class Columns(NamedTuple):
             places=case.places,
             between=case.stride * case.step,
             stored=round(case.final_time / case.step) // case.stride + 1,
+            passages=[f for f, function in enumerate(functions) if function.conditions],
         )
 
     @property
@@ -71,22 +75,51 @@ class Columns(NamedTuple):
         """States (d, blocks, stored, LANES) of blocks, from (blocks, stored, d * LANES)."""
         return np.moveaxis(y.reshape(len(y), self.stored, -1, LANES), 2, 0)
 
-    def evaluate(self, each: Map, y: np.ndarray, values: np.ndarray) -> None:
-        """Put the columns of the states y of blocks, less their origins, into values (blocks, T, columns, LANES)."""
+    def evaluate(self, each: Map, looks: Sequence[Looks], y: np.ndarray, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Put the functions of the states y of blocks into values (blocks, T, columns, LANES).
+
+        Paths are looked at for passages by `looks`, one for each.  Returns of passages by looks twice as far apart
+        `coarse` (blocks, T, passages, LANES), and the mean first times by both (blocks, 2, passages, LANES).
+        """
+        blocks, times, _, lanes = values.shape
+        coarse = np.empty((blocks, times, len(looks), lanes))
+        first_times = np.empty((blocks, 2, len(looks), lanes))
         size = -(-len(y) // thread_count())
         pieces = [slice(begin, begin + size) for begin in range(0, len(y), size)]
-        list(each(lambda piece: self._evaluate(y[piece], values[piece]), pieces))
 
-    def _evaluate(self, y: np.ndarray, values: np.ndarray) -> None:
-        states = self.states(y)
-        for f, origin in enumerate(self.origins):
-            np.subtract(self._along(f, states), origin, out=values[:, :, f])
+        def evaluated(at: slice) -> None:
+            states = self.states(y[at])
+            for f, function in enumerate(self.functions):
+                if f not in self.passages:
+                    values[at, :, f] = self._along(function, states)
+            for p, f in enumerate(self.passages):
+                of_looks = looks[p], self.functions[f], states, coarse[at, :, p], first_times[at, :, p]
+                values[at, :, f] = self._passed(*of_looks)
+
+        list(each(evaluated, pieces))
+        return {"coarse": coarse, "first_times": first_times}
+
+    def _passed(
+        self, looks: Looks, function: PathFunction, states: np.ndarray, coarse: np.ndarray, first_times: np.ndarray
+    ) -> np.ndarray:
+        """The probability to have passed, with looks twice as far apart in `coarse`, and the mean first times."""
+        with np.errstate(all="ignore"):
+            f = [np.broadcast_to(condition(states), states.shape[1:]) for condition in function.conditions]
+            fine, every_other = looks.passed(f, 1), looks.passed(f, 2)
+        coarse[:] = every_other[:, self.places]
+        for i, (passed, every) in enumerate(((fine, 1), (every_other, 2))):
+            first_times[:, i] = looks.first_time(f[0], passed, every) if len(f) == 1 else np.nan
+        return fine[:, self.places]
+
+    def centre(self, values: np.ndarray) -> None:
+        """Subtract their origins from evaluated functions, and put the columns of autocorrelations behind them."""
+        values[:, :, : len(self.functions)] -= self.origins
         for column, (f, place) in enumerate(self.since, len(self.functions)):
             values[:, :, column] = values[:, place : place + 1, f]
 
-    def _along(self, f: int, states: np.ndarray) -> np.ndarray:
+    def _along(self, function: PathFunction, states: np.ndarray) -> np.ndarray:
         """A function at the times of the statistics, (blocks, T, LANES)."""
-        function, every = self.functions[f], len(self.places) == self.stored
+        every = len(self.places) == self.stored
         with np.errstate(all="ignore"):
             if not function.functional:
                 return function.values(states if every else states[:, :, self.places])
@@ -95,7 +128,7 @@ class Columns(NamedTuple):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Counts in bins and cells of equal size, which add up exactly: quantiles, histograms and maps of densities.
+# Counts, which add up exactly: in bins that suit the law quantiles, in bins and cells of equal size densities.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -106,32 +139,20 @@ class Bins(NamedTuple):
     width: np.ndarray  #: (T, F)
     number: int
 
-    @property
-    def edges(self) -> np.ndarray:
-        """(T, F, number + 1) the ends of the bins."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            return self.low[..., np.newaxis] + self.width[..., np.newaxis] * np.arange(self.number + 1)
-
 
 def quantiles(
-    counts: np.ndarray, lost: np.ndarray, bins: Bins, of_values: np.ndarray, levels: tuple[float, ...]
+    counts: np.ndarray, lost: np.ndarray, edges: np.ndarray, of_values: np.ndarray, levels: tuple[float, ...]
 ) -> Quantiles:
-    """Quantiles from counts, of which `lost` (T, F, 2) are of minus infinity, and of infinity or NaN.
+    """Quantiles from counts (T, F, EDGES + 1), of which `lost` (T, F, 2) are of minus infinity, and of infinity or NaN.
 
-    The distribution function is linear in each bin.  Intervals are those of ranks, which are binomial, with all of the
-    bins at their ends.  NaN where a function has no values but 0 and 1, unlike `of_values`, or no value is finite.
+    NaN where a function has no values but 0 and 1, unlike `of_values`, or no value is finite.
     """
     counts = counts.copy()
     counts[..., [0, -1]] -= lost
-    below, edges = np.cumsum(counts, axis=-1), bins.edges  # paths up to the upper end of each bin, the first below all
-    ranks = {n: np.array([order_statistics(n, p) for p in levels]).T for n in np.unique(below[..., -1]).tolist()}
-    results = np.full((3, *below.shape[1::-1], len(levels)), np.nan)
-    for t, f in np.ndindex(*below.shape[:2]):
-        if of_values[f] and (n := int(below[t, f, -1])):
-            ends = np.array([-np.inf, *edges[t, f], np.inf, np.inf])
-            low, high = (np.searchsorted(below[t, f], rank) for rank in ranks[n])
-            middle = np.interp(n * np.array(levels), below[t, f, :-1], edges[t, f], left=-np.inf, right=np.inf)
-            results[:, f, t] = middle, ends[low], ends[high + 1]
+    results = np.full((3, *counts.shape[1::-1], len(levels)), np.nan)
+    for t, f in np.ndindex(*counts.shape[:2]):
+        if of_values[f]:
+            results[:, f, t] = quantiles_of(counts[t, f], edges[t, f], levels)
     quantile, low, high = results
     return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
 
@@ -142,10 +163,9 @@ def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
     return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
 
 
-def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray, number: int) -> Histogram:
-    """Densities in `number` bins, which divides that of the counts; NaN as for :func:`quantiles`."""
-    share = np.moveaxis(counts[..., 1:-1].reshape(*bins.low.shape, number, -1).sum(axis=-1) / samples, 0, 1)
-    width = bins.width.T * (bins.number // number)
+def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray) -> Histogram:
+    """Densities in the bins of counts; NaN as for :func:`quantiles`."""
+    share, width = np.moveaxis(counts[..., 1:-1] / samples, 0, 1), bins.width.T
     scale = 1 / width[..., np.newaxis]
     fields = {
         "bin_low": bins.low.T,
@@ -316,28 +336,32 @@ class Moments(NamedTuple):
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
-    def passages(self, functions: list[int], count: int, t: Array, between: float, bins: int) -> Passages:
-        """First times at which conditions are seen to be met, for `functions` among `count`; NaN for the others.
+    def passages(
+        self, functions: list[int], count: int, t: Array, first_times: Array, bridged: bool, random: bool, bins: int
+    ) -> Passages:
+        """First times at which conditions are met, for `functions` of `count`; NaN for others, and of two conditions.
 
-        N, the first of the times t at which the share of paths that have passed includes a path, has the mean
-        E min(N, t_n) = t_0 + sum_k (1 - share_k) (t_(k+1) - t_k).  States are `between` apart in time; paths that meet
-        the condition only between two of them count as not passed.  With `bins` also the density of N, in at most
-        that number of intervals of t, counted as in a histogram.
+        The mean of the first time, or of the last t if it has not come, follows from `first_times` (2, passages,
+        GROUPS), sums by looks at a path and by such twice as far apart.  With `bins` also the density of the first
+        time, in at most that number of intervals of t, from the means, which are shares.
         """
-        time, time_stderr = np.full((2, count), np.nan)
+        time, time_stderr, time_half = np.full((3, count), np.nan)
         edges = np.unique(np.linspace(0, len(t) - 1, bins + 1).round().astype(int)) if bins else np.zeros(0, int)
         density, density_stderr = np.full((2, count, max(len(edges) - 1, 0)), np.nan)
-        whole, without = (mean[..., functions, :] for mean in (self.mean, self.mean_without))
-        mean, mean_without = (t[0] + (1 - share[..., :-1]) @ np.diff(t) for share in (whole, without))
-        error = self.stderr(mean, mean_without)
-        time[functions] = mean
-        time_stderr[functions] = np.where(error <= _SAME * np.abs(mean), self.unseen * np.ptp(t), error)
-        fields: dict[str, Any] = {"time": time, "time_stderr": time_stderr, "between": between}
+        (fine, coarse), without = mean_over_paths(first_times, self.groups)
+        found = corrected(fine, coarse, without[:, 0], without[:, 1], bridged)
+        error = self.stderr(found.value, found.without)
+        alike = error <= _SAME * np.abs(found.value)
+        time[functions] = found.value
+        time_stderr[functions] = np.where(alike, self.unseen * np.ptp(t) if random else 0.0, error)
+        factor = student_of_paths(self.samples, LEAST_GROUPS)
+        time_half[functions] = np.where(time_stderr[functions] == 0, 0.0, factor * time_stderr[functions]) + found.left
+        fields: dict[str, Any] = {"time": time, "time_stderr": time_stderr, "time_half": time_half}
         if len(edges) > 1:
             width = np.diff(t[edges])
-            share = np.round(np.diff(whole[:, edges]) * self.samples) / self.samples
+            share = np.diff(self.mean[functions][:, edges])
             density[functions] = share / width
-            density_stderr[functions] = share_stderr(share, self.samples) / width
+            density_stderr[functions] = share_stderr(np.clip(share, 0.0, 1.0), self.samples) / width
             fields |= {"from_t": t[edges[:-1]], "until_t": t[edges[1:]]}
             fields |= {"density": density, "density_stderr": density_stderr}
         return Passages(**fields)

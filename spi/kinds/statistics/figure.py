@@ -13,7 +13,7 @@ from .results import Statistics
 
 def _has_law(reading: Statistics, f: int) -> bool:
     """Whether the values of a function have a histogram: of a first passage its time has a density instead."""
-    return reading.passages is None or bool(np.isnan(reading.passages.time[f]))
+    return not reading.texts[f].startswith("share with ")
 
 
 def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:
@@ -127,7 +127,7 @@ def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
             between[:, i],
             {"color": style.shade(looks[reading.about.variant][1], n, len(places)), "marker": "."},
             f"$t={lag[i]:.3g}$",
-            reading.interval * stderr[:, i],
+            reading.interval() * stderr[:, i],
         )
         for n, i in enumerate(places)
     ]

@@ -20,6 +20,7 @@ from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quan
 from spi.specs.names import CodeKeys
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
+from spi.statistics.quantiles import EDGES
 
 from . import waves
 from .estimates import SPHERE, on_sphere
@@ -32,8 +33,10 @@ QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
 _MOST_NUMBERS = 10**7  # of what is summed up
 _MOST_OF_WAVES = 5 * 10**7  # the same of modes of spins
-_NAMES = tuple(FUNCTIONALS)
-_Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
+_NAMES = tuple(name for name in FUNCTIONALS if name != "first")
+_One = MinLen(1), Field(max_length=1)
+_Both = Annotated[dict[str, str], MinLen(2), Field(max_length=2)]
+_Functional = Annotated[dict[Literal[_NAMES], str], *_One] | Annotated[dict[Literal["first"], _Both], *_One]
 
 
 def _checked(entry: Any) -> Any:
@@ -41,6 +44,8 @@ def _checked(entry: Any) -> Any:
     for word in entry if isinstance(entry, dict) else ():
         if word not in FUNCTIONALS:
             raise wrong("is not a known functional", suggestion(word, FUNCTIONALS), word)
+        if word == "first" and not (isinstance(entry[word], dict) and len(entry[word]) == 2):
+            raise wrong(f"is {shown(entry[word])}", "must be two conditions, as in {up: y1 > 1, down: y1 < -1}", word)
     return entry
 
 
@@ -111,7 +116,8 @@ class Correlated(Keys):
     ) = None
     through: key_of(
         Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
-        "corners of the path of the wave vectors q, in reciprocal vectors; default: half of the first of these",
+        "corners of the path of the wave vectors q, in reciprocal vectors; default: from 0 to half of the first of "
+        "these, or as far as waves fit",
     ) = None
     about: key_of(
         _Direction | Annotated[tuple[_Direction, ...], MinLen(1)] | Literal["initial"] | None,
@@ -237,16 +243,26 @@ class Case(CodeKeys, StepCase):
         for name, entry in functions.items():
             check_function(self, name, entry, _FUNCTIONAL)
         case = self.model_copy(update={"functions": functions})
-        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + case.fine_bins / 64)
+        per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + case.counters / GROUPS)
         if len(case.places) * per_time > _MOST_NUMBERS:
             mistake = f"gives statistics of {len(functions)} functions at {len(case.places)} times, more than fit"
             raise wrong(mistake, "take fewer times, functions or bins", "every")
         return case
 
     @property
-    def fine_bins(self) -> int:
-        """Bins of equal width in which values are counted: a multiple of those of histograms, 0 if none are needed."""
-        return self.bins * max(1, 1024 // self.bins) if {"quantiles", "histogram"} & set(self.statistics) else 0
+    def counted_bins(self) -> int:
+        """Bins of histograms, 0 if none are wanted."""
+        return self.bins if "histogram" in self.statistics else 0
+
+    @property
+    def ranked_places(self) -> int:
+        """Bins in which values are counted for quantiles, 0 if none are wanted."""
+        return EDGES + 1 if "quantiles" in self.statistics else 0
+
+    @property
+    def counters(self) -> int:
+        """All bins of a function at a time."""
+        return self.counted_bins + self.ranked_places
 
     @condition
     def _check_reference(self) -> Self:

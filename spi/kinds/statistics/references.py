@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations, seconds_of_equation
+from spi.exact.linear import Moments
 from spi.exact.sphere_law import stationary_means
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import PathFunction, check_named, function_of, gibbs_mean
+from spi.kinds.linear import linear_moments
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
-from spi.specs.names import numbers_of
+from spi.specs.names import named_in, numbers_of
 
 EXACT, STATIONARY = "exact", "stationary"
 RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
@@ -79,6 +82,8 @@ def _unknown(case: Any, name: str, reference: str) -> str | None:
         return "that is known of functions of the state, not of the path"
     if reference == EXACT and case.noise is not None:
         return "that is known where Brownian motion drives"
+    if reference == EXACT and _moments(case, name) is not None:
+        return None
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
     law = case.initial.parameters if isinstance(case.initial, RandomState) else {}
@@ -93,16 +98,26 @@ def _unknown(case: Any, name: str, reference: str) -> str | None:
     if law:
         return "that is known for one initial state, and here each path has its own"
     if not can_solve_equation(case.model):
-        return f"no equation is solved for {case.model_name}, only for systems on spheres with flows about the axes"
+        able = "systems on spheres with flows about the axes, and polynomials where the equation is linear"
+        return f"no equation is solved for {case.model_name}, only for {able}"
     end = case.final_time
     need = demands(case.model, ((1.0, ()),), case.initial, end, (end,), (function.values,))
     return f"its solver {need.obstacle}: {need.remedy}" if need.obstacle else None
 
 
+def _moments(case: Any, name: str) -> Moments | None:
+    """The moments of a linear equation that a function needs, if these are known."""
+    entry = case.functions[name]
+    if isinstance(case.initial, RandomState) or not isinstance(entry, str):
+        return None
+    words = named_in(entry, case.model, case.variables, case.python)
+    return linear_moments(case.model, [parse_expression(entry, dimension(case.model), case.variables, words)], case.t)
+
+
 def seconds_of_means(case: Any) -> float:
-    """The seconds of :func:`known_means`, roughly."""
-    exact = [case.functions[name] for name, reference in case.reference.items() if reference == EXACT]
-    functions = (function_of(case, entry) for entry in exact)
+    """The seconds of :func:`known_means`, roughly; those of moments are few."""
+    exact = [name for name, reference in case.reference.items() if reference == EXACT]
+    functions = (function_of(case, case.functions[name]) for name in exact if _moments(case, name) is None)
     return sum(seconds_of_equation(case.model, case.initial, case.t, [phi.values]) for phi in functions)
 
 
@@ -111,7 +126,9 @@ def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
     value, error = np.full((2, len(case.functions), len(case.t)), np.nan)
     for f, (name, function) in enumerate(zip(case.functions, case.path_functions, strict=True)):
         reference = case.reference.get(name)
-        if reference == EXACT:
+        if reference == EXACT and (linear := _moments(case, name)) is not None:
+            (value[f],), (error[f],) = linear.expectations(case.initial, case.t)
+        elif reference == EXACT:
             value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), function)
         elif reference == STATIONARY:
             value[f], error[f] = _stationary(case.model, case.initial, case.temperature, function)

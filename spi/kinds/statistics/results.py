@@ -8,7 +8,6 @@ from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
 from spi.printing.text import decimal, interval_text
 from spi.statistics.claims import lost_among
-from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
@@ -32,7 +31,7 @@ _KNOWN = Claimed("equal", lost="lost")
 
 
 class Quantiles(Described):
-    """Quantiles of the paths whose value is finite, by linear interpolation within bins of equal width."""
+    """Quantiles of the paths whose value is finite, from counts in bins that suit the law of the first paths."""
 
     level: Array = axis("probability of the quantile", column="{:g}-quantile")
     quantile: Array = array("function t level", "quantile", claim=_KNOWN)
@@ -51,10 +50,17 @@ class Histogram(Described):
 
 
 class Passages(Described):
-    """First times at which conditions are seen to be met, up to the last time; NaN for other functions."""
+    """First times at which conditions are met, up to the last time; NaN for other functions, and of two conditions."""
 
     time: Array = array("function", "mean of the first time, the last time where it has not come", "time")
     time_stderr: Array = array("function", "standard error of the mean of the first time", "time")
+    time_half: Array | None = array(
+        "function",
+        "half the interval of that mean, with what may be left of the time between looks",
+        "time",
+        default=None,
+    )
+    left: Array | None = array("function t", "what may be left of the time between looks in a share", default=None)
     between: float | None = fact("time between two looks at a path", "time", default=None)
     from_t: Array | None = array("until_t", "beginning of an interval of first times", "time", default=None)
     until_t: Array | None = axis("end of an interval of first times", "time", name="until_t", default=None)
@@ -109,10 +115,15 @@ class TimeCorrelations(Described):
     omega: Array = axis("angular frequency", "1/time", name="omega")
     correlation: Array = array("function lag", "covariance at two times", formula="Cov(f(s), f(s + t))")
     correlation_stderr: Array = array("function lag", "standard error of the covariance at two times")
+    correlation_half: Array | None = array(
+        "function lag", "half the interval of the covariance at two times", default=None
+    )
     integral: Array = array("function lag", "integral of this covariance from 0 to t", claim=_KNOWN)
     integral_stderr: Array = array("function lag", "standard error of this integral")
+    integral_half: Array | None = array("function lag", "half the interval of this integral", default=None)
     spectrum: Array = array("function omega", "spectrum", "", "integral of cos(omega t) w(t) C(t) over all t")
     spectrum_stderr: Array = array("function omega", "standard error of the spectrum")
+    spectrum_half: Array | None = array("function omega", "half the interval of the spectrum", default=None)
     structure: Structure | None = nested(prefix="structure_", default=None)
 
 
@@ -135,7 +146,7 @@ class Statistics(Stored):
                 Column("deviations", "in std.\nerrors", form=decimal),
                 Column("variance", "variance (95 %)"),
                 Column("autocorrelation", "autocorrelation (95 %)"),
-                Column("quantile", "{}", over="level", form=".4g", interval=""),
+                Column("quantile", "{}\n(95 %)", over="level", form=".4g"),
             ],
             lines=lambda one: one.shown_places,
         ),
@@ -188,10 +199,10 @@ class Statistics(Stored):
     samples: int = fact("number of paths", column=True)
     ns_per_step: float = fact("time of a step and path, statistics included", "ns")
 
-    @property
-    def interval(self) -> float:
-        """Half the width of a 95 % interval in standard errors, by Student's law; NaN of too few paths."""
-        return student_of_paths(self.samples, LEAST_GROUPS)
+    def freedom(self, name: str) -> float:
+        """As of all records; NaN of too few paths."""
+        freedom = super().freedom(name)
+        return freedom if freedom + 1 >= LEAST_GROUPS else np.nan
 
     @property
     def finite_share(self) -> Array:
@@ -267,20 +278,21 @@ class Statistics(Stored):
         if (self.finite_share < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
-        if np.isnan(self.interval):
+        if np.isnan(self.interval()):
             yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
         elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():
             yield "    ± ?: all paths have the same value, which tells no error"
         if (passages := self.passages) is not None:
-            if np.isfinite(passages.time).any():
-                yield "    in brackets: 95 % intervals of shares by Clopper and Pearson"
+            yield "    fractions that have passed: 95 % intervals by Clopper and Pearson"
             if passages.between is not None:
-                yield f"    passages are seen at looks only, every {passages.between:.5g}:"
-                yield "        with noise shares are too small, and first times late, by about order 1/2 of that"
-            for f in np.flatnonzero(np.isfinite(passages.time)):
-                half = self.interval * passages.time_stderr[f]
-                mean = interval_text(passages.time[f], (passages.time[f] - half, passages.time[f] + half))
-                yield f"    {self.functions[f]}: mean time, {self.t[-1]:.5g} where it has not come: {mean}"
+                every = f"{passages.between:.5g}"
+                yield f"    passages between observations (every {every}) are allowed for;"
+                yield "        what may be left of the time between them is part of these intervals"
+            if (numbers := self.estimate("passage_time")) is not None:
+                for f in np.flatnonzero(np.isfinite(numbers.value)):
+                    mean = interval_text(*(numbers.value[f], (numbers.low[f], numbers.high[f])))
+                    others = f"{self.t[-1]:.5g} for paths that have not passed"
+                    yield f"    {self.functions[f]}: mean first time {mean} ({others})"
 
     @classmethod
     def answers(cls, readings: Sequence["Statistics"]) -> Iterator[str]:

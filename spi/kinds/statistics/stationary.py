@@ -17,7 +17,8 @@ from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.numerics.rng import LANES, PARTS
 from spi.specs.keys import wrong
-from spi.statistics.estimators import group_counts, jackknife_stderr, mean_over_paths
+from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
+from spi.statistics.intervals import skewed_half_width
 
 from .results import Structure, TimeCorrelations
 from .waves import linear_waves
@@ -45,7 +46,8 @@ def modes_of(given: Any, model: Spins) -> Array:
 def _path(given: Any, model: Spins) -> list[Array]:
     """The first wave vector, and those of each part of the path up to its corner."""
     size = np.array(model.size)
-    corners = given.through or ((0.0,) * len(size), (0.5, *(0.0,) * (len(size) - 1)))
+    half = size[0] // 2 / size[0]  # of an odd length the last wave before
+    corners = given.through or ((0.0,) * len(size), (half, *(0.0,) * (len(size) - 1)))
     if any(len(corner) != len(size) for corner in corners):
         raise wrong(
             "has corners of another length", f"must have {len(size)} numbers each", "time_correlations", "through"
@@ -133,11 +135,20 @@ def _by_part(values: Array) -> Array:
 def estimates(case: Any, sums: Any) -> TimeCorrelations:
     """The record of correlations in time, from sums by groups of paths."""
     given, counts, between = case.time_correlations, group_counts(sums.paths), case.stride * case.step
+    groups = np.count_nonzero(counts)
+
+    def left_out(of: Any, *fields: Array) -> tuple[Array, Array]:
+        pairs = [mean_over_paths(np.moveaxis(field, 0, -1), counts) for field in fields]
+        return of(*(mean for mean, _ in pairs)), of(*(without for _, without in pairs))
 
     def each(of: Any, *fields: Array) -> tuple[Array, Array]:
-        pairs = [mean_over_paths(np.moveaxis(field, 0, -1), counts) for field in fields]
-        value, without = of(*(mean for mean, _ in pairs)), of(*(left_out for _, left_out in pairs))
+        value, without = left_out(of, *fields)
         return value, jackknife_stderr(value, without, counts)
+
+    def quadratic(of: Any, *fields: Array) -> tuple[Array, Array, Array]:
+        """With half the interval: means of products are skewed, and squares of means are biased."""
+        found = jackknife(*left_out(of, *fields), counts)
+        return found.value, found.stderr, skewed_half_width(found.stderr, found.third, np.array(groups - 1.0))
 
     def covariance(lagged: Array, means: Array) -> Array:
         return lagged - means[..., np.newaxis] ** 2
@@ -153,9 +164,13 @@ def estimates(case: Any, sums: Any) -> TimeCorrelations:
 
     lags, of_functions = lags_of(case), (sums.lagged, sums.means)
     fields: dict[str, Any] = {}
-    for name, of in {"correlation": covariance, "integral": integral}.items():
-        fields[name], fields[f"{name}_stderr"] = each(of, *of_functions)
-    fields["spectrum"], fields["spectrum_stderr"] = each(lambda *c: spectrum(covariance(*c)), *of_functions)
+    each_quadratic = {
+        "correlation": covariance,
+        "integral": integral,
+        "spectrum": lambda *means: spectrum(covariance(*means)),
+    }
+    for name, of in each_quadratic.items():
+        fields[name], fields[f"{name}_stderr"], fields[f"{name}_half"] = quadratic(of, *of_functions)
     return TimeCorrelations(
         lag=between * np.arange(lags),
         omega=np.pi / (between * (lags - 1)) * np.arange(lags),

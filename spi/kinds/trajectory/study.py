@@ -17,6 +17,7 @@ from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
+from spi.kinds import one_path as alone
 from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
@@ -36,7 +37,7 @@ class Path(NamedTuple):
     seconds: float  #: wall clock
     steps: int  #: number of those made
     y: np.ndarray  #: (recorded + 1, d), at first (0, d)
-    report: np.ndarray  #: (len(REPORT),) of the whole block
+    report: np.ndarray  #: (len(REPORT),)
 
     def plus(self, later: "Path") -> "Path":
         """There is only one."""
@@ -57,6 +58,16 @@ class TrajectoryPlan(PathsPlan):
         """The mover of one large lattice, None where the path is one of a block."""
         return one_path(self.case.model, self.scheme, self.case.step) if self.case.in_parts else None
 
+    @cached_property
+    def is_long(self) -> bool:
+        """Whether functions are evaluated state by state."""
+        return alone.is_long(self.case)
+
+    @property
+    def model(self) -> Any:
+        """The record of the model for kernels, of one large lattice that of a part."""
+        return self.one_path.model if self.is_long else super().model
+
     @property
     def samples(self) -> int:
         """One path."""
@@ -66,7 +77,8 @@ class TrajectoryPlan(PathsPlan):
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
         stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
-        return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
+        scratch = alone.bytes_of(self.case) if self.one_path else 0
+        return Cost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`: of what is stored the spacing of the states that are recorded.
@@ -127,6 +139,8 @@ class TrajectoryPlan(PathsPlan):
     @property
     def _seconds_per_step(self) -> float:
         """Seconds of one thread at typical speed for a step of all these paths."""
+        if self.one_path:
+            return 1e-9 * float(self.one_path.ns)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
     def advance(self, chunks: Sequence[Chunk], started: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
@@ -134,11 +148,14 @@ class TrajectoryPlan(PathsPlan):
         block, lane = divmod(self.case.path, LANES)
         path = started or self.empty(0)
         y = np.empty((self.case.recorded + 1, len(self.initial)))
-        y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
+        if self.one_path:
+            y[0] = alone.start_of(self, self.case.path)
+        else:
+            y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
-            times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
+            times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps, first_lane=lane)
             to_come = y[np.newaxis, path.steps // self.case.spacing :]  # the first of them is where the path goes on
             if self.one_path is not None:
                 report = self._moved(to_come[0], path.steps, stop)
@@ -157,13 +174,14 @@ class TrajectoryPlan(PathsPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the block of the path, or of the large lattice."""
-        return super().kernel_calls() if self.one_path is None else [KernelCall(*self.one_path.call)]
+        return super().kernel_calls() if self.one_path is None else alone.kernel_calls(self.case, self.one_path)
 
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
-        stored, _ = self.one_path.moved(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
-        y[1 : 1 + len(stored)] = stored
+        states = alone.moved(self.one_path, y[0], steps, stop, case.spacing, int(self.stream.seed), case.path)
+        for number, (_, state) in enumerate(states, 1):
+            y[number] = state
         return np.zeros((1, len(REPORT)))
 
     def progress(self, state: State) -> Done:
@@ -177,7 +195,8 @@ class TrajectoryPlan(PathsPlan):
             return None
         functions = [function_of(case, text) for text in case.functions.values()]
         texts = tuple(function.label for function in functions)
-        return Values(functions=tuple(case.functions), texts=texts, value=evaluated(functions, y.T))
+        value = np.array([evaluated(functions, state) for state in y]).T if self.is_long else evaluated(functions, y.T)
+        return Values(functions=tuple(case.functions), texts=texts, value=value)
 
     def _section(self, y: np.ndarray) -> Crossings | None:
         """The crossings of the section of the case.
@@ -232,8 +251,9 @@ class TrajectoryPlan(PathsPlan):
     def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
-        y, t = path.y[case.stored], case.stored * case.spacing * case.step
-        energy, conserved = invariants_of(self.model, y, t)
+        y = path.y if len(case.stored) == len(path.y) else path.y[case.stored]
+        t = case.stored * case.spacing * case.step
+        energy, conserved = alone.invariants(case, y) if self.is_long else invariants_of(self.model, y, t)
         lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.drawing import panels, plots, style
-from spi.storage.records import INTERVAL
+from spi.numerics.groups import filled_groups
+from spi.storage.records import student
 
 from .results import WeakErrors, comparable_sweeps, largest_over_eps, sweeps
 from .study import ESTIMATORS, label_of
@@ -92,7 +93,7 @@ def _largest(readings: Readings, f: int, looks: style.Looks) -> list[plots.Serie
         names += [label_of(estimator)] * (len({key[1] for key in chosen}) > 1)
         colour = looks[scheme][1] if len({key[0] for key in chosen}) > 1 else "#000000"
         label, look = ", ".join([*names, r"largest over $\varepsilon$"]), {"color": colour, "linewidth": 2.0}
-        value, half = np.where(top.resolved, top.value, np.nan), INTERVAL * top.stderr
+        value, half = np.where(top.resolved, top.value, np.nan), members[0].interval("error") * top.stderr
         note = style.order_text(top.order)
         lines.append(plots.series(members[0].h, value, look, label, half, band=True, note=note))
     return lines
@@ -138,7 +139,8 @@ def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
         error = np.where(np.abs(error) < plots.HUGE, np.abs(error), np.inf)
         lines.append(plots.series(reading.h, error, look, f"{style.count(n)} paths", poor=~resolved))
         dashed = {"color": colour, "linestyle": "--", "linewidth": 0.8}
-        lines.append(plots.series(reading.h, np.where(stderr < plots.HUGE, INTERVAL * stderr, np.nan), dashed))
+        half = student(filled_groups(int(n)) - 1) * stderr
+        lines.append(plots.series(reading.h, np.where(stderr < plots.HUGE, half, np.nan), dashed))
     return lines
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spi.numerics.groups import filled_groups
 from spi.printing.rows import rows_of
 from spi.printing.tables import Column, Table
 from spi.printing.text import duration, fraction, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
-from spi.statistics.intervals import student_factor
-from spi.storage.records import HEAVY_TAILS, INTERVAL, Order, in_standard_errors
+from spi.storage.records import HEAVY_TAILS, Order, in_standard_errors, student
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
@@ -93,7 +93,7 @@ class History(Stages):
 
 def _half_of_mean(table: Any) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        half = INTERVAL * np.sqrt(table.variance / table.samples)
+        half = student(table.samples - 1) * np.sqrt(table.variance / table.samples)
         return np.where((table.variance > 0) & (table.samples > 0), half, 0.0)
 
 
@@ -338,11 +338,16 @@ class WeakErrors(Stored):
         """(F, S) the same of the expectation."""
         return self._half("expectation")
 
+    def freedom(self, name: str) -> float:
+        """That of the jackknife groups, which quasi-random points and levels fill in their own ways."""
+        if self.sampled is None:
+            return math.inf
+        without = self.sampled.error_without
+        return (filled_groups(self.sampled.samples) if without is None else len(without)) - 1
+
     def _half(self, name: str) -> Array:
         if self.sampled:
-            without = self.sampled.error_without
-            factor = INTERVAL if without is None else student_factor(len(without))
-            return np.asarray(factor * getattr(self.sampled, f"{name}_stderr"))
+            return np.asarray(self.interval(name) * getattr(self.sampled, f"{name}_stderr"))
         return np.asarray(getattr(self.unsampled, f"{name}_bound"))
 
     @property

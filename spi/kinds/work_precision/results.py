@@ -10,7 +10,7 @@ import numpy as np
 
 from ...printing.tables import Cell, Column, Grid, Own, Table
 from ...printing.text import duration, readable, short
-from ...storage.records import INTERVAL, Order
+from ...storage.records import Order
 from ...storage.stored import Array, Claimed, Stored, array, axis, derived, fact
 from ..weak.results import cannot_do
 
@@ -208,7 +208,9 @@ class WorkPrecision(Stored):
     @derived("h", "half the interval of the error, or its bound", name="error_half")
     def half(self) -> Array:
         """(S,) half the 95 % interval of the error, or the bound of its numerical error."""
-        return INTERVAL * self.error_stderr if self.error_stderr is not None else np.asarray(self.error_bound)
+        if self.error_stderr is None:
+            return np.asarray(self.error_bound)
+        return np.asarray(self.interval("error") * self.error_stderr)
 
     @property
     def curve(self) -> WorkCurve:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from ...ensemble.protocol import dimension, flow_ns, pieces
+from ...ensemble.protocol import dimension, flow_ns, noises, pieces
 from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
@@ -58,6 +58,7 @@ class Transport(NamedTuple):
 
     sigma: Annotated[float, Gt(0), "its strength"]
     axis: Annotated[Vector | None, "the axis about which spins turn; default: any, by three Wiener processes"] = None
+    order: Annotated[tuple[int, ...], "numbers of the Wiener processes, site after site; default: 0, 1, ..."] = ()
 
     __str__ = in_words
 
@@ -67,7 +68,7 @@ class Spins(NamedTuple):
 
     lattice: Annotated[
         Literal["chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc"] | Cell,
-        "the lattice, or its cell by sites, vectors and bonds",
+        "the lattice, or a cell of your own with sites, vectors and bonds",
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
@@ -91,7 +92,7 @@ class Spins(NamedTuple):
         tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
     ] = ()
 
-    large = True
+    large, in_place = True, True
     conserved, sphere_size = 1, 3
 
     def has_friction(model):
@@ -124,10 +125,12 @@ class Spins(NamedTuple):
         return _fault(model)
 
     def state_fault(model, y):
-        lengths = np.linalg.norm(np.reshape(y, (-1, 3)), axis=1)
-        if abs(lengths - 1).max() < 1e-9:
+        s = np.reshape(np.asarray(y), (-1, 3))
+        lengths = np.sqrt(np.einsum("ij,ij->i", s, s))
+        away = abs(lengths - 1)
+        if away.max() < 1e-9:
             return None
-        worst = int(np.argmax(abs(lengths - 1)))
+        worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
     def observables(model):
@@ -207,6 +210,8 @@ def _fault(model):
         return "mu", f"has {len(model.mu)} numbers", f"must have one, or {len(cell.sites)}"
     if not any(model.anisotropy.axis) or (model.noise and model.noise.axis is not None and not any(model.noise.axis)):
         return "anisotropy", "has an axis of length 0", "give a direction"
+    if model.noise and model.noise.order and sorted(model.noise.order) != [*range(noises(model))]:
+        return "noise", "has an order that does not name each Wiener process once", f"they are 0 .. {noises(model) - 1}"
     if model.alpha > 0 and model.noise:
         return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
     reach = 2 + 2 * max(abs(step) for _, _, shift in cell.bonds for step in shift)

@@ -49,6 +49,7 @@ class SpinTables(NamedTuple):
     moment: np.ndarray  #: (sites,) mu
     strength: np.ndarray  #: (sites,) of the noise
     noise_axis: np.ndarray  #: (3,) its axis, or (0,) if it is isotropic
+    noise_rows: np.ndarray  #: (m,) the row of increments of each noise, site after site, or (0,) if they stand so
     alpha: float
     temperature: float
     sigma: np.ndarray  #: (m,)
@@ -90,6 +91,8 @@ class SpinTables(NamedTuple):
             move_members(model, k, t, model.alpha, model.first[k], model.first[k + 1], y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
+        if len(model.noise_rows) > 0:
+            return turn_in_rows(model, times, y, work)
         return turn_at_random(model, 0, len(model.moment), times, y)
 
     def add_block_drift(model, t, width, y, out, work):
@@ -144,13 +147,14 @@ class SpinTables(NamedTuple):
                 pairs = (work[lane] + fx) * x + (work[LANES + lane] + fy) * y_ + (work[2 * LANES + lane] + fz) * z
                 energies[lane] -= 0.5 * pairs + own_term(model, x, y_, z)
 
-    def block_judged_noises(model, h, dW, uniforms, y, work):
+    def block_judged_noises(model, h, dW, uniforms, first, end, y, work):
         accepted = 0
         for i in range(len(model.moment)):
             add_field(model, i, y, work)
             for a in range(3):
                 k = (3 * i + a) * LANES
-                accepted += judge_turns(model, i, a, h, dW[k : k + LANES], uniforms[k : k + LANES], spin_of(y, i), work)
+                noise, drawn = dW[k : k + LANES], uniforms[k : k + LANES]
+                accepted += judge_turns(model, i, a, h, noise, drawn, first, end, spin_of(y, i), work)
         return accepted
 
     def hamiltonian(model, y):
@@ -507,10 +511,32 @@ def take_away_roundings(model, begin, end, y):
 def noise_vector(model, i, times, lane):
     """The vector sigma dW about which site i turns in a lane."""
     if len(model.noise_axis) > 0:
-        turn = times[i * LANES + lane]
+        turn = times[noise_row(model, i) * LANES + lane]
         return turn * model.noise_axis[0], turn * model.noise_axis[1], turn * model.noise_axis[2]
+    if len(model.noise_rows) > 0:
+        wx, wy = times[noise_row(model, 3 * i) * LANES + lane], times[noise_row(model, 3 * i + 1) * LANES + lane]
+        return wx, wy, times[noise_row(model, 3 * i + 2) * LANES + lane]
     at = i * SPIN + lane
     return times[at], times[at + LANES], times[at + 2 * LANES]
+
+
+@device
+def noise_row(model, k):
+    """The row of increments of noise k, site after site."""
+    return model.noise_rows[k] if len(model.noise_rows) > 0 else k
+
+
+@device(inline=False)
+def turn_in_rows(model, times, y, work):
+    """The noise of all sites, whose increments stand in the rows that the model names."""
+    count, largest = 1 if len(model.noise_axis) > 0 else 3, 0.0
+    for i in range(len(model.moment)):
+        for c in range(count):
+            row = model.noise_rows[count * i + c]
+            for lane in range(LANES):
+                work[c * LANES + lane] = times[row * LANES + lane]
+        largest = max(largest, turn_at_random(model, i, i + 1, work, y))
+    return largest
 
 
 @device(inline=False)
@@ -627,8 +653,8 @@ def friction_turn(model, a, c, h, bx, by, bz, x, y, z):
 
 
 @device(inline=False)
-def judge_turns(model, i, a, h, dW, uniforms, spin, b):
-    """Turn a spin about coordinate axis a in the lanes where that is accepted; returns their number."""
+def judge_turns(model, i, a, h, dW, uniforms, first, end, spin, b):
+    """Turn a spin about coordinate axis a in the lanes where that is accepted; returns their number from `first` on."""
     accepted, sigma = 0, model.strength[i]
     c, variance, inverse = sigma * sigma / (2.0 * model.temperature), h * sigma * sigma, 1.0 / model.temperature
     for lane in range(LANES):
@@ -646,5 +672,5 @@ def judge_turns(model, i, a, h, dW, uniforms, spin, b):
         spin[lane] = nx if yes else x
         spin[LANES + lane] = ny if yes else y
         spin[2 * LANES + lane] = nz if yes else z
-        accepted += 1 if yes else 0
+        accepted += 1 if yes and first <= lane and lane < end else 0
     return accepted

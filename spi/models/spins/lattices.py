@@ -13,20 +13,31 @@ from annotated_types import Len
 
 from ...compiler.dispatch import kernel
 
-Vector = tuple[float, float, float]
-Pair = tuple[int, int, tuple[int, int, int]]
+#: In one and two dimensions the last numbers, which are 0, may be left out.
+Vector = Annotated[tuple[float, ...], Len(1, 3)]
+Pair = tuple[int, int, Annotated[tuple[int, ...], Len(1, 3)]]
 
 MOST_COLOURS = 63  #: bits of a word, less its sign
 
 
-class Cell(NamedTuple):
-    """A cell of a lattice: its sites and the bonds that begin in it."""
+class _Cell(NamedTuple):
+    """The fields of a cell."""
 
-    sites: Annotated[tuple[Vector, ...], Len(1), "places of the sites of a cell, each three numbers"]
+    sites: Annotated[tuple[Vector, ...], Len(1), "places of the sites of a cell, each of one to three numbers"]
     vectors: Annotated[tuple[Vector, ...], Len(1, 3), "one to three vectors by which the cell repeats"]
     bonds: Annotated[
         tuple[Pair, ...], Len(1), "bonds such as [0, 1, [1, 0, 0]]: site 0 here with site 1 of the cell one further"
     ]
+
+
+class Cell(_Cell):
+    """A cell of a lattice: its sites and the bonds that begin in it, all in three dimensions."""
+
+    __slots__ = ()
+
+    def __new__(cls, sites, vectors, bonds):
+        sites, vectors = (tuple((*map(float, place), 0.0, 0.0)[:3] for place in places) for places in (sites, vectors))
+        return super().__new__(cls, sites, vectors, tuple((i, j, (*shift, 0, 0)[:3]) for i, j, shift in bonds))
 
     def __str__(cell):
         return f"{len(cell.sites)} sites, {len(cell.bonds)} bonds a cell"

@@ -1,15 +1,23 @@
 """Functions of the states of lattices of spins by name, in docs/spins.md: magnetisation, correlations, temperature."""
 
 import functools
-from collections.abc import Callable
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from .tables import tables
+from ...ensemble.long_states import LONG
+from ...ensemble.protocol import dimension
+from .cells import bond_energy, neighbour_fields
+from .lattices import lattice
+from .tables import bond_matrices, tables, unit
 
 Array = np.ndarray
+_SLAB = 2**16  # spins of which the solid angles are computed at a time
 
 
 def _components(states: Array) -> Array:
@@ -17,8 +25,60 @@ def _components(states: Array) -> Array:
     return np.reshape(states, (-1, 3, *states.shape[1:]))
 
 
-def _mean(weights: Array, c: int, states: Array) -> Any:
-    return np.tensordot(weights, _components(states)[:, c], axes=1)
+def _is_long(model: Any) -> bool:
+    """Whether states are so long that they are looked at one by one, without tables of the sites."""
+    return dimension(model) > LONG
+
+
+def _of_cell(model: Any, given: Any, shape: tuple[int, ...] = ()) -> Array:
+    """(sites of the cell, ...): what is given for all sites of the cell, or for each."""
+    per_cell = len(model.cell.sites)
+    values = np.reshape(np.array(given, float), (-1, *shape))
+    return np.broadcast_to(values, (per_cell, *shape))
+
+
+def _field(model: Any) -> Array:
+    """(sites of the cell, 3): mu times the field."""
+    return _of_cell(model, model.mu)[:, np.newaxis] * _of_cell(model, model.field, (3,))
+
+
+@functools.lru_cache(4)
+def _weights(model: Any, staggered: bool) -> Array:
+    """(sites,): the moments over the number of sites, with the signs of the sublattices if `staggered`."""
+    sites = dimension(model) // 3
+    weights = np.tile(_of_cell(model, model.mu), math.prod(model.size)) / sites
+    return weights * _signs(model) if staggered else weights
+
+
+@functools.lru_cache(8)
+def _sublattices(model: Any) -> Any:
+    """A lattice of few cells with as many sublattices, as lengths that go around have the same parity, and its size."""
+    reach = 2 + 2 * max(abs(step) for _, _, shift in model.cell.bonds for step in shift)
+    size = tuple(min(length, reach + (length % 2 if model.is_periodic else 0)) for length in model.size)
+    return lattice(model.cell, size, model.is_periodic), size
+
+
+def _signs(model: Any) -> Array:
+    """(sites,) 1 or -1: on which of two sublattices a site is."""
+    few, size = _sublattices(model)
+    signs = (1 - 2 * few.site_colours).reshape(*size, -1)
+    for axis, (length, short) in enumerate(zip(model.size, size, strict=True)):
+        signs = np.take(
+            signs, np.arange(length) % (2 if short % 2 == 0 else 1) if length > short else range(short), axis
+        )
+    return signs.ravel()
+
+
+def _sum(values: Array) -> Any:
+    """The sum over the first axis, which is long, in pairs of neighbours."""
+    return np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1)
+
+
+def _mean(model: Any, staggered: bool, c: int, states: Array) -> Any:
+    weights, along = _weights(model, staggered), _components(states)[:, c]
+    if _is_long(model):  # a sum whose bits depend on no library
+        return _sum(weights.reshape(-1, *[1] * (along.ndim - 1)) * along)
+    return np.tensordot(weights, along, axes=1)
 
 
 def _correlation(model: Any, r: int, states: Array) -> Any:
@@ -46,7 +106,28 @@ def _couplings(model: Any, along: int | None = None) -> Any:
     return sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
 
+def _each(f: Callable[[Array], Any], states: Array) -> Array:
+    """f of state after state of (d, ...), stacked along the last axes."""
+    flat = np.reshape(states, (len(states), -1))
+    values = np.stack([f(np.ascontiguousarray(flat[:, k])) for k in range(flat.shape[1])], axis=-1)
+    return values.reshape((*values.shape[:-1], *states.shape[1:]))
+
+
+def _energy_of(model: Any, y: Array) -> float:
+    """H of one long state."""
+    s = y.reshape(-1, 3)
+    of_fields = s.reshape(-1, len(model.cell.sites), 3).sum(axis=0)
+    energy = bond_energy(model, y) - float((_field(model) * of_fields).sum())
+    if model.anisotropy.uniaxial:
+        axis = unit(model.anisotropy.axis)
+        along = s[:, 0] * axis[0] + s[:, 1] * axis[1] + s[:, 2] * axis[2]
+        energy -= model.anisotropy.uniaxial * float(np.square(along, out=along).sum())
+    return energy - (0.5 * model.anisotropy.cubic * float((y**4).sum()) if model.anisotropy.cubic else 0.0)
+
+
 def _energy(model: Any, states: Array) -> Any:
+    if _is_long(model):
+        return _each(functools.partial(_energy_of, model), states)
     of, flat = tables(model, np.inf), np.reshape(states, (len(states), -1))
     bonds = 0.5 * (flat * (_couplings(model) @ flat)).sum(axis=0) + of.field.ravel() @ flat
     s = flat.reshape(-1, 3, flat.shape[1])
@@ -57,16 +138,19 @@ def _energy(model: Any, states: Array) -> Any:
 
 def _fields(model: Any, states: Array, along: int | None = None) -> Array:
     """(sites, 3, ...) the fields of the neighbours of states (3 sites, ...), see :func:`_couplings`."""
+    if _is_long(model):
+        return _each(lambda y: neighbour_fields(model, y, along), states)
     flat = np.reshape(states, (len(states), -1))
     return _components((_couplings(model, along) @ flat).reshape(states.shape))
 
 
 def _own_fields(model: Any, states: Array) -> Array:
     """(sites, 3, ...) the constant field and those of the anisotropies."""
-    of, s = tables(model, np.inf), _components(states)
+    s, axis, own = _components(states), unit(model.anisotropy.axis), model.anisotropy
     more = [1] * (s.ndim - 2)
-    along = np.tensordot(of.axes[0], s, axes=(0, 1))[:, np.newaxis] * of.axes[0].reshape(1, 3, *more)
-    return of.field.reshape(-1, 3, *more) + 2 * of.uniaxial * along + 2 * of.cubic * s**3
+    along = np.tensordot(axis, s, axes=(0, 1))[:, np.newaxis] * axis.reshape(1, 3, *more)
+    field = np.tile(_field(model), (math.prod(model.size), 1))
+    return field.reshape(-1, 3, *more) + 2 * own.uniaxial * along + 2 * own.cubic * s**3
 
 
 def field_at(model: Any, states: Array) -> Array:
@@ -82,7 +166,7 @@ def _energy_current(model: Any, along: int, states: Array) -> Any:
     """
     s, weighted = _components(states), _fields(model, states, along)
     field = field_at(model, states)
-    moment = tables(model, np.inf).moment
+    moment = np.tile(_of_cell(model, model.mu), math.prod(model.size))
     return np.tensordot(-0.5 / moment, (s * np.cross(weighted, field, axis=1)).sum(axis=1), axes=1)
 
 
@@ -102,11 +186,11 @@ def _laplacian(model: Any, states: Array) -> Any:
 
     A homogeneous polynomial h of degree l has the Laplacian of space less l (l + 1) h.
     """
-    of, s, more = tables(model, np.inf), _components(states), [1] * (np.ndim(states) - 1)
-    linear = _fields(model, states) + of.field.reshape(-1, 3, *more)
-    u = np.tensordot(of.axes[0], s, axes=(0, 1))
-    own = of.uniaxial * (6 * u**2 - 2) + of.cubic * (10 * (s**4).sum(axis=1) - 6)
-    return 2 * (s * linear).sum(axis=(0, 1)) + own.sum(axis=0)
+    s, more, own = _components(states), [1] * (np.ndim(states) - 1), model.anisotropy
+    linear = _fields(model, states) + np.tile(_field(model), (math.prod(model.size), 1)).reshape(-1, 3, *more)
+    u = np.tensordot(unit(own.axis), s, axes=(0, 1))
+    of_sites = own.uniaxial * (6 * u**2 - 2) + own.cubic * (10 * (s**4).sum(axis=1) - 6)
+    return 2 * (s * linear).sum(axis=(0, 1)) + of_sites.sum(axis=0)
 
 
 def _spin_temperature(model: Any, states: Array) -> Any:
@@ -117,37 +201,79 @@ def _charge(model: Any, states: Array) -> Any:
     """The topological charge in two dimensions: the solid angles of both triangles of each cell over 4 pi.
 
     tan of half an angle is a . (b x c) / (1 + a . b + b . c + c . a) (Berg and Luescher, Nuclear Physics B 190, 1981).
+    On an open lattice there is a cell between each four sites, and the sum is no whole number.
     """
     s = np.moveaxis(_components(states).reshape(*model.size, 3, *np.shape(states)[1:]), 2, 0)
-    right, above = np.roll(s, -1, axis=1), np.roll(s, -1, axis=2)
-    corner, total = np.roll(above, -1, axis=1), 0.0
-    for a, b, c in ((s, right, corner), (s, corner, above)):
+    length, total = model.size[0] - (not model.is_periodic), 0.0
+    rows = max(1, _SLAB // model.size[1]) if _is_long(model) else length
+    for begin in range(0, length, rows):
+        here = s[:, begin : min(begin + rows, length)]
+        there = np.take(s, np.arange(begin + 1, begin + 1 + here.shape[1]) % model.size[0], axis=1)
+        total = total + _angles(here, there, model.is_periodic)
+    return total / (2 * np.pi)
+
+
+def _angles(here: Array, right: Array, periodic: bool) -> Any:
+    """Half of the solid angles of the cells between rows and the next ones."""
+    above, corner = np.roll(here, -1, axis=2), np.roll(right, -1, axis=2)
+    if not periodic:
+        here, right, above, corner = (rows[:, :, :-1] for rows in (here, right, above, corner))
+    total = 0.0
+    for a, b, c in ((here, right, corner), (here, corner, above)):
         volume = (a * np.cross(b, c, axis=0)).sum(axis=0)
         total = total + np.arctan2(volume, 1 + (a * b + b * c + c * a).sum(axis=0)).sum(axis=(0, 1))
-    return total / (2 * np.pi)
+    return total
+
+
+def _lengths(model: Any, states: Array) -> Any:
+    """The mean of |s|^2, the Casimir function."""
+    return _sum(states**2) / (len(states) // 3)
 
 
 def _conserves(model: Any, c: int) -> bool:
     """Whether the total of mu s_c is conserved: a turn about axis c changes neither a bond nor the energy of a site."""
-    of, turn = tables(model, np.inf), np.cross(np.eye(3)[c], np.eye(3))
-    bonds = all(np.allclose(turn @ a, a @ turn, atol=1e-14) for a in of.couplings.reshape(-1, 3, 3))
-    axis_is_kept = not of.uniaxial or np.allclose(turn @ of.axes[0], 0)
-    return bonds and axis_is_kept and not of.cubic and np.allclose(of.field @ turn, 0)
+    own, turn = model.anisotropy, np.cross(np.eye(3)[c], np.eye(3))
+    bonds = all(np.allclose(turn @ a, a @ turn, atol=1e-14) for a in bond_matrices(model))
+    axis_is_kept = not own.uniaxial or np.allclose(turn @ unit(own.axis), 0)
+    return bonds and axis_is_kept and not own.cubic and np.allclose(_field(model) @ turn, 0)
+
+
+_CORRELATION = re.compile(r"corr([1-9]\d*)")
+
+
+class Observables(Mapping[str, Callable[[Array], Any]]):
+    """The observables of a lattice by name; those of all distances are made when they are asked for."""
+
+    def __init__(self, model: Any) -> None:
+        self.model, self.named = model, _named(model)
+        self.farthest = model.size[0] // 2 if model.is_periodic else model.size[0] - 1
+
+    def __getitem__(self, name: str) -> Callable[[Array], Any]:
+        match = _CORRELATION.fullmatch(name)
+        if match and int(match[1]) <= self.farthest:
+            return functools.partial(_correlation, self.model, int(match[1]))
+        return self.named[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return itertools.chain(self.named, (f"corr{r}" for r in range(1, self.farthest + 1)))
+
+    def __len__(self) -> int:
+        return len(self.named) + self.farthest
 
 
 @functools.lru_cache(8)
-def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
+def observables_of(model: Any) -> Mapping[str, Callable[[Array], Any]]:
     """The observables of a lattice by name."""
-    lattice = model.sites
-    moment = tables(model, np.inf).moment / lattice.sites
+    return Observables(model)
+
+
+def _named(model: Any) -> dict[str, Callable[[Array], Any]]:
+    """The observables but those of all distances."""
     named: dict[str, Callable[[Array], Any]] = {
-        f"m{x}": functools.partial(_mean, moment, c) for c, x in enumerate("xyz")
+        f"m{x}": functools.partial(_mean, model, False, c) for c, x in enumerate("xyz")
     }
-    if lattice.site_colours.max() == 1:
-        staggered = moment * (1 - 2 * lattice.site_colours)
-        named |= {f"n{x}": functools.partial(_mean, staggered, c) for c, x in enumerate("xyz")}
-    farthest = model.size[0] // 2 if model.is_periodic else model.size[0] - 1
-    named |= {f"corr{r}": functools.partial(_correlation, model, r) for r in range(1, farthest + 1)}
+    if _sublattices(model)[0].site_colours.max() == 1:
+        named |= {f"n{x}": functools.partial(_mean, model, True, c) for c, x in enumerate("xyz")}
     for along in range(len(model.size)):
         number = along + 1 if len(model.size) > 1 else ""
         named[f"energy_current{number}"] = functools.partial(_energy_current, model, along)
@@ -156,9 +282,11 @@ def observables_of(model: Any) -> dict[str, Callable[[Array], Any]]:
             for c, x in enumerate("xyz")
             if _conserves(model, c)
         }
-    if model.is_periodic and len(model.size) == 2 and len(model.cell.sites) == 1:
+    if len(model.size) == 2 and len(model.cell.sites) == 1:
         named["charge"] = functools.partial(_charge, model)
     named["H"] = functools.partial(_energy, model)
+    if _is_long(model):
+        named |= dict.fromkeys(("C", "C1"), functools.partial(_lengths, model))
     named["torque2"] = functools.partial(_torques, model)
     named["laplacian"] = functools.partial(_laplacian, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)

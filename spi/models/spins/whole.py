@@ -15,6 +15,7 @@ import numpy as np
 from numba import get_num_threads, prange
 
 from ...compiler.dispatch import device, kernel
+from ...compiler.pointers import in_memory
 from ...compiler.vectors import without_refcount
 from ...ensemble.scheme_protocol import judges
 from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair, uniform
@@ -30,10 +31,12 @@ from .kernels import (
     turn_about_random_axes,
     turn_at_random,
 )
+from .parts import copy_parts
 from .tables import tables
 
 #: The kinds of rows of a program: flows of a piece, of friction, of the noise, judged noise of a colour of sites.
 FLOW, NOISE, JUDGED, ROUNDINGS = range(4)
+_NS = {FLOW: 5.0, NOISE: 5.0, JUDGED: 60.0, ROUNDINGS: 1.0}  # of a member or site, typically
 _MOST_SITES = 2**16  # channels of the random numbers, sites of a part
 _MOST_SHARES = 64  # into which sites are divided among threads
 
@@ -94,13 +97,15 @@ class Whole(NamedTuple):
 
     def block(self, state: np.ndarray) -> np.ndarray:
         """The parts of a state (3 sites,)."""
-        return np.ascontiguousarray(np.reshape(state, (-1, 3))[self.sites].transpose(0, 2, 1)).ravel()
+        block = np.empty(3 * self.sites.size)
+        copy_parts(self.sites, np.require(state, float, "CW"), block, True)
+        return block
 
     def state(self, block: np.ndarray) -> np.ndarray:
         """The state of its parts."""
-        state = np.empty((self.sites.size, 3))
-        state[self.sites] = block.reshape(-1, 3, LANES).transpose(0, 2, 1)
-        return state.ravel()
+        state = np.empty(3 * self.sites.size)
+        copy_parts(self.sites, state, block, False)
+        return state
 
     def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any]:
         """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state)."""
@@ -117,6 +122,20 @@ class Whole(NamedTuple):
     def call(self) -> tuple[Any, tuple[Any, ...]]:
         """The kernel and the arguments of a call of no steps, which only has it compiled."""
         return move_lattice, self._arguments(self.block(np.zeros(3 * self.sites.size)), 0, 0, 0, 0)
+
+    @property
+    def ns(self) -> float:
+        """Nanoseconds of a step of the lattice on one thread, at typical speed."""
+        members, program, sites = np.diff(self.model.first), self.program, len(self.sites)
+        rows = zip(program.kind.tolist(), program.piece.tolist(), strict=True)
+        each = [_NS[kind] * (members[k] if kind in (FLOW, JUDGED) else sites) for kind, k in rows]
+        return LANES * float(sum(each[1:] if program.joined else each))
+
+    @property
+    def calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
+        """:attr:`call`, and that of the kernel that copies states."""
+        nothing = np.empty(0)
+        return self.call, (copy_parts, (self.sites[:0], nothing, nothing, True))
 
     def _arguments(self, y: np.ndarray, first: int, steps: int, seed: int, path: int) -> tuple[Any, ...]:
         threads = get_num_threads()
@@ -149,6 +168,18 @@ class Sampled(NamedTuple):
         vectors = z.reshape(-1, 3, z.shape[1])
         return (vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))).reshape(z.shape)
 
+    def of_one_lattice(self, y: np.ndarray, seed: int, stream: int, path: int) -> np.ndarray:
+        """The state (d,) of one path of a lattice in parts after all sweeps, from the state y."""
+        parts = parts_of(self.model)
+        if parts is None:
+            raise ValueError("the lattice does not divide into parts")
+        part = _part(self.model, parts)
+        record, program = sweep_of(part, self.temperature, parts)
+        whole = Whole(record, _places(self.model, part, parts), program)
+        block = whole.block(y)
+        whole.move(block, 0, self.sweeps, seed, path | (1 + stream) << 40)
+        return whole.state(block)
+
     def moved(self, y: np.ndarray, seed: int, stream: int, first: int) -> np.ndarray:
         """The states (d, paths) of whole blocks, the first of them number `first`, after all sweeps."""
         blocks = np.ascontiguousarray(y.reshape(len(y), -1, LANES).transpose(1, 0, 2)).reshape(-1, len(y) * LANES)
@@ -157,15 +188,18 @@ class Sampled(NamedTuple):
         return blocks.reshape(len(blocks), len(y), LANES).transpose(1, 0, 2).reshape(y.shape)
 
 
+@functools.lru_cache(4)
 def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
     """The number in the lattice of each site of a part in each lane."""
     per_cell = len(model.cell.sites)
     size, lengths = (*model.size, 1, 1)[:3], (*part.size, 1, 1)[:3]
-    cell, within = np.divmod(np.arange(math.prod(lengths) * per_cell), per_cell)
-    here = np.stack(np.unravel_index(cell, lengths), axis=1)
-    lane = np.stack(np.unravel_index(np.arange(LANES), parts), axis=1)
-    at = here[:, np.newaxis] + lane * np.array(lengths)
-    return np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), size) * per_cell + within[:, np.newaxis]
+    cell, within = np.divmod(np.arange(math.prod(lengths) * per_cell, dtype=np.int32), np.int32(per_cell))
+    here = np.unravel_index(cell, lengths)
+    lane = np.unravel_index(np.arange(LANES), parts)
+    places = np.zeros((len(cell), LANES), np.int32)
+    for x, y, length, along in zip(here, lane, lengths, size, strict=True):
+        places = along * places + (x[:, np.newaxis] + length * y).astype(np.int32)
+    return per_cell * places + within[:, np.newaxis]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -202,13 +236,15 @@ def judged_program(record: Any, h: float) -> Program | None:
 
 
 @functools.lru_cache(8)
-def sweep_of(model: Any, temperature: float) -> tuple[Any, Program]:
+def sweep_of(model: Any, temperature: float, parts: tuple[int, int, int] = (1, 1, 1)) -> tuple[Any, Program]:
     """The record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise.
+
+    With `parts` the model is a part of one lattice, as in :func:`~.tables.tables`.
 
     Over the time 1 / (b + T / mu), b the largest field over mu, the turns are about as large as the law allows.  Where
     the drift conserves H it turns the spins by angles of about 1 besides.
     """
-    record = tables(model._replace(by="sites", alpha=1.0, noise=None), temperature)
+    record = tables(model._replace(by="sites", alpha=1.0, noise=None), temperature, parts)
     colours = np.flatnonzero(record.form[: record.p] == BY_SITES)
     rate = record.fastest[: record.p].sum() + abs(temperature) / record.moment.min()
     rows = [(JUDGED, int(k), 1 / rate) for k in colours]
@@ -238,7 +274,7 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
     The sites of a flow do not touch each other and go in `shares` to threads: the bits are the same for any number.
     Steps end at multiples of STEPS_PER_TOSS and at the last one; between them two flows of a piece become one.
     """
-    records = [(model, program)]
+    records = [(in_memory(model), program)]
     rows = len(program.kind)
     for n in range(first, first + steps):
         ends = not program.joined or (n + 1) % STEPS_PER_TOSS == 0 or n + 1 == first + steps
@@ -255,7 +291,7 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
 @kernel(parallel=True)
 def move_blocks(model, program, y, steps, seed, paths):
     """Move blocks of lattices (blocks, d * LANES) on in place, block b with the random numbers of path paths[b]."""
-    records = [(model, program)]
+    records = [(in_memory(model), program)]
     for b in prange(len(y)):
         of_block, its_program = records[0]
         for n in range(steps):
@@ -329,4 +365,4 @@ def judge_sites(model, h, begin, end, y, draw, seed, path, work):
         add_field(model, i, y, work)
         for a in range(3):
             some = slice(a * LANES, (a + 1) * LANES)
-            judge_turns(model, i, a, h, normals[some], uniforms[some], spin_of(y, i), work)
+            judge_turns(model, i, a, h, normals[some], uniforms[some], 0, LANES, spin_of(y, i), work)

@@ -1,0 +1,79 @@
+"""One path of a lattice in parts, see ``spi.models.spins.whole``: states while it moves, and functions of them."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from spi.ensemble.increments import draw_paths
+from spi.ensemble.long_states import LONG
+from spi.ensemble.protocol import conserved
+from spi.ensemble.random_states import RandomState
+from spi.kinds.functions import path_function
+from spi.kinds.plans import KernelCall
+from spi.models.delegation import undamped
+from spi.models.spins.cells import call_of_sums
+from spi.numerics.rng import INITIAL
+
+COPY_NS, FUNCTION_NS = 5.0, 15.0  #: of a spin: to copy it, to evaluate a function
+BYTES = 150  #: of a spin: the state, its parts, their places, and scratch of functions
+_NORMALS = 2**20  # that are drawn at a time
+
+
+def is_long(case: Any) -> bool:
+    """Whether the path of a case is looked at state by state, without tables of the sites."""
+    return bool(case.in_parts) and len(case.initial) > LONG
+
+
+def look_ns(case: Any, functions: int) -> float:
+    """Nanoseconds of looking at the state of a long path once, at typical speed."""
+    return len(case.initial) / 3 * (COPY_NS + FUNCTION_NS * functions)
+
+
+def bytes_of(case: Any) -> int:
+    """The memory that one path takes besides what is stored of it."""
+    return int(len(case.initial) / 3 * BYTES)
+
+
+def start_of(plan: Any, path: int = 0) -> np.ndarray:
+    """(d,): y_0 of a path; by a law it is drawn alone."""
+    if not isinstance(plan.initial, RandomState):
+        return np.asarray(plan.initial, float)
+    law, keys = plan.initial.law, plan.stream.keys
+    own = keys._replace(stream=np.uint64(int(keys.stream) + INITIAL))
+    z = np.empty((law.numbers, 1, 1))
+    for first in range(0, len(z), _NORMALS):
+        draw_paths(own, 1.0, first, path, z[first : first + _NORMALS])
+    return np.asarray(law.of_one_lattice(law.states(z[:, 0])[:, 0], int(keys.seed), int(keys.stream), path))
+
+
+def moved(
+    mover: Any, y: np.ndarray, first: int, end: int, every: int, seed: int, path: int
+) -> Iterator[tuple[int, np.ndarray]]:
+    """(n, state) after each `every` steps from t = 0 on, none of them for 0, and at the end, from the state y on."""
+    block, n = mover.block(y), first
+    del y
+    while n < end:
+        stop = min(end, (n // every + 1) * every) if every else end
+        mover.move(block, n, stop - n, seed, path)
+        n = stop
+        yield n, mover.state(block)
+
+
+def kernel_calls(case: Any, mover: Any) -> list[KernelCall]:
+    """The kernels that move one path, copy its states, and look at them."""
+    calls = [KernelCall(*call) for call in mover.calls]
+    return [*calls, KernelCall(*call_of_sums(undamped(case.model)))] if is_long(case) else calls
+
+
+def invariants(case: Any, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """H (times,) and the Casimir functions (times, C) of states (times, d)."""
+    model = undamped(case.model)
+    energy = path_function(model, (), "H").values(states.T)
+    return energy, casimirs(case, states.T).T
+
+
+def casimirs(case: Any, states: np.ndarray) -> np.ndarray:
+    """(C, paths): the Casimir functions of states (d, paths)."""
+    model = undamped(case.model)
+    return np.array([path_function(model, (), f"C{c + 1}").values(states) for c in range(conserved(model))])

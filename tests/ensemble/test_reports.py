@@ -1,0 +1,142 @@
+"""What steps report is of the paths that were asked for, and bits of array states do not depend on their number."""
+
+import functools
+
+import numpy as np
+import pytest
+from helpers import INITIAL, LANES, ONE_NOISE, RIGID_BODY, loop_in_python
+from scheme_cases import ANGLE, FAILURES, ITERATIONS, RESIDUAL, SOLVES, on_the_sphere
+from yaml_cases import made
+
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.increments import brownian
+from spi.ensemble.loop import grid, integrated, paths_of
+from spi.ensemble.protocol import dimension, in_kernels
+from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, report_row, work_size
+from spi.models import Spins, Zeitlin
+from spi.models.delegation import thermal
+from spi.models.spins import Terms, Transport
+from spi.models.zeitlin import Noise
+from spi.schemes import SCHEMES, of_model
+from spi.schemes.midpoint import IsospectralMidpoint, Midpoint
+
+RANGES = [(0, LANES), (0, 5), (17, 18), (40, LANES)]
+
+
+def reported(scheme, model, h, dW, y, first, end):
+    """The states [component, lane] after a step, uncompiled, and the report of the lanes from `first` on."""
+    block, report = y.ravel().copy(), report_row(first, end)
+    with uncompiled(), np.errstate(all="ignore"):
+        advance(scheme, model, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(scheme, model)), report)
+    return block.reshape(y.shape), report
+
+
+@pytest.mark.parametrize("name", ["splitting", "splitting_symmetric", "munthe_kaas_midpoint"])
+def test_angles_are_those_of_the_lanes_asked_for(name):
+    """One noise about the first axis, whose flow keeps y_1, and hardly any drift: the angle is sigma dW y_1 / Î_1."""
+    scheme, dW = SCHEMES[name].record, np.zeros((9, LANES))
+    dW[0] = np.random.default_rng(1).normal(0.0, 2.0, LANES)
+    dW[3] = dW[6] = 0.5 * dW[0]  # the halves of it
+    y = on_the_sphere(np.random.default_rng(2))
+    angles = np.abs(dW[0] * y[0] / ONE_NOISE.noise_inertia[0])
+    assert (angles > 0.25 * np.pi).sum() > 10 and (angles < 0.25 * np.pi).sum() > 10
+    for first, end in [*RANGES, *((lane, lane + 1) for lane in range(5))]:
+        _, report = reported(scheme, ONE_NOISE, 1e-12, dW, y, first, end)
+        expected = angles[first:end].max()
+        assert report[ANGLE] == pytest.approx(expected if expected > 0.25 * np.pi else 0.0, rel=1e-9)
+
+
+def test_failures_are_those_of_the_lanes_asked_for():
+    """A block in which all lanes are one path fails everywhere or nowhere, and so says whether this path does."""
+    rng, h, scheme = np.random.default_rng(3), 0.5, Midpoint(most_iterations=2)
+    y, dW, failed = on_the_sphere(rng), rng.normal(0.0, 0.5, (3, LANES)), []
+    for lane in range(12):
+        same = np.repeat(dW[:, lane : lane + 1], LANES, axis=1), np.repeat(y[:, lane : lane + 1], LANES, axis=1)
+        failed.append(reported(scheme, RIGID_BODY, h, *same, 0, LANES)[1][FAILURES] / LANES)
+    assert set(failed) == {0.0, 1.0}
+    for first, end in [(0, 12), (0, 5), (3, 4), (4, 5), (7, 12)]:
+        _, report = reported(scheme, RIGID_BODY, h, dW, y, first, end)
+        assert report[SOLVES] == end - first and report[FAILURES] == sum(failed[first:end])
+
+
+SPINS = Spins("ring", (4,), (Terms(exchange=(1.0, 0.8, 0.5)),), noise=Transport(0.9))
+WARM = thermal(SPINS._replace(noise=None, alpha=0.5, by="sites"), 0.7)
+FLUID = Zeitlin(3, (Noise(1.5, modes=((0, 1), (1, 0))),))
+BODY = thermal(RIGID_BODY, 0.02)
+INNER = made("{algebra: so(3), hamiltonian: y1^2/2 + y2^2/3 + cos(y1*y2), noises: [y2], inner: midpoint}").record
+STARTS = {Spins: (0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0), Zeitlin: (0.3, -0.4, 0.5, 0.2) * 2}
+
+#: (model, scheme): with failures, angles above pi/4 and refused flows.
+RUNS = {
+    "midpoint": (RIGID_BODY, Midpoint(most_iterations=2)),
+    "isospectral": (RIGID_BODY, IsospectralMidpoint(most_iterations=1)),
+    "splitting": (RIGID_BODY, "splitting"),
+    "inner midpoint": (INNER, "splitting"),
+    "judged": (BODY, "splitting_metropolis"),
+    "fluid, midpoint": (FLUID, Midpoint(most_iterations=1)),
+    "fluid, splitting": (FLUID, "splitting_symmetric"),
+    "fluid, judged": (thermal(FLUID, 0.7), "splitting_metropolis"),
+    "spins, midpoint": (SPINS, Midpoint(most_iterations=1)),
+    "spins, judged": (WARM, "splitting_metropolis"),
+}
+
+
+def run(model, scheme, samples, first_lane=0, h=0.5, steps=2, block=0):
+    """(states [component, path] of the paths of a block, report), without the compiler."""
+    record = in_kernels(model)
+    start = STARTS.get(type(getattr(model, "model", model)), INITIAL)
+    scheme = of_model(SCHEMES[scheme], model).record if isinstance(scheme, str) else scheme
+    times = grid(h, steps, truncate=not hasattr(scheme, "stages"))._replace(first_lane=first_lane)
+    with loop_in_python():
+        states, report = integrated(scheme, record, start, times, brownian(4), block, 1, samples)
+    return paths_of(states, dimension(record))[0][:, : samples - LANES * block], report[0, 0]
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_reports_of_single_paths_add_up(name):
+    """A run of three paths reports what these report alone, each its own; a whole block reports more."""
+    alone = [run(*RUNS[name], path + 1, path) for path in range(3)]
+    states, report = run(*RUNS[name], 3)
+    for path, (its_states, _) in enumerate(alone):
+        assert np.array_equal(its_states[:, path], states[:, path])
+    reports = np.array([its_report for _, its_report in alone])
+    assert np.array_equal(report[:SUMMED], reports[:, :SUMMED].sum(axis=0))
+    assert np.array_equal(report[SUMMED:], reports[:, SUMMED:].max(axis=0))
+    if report[SOLVES]:
+        assert report[SOLVES] == 6 and report[ITERATIONS] >= 6 and report[RESIDUAL] > 0
+    judged = REPORT.index("noise_judged")
+    assert report[judged] % 6 == 0 and report[judged + 2] in (0, 6)
+    everything = run(*RUNS[name], LANES)[1]
+    assert everything[:SUMMED].any() or everything[ANGLE] > report[ANGLE]
+    if report[:SUMMED].any():
+        assert everything[:SUMMED].sum() > 10 * report[:SUMMED].sum()
+
+
+def test_single_paths_report_different_numbers():
+    """Negative control of the test above: reports are not the same for all paths."""
+    for name in ("midpoint", "splitting", "judged", "fluid, judged", "spins, judged"):
+        found = {tuple(run(*RUNS[name], path + 1, path, h=0.9)[1]) for path in range(8)}
+        assert len(found) > 1, name
+
+
+ARRAYS = {
+    f"{of}, {scheme}": (model, scheme)
+    for of, model, schemes in [
+        ("fluid", FLUID, ("splitting", "splitting_order2", "splitting_symmetric", "midpoint", "euler_maruyama")),
+        ("fluid at a temperature", thermal(FLUID, 0.7), ("splitting_symmetric", "splitting_metropolis")),
+        ("spins", SPINS, ("splitting", "splitting_order2", "midpoint", "heun_renormalised")),
+        ("spins about an axis", SPINS._replace(noise=Transport(0.9, (0.0, 0.6, 0.8))), ("splitting_order2",)),
+        ("spins at a temperature", WARM, ("splitting_symmetric", "splitting_metropolis")),
+    ]
+    for scheme in schemes
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_bits_of_array_states_do_not_depend_on_the_number_of_paths(name):
+    """Paths 64 and 65 of 66 and of 70, and the first five of 5 and of 64; steps are long, so that angles are large."""
+    of = functools.partial(run, *ARRAYS[name], h=0.25)
+    few, more = of(66, block=1)[0], of(70, block=1)[0]
+    assert np.array_equal(few, more[:, :2]) and np.isfinite(few).all()  # others may diverge
+    few, more = of(5)[0], of(LANES)[0]
+    assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 55

@@ -1,0 +1,104 @@
+"""Compositions of flows of array states as data: their rows are the flows of the stages, and all have one type."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from helpers import COMPILED, loop_in_python
+
+from spi.compiler.inlining import types_of
+from spi.ensemble.increments import brownian
+from spi.ensemble.loop import arguments_of, grid, integrate, integrated, paths_of
+from spi.ensemble.protocol import in_kernels
+from spi.models import RigidBody, Spins, Zeitlin
+from spi.models.delegation import thermal
+from spi.models.spins import Terms, Transport
+from spi.models.zeitlin import Noise
+from spi.schemes import SCHEMES, of_model
+from spi.schemes.program import BUT_LAST, DRIFT, FRICTION, LAST, NOISE, program_of
+from spi.schemes.stages import ShareOfWhole, flows, has_shared, sweeps, with_friction
+
+STAGES = {name: entry.composition for name, entry in SCHEMES.items() if entry.composition and entry.for_large_models}
+STAGES |= {
+    "shared": (flows("drift"), flows("noise", "symmetric", shared=True)),
+    "backwards by a coin": (flows("noise", "backwards", coin=True), flows("drift", coin=True)),
+    "halves": (flows("noise", fraction=1 / 2), flows("drift"), flows("noise", "symmetric", 1 / 2)),
+    "friction": with_friction(SCHEMES["splitting_order2"].composition),
+}
+MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))  # three pieces and three noises
+
+
+def in_order(program, coin, shared, count=3):
+    """((kind, k, time), ...) of the flows of a program for `count` pieces and noises, by this reading of its rows."""
+    found = []
+    for row in program:
+        which = {BUT_LAST: range(count - 1), LAST: [count - 1]}.get(row["piece"], range(count))
+        reverse = (row["order"] < 0) != (row["coin"] and coin < 0)
+        time = (int(row["first"]), int(row["stop"]), int(row["n"])) if row["kind"] == NOISE else float(row["share"])
+        if row["kind"] == NOISE and (row["share"] != 1.0 or shared):
+            time = ShareOfWhole(float(row["share"]))
+        found += [(int(row["kind"]), k, time) for k in (reversed(which) if reverse else which)]
+    return found
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_rows_are_the_flows_of_the_stages(name):
+    """Beside the sweeps of paths in registers, which are made by other code."""
+    stages = STAGES[name]
+    for coin in (1, -1):
+        expected = []
+        for stage, part, k, share, side, time in sweeps(stages, _Thermal if name == "friction" else MODEL):
+            if side in (0, coin):
+                kind = {"drift": DRIFT, "noise": NOISE, "friction": FRICTION}[part]
+                expected.append((kind, k, share * stages[stage].fraction if part != "noise" else time))
+        assert in_order(program_of(stages), coin, has_shared(stages)) == expected
+
+
+class _Thermal(RigidBody):
+    """With the trait that gives friction its noises."""
+
+    has_friction = True
+
+
+_Thermal = _Thermal(*MODEL)
+
+SPINS = Spins("ring", (4,), (Terms(exchange=1.0),), noise=Transport(0.3))
+FLUID = Zeitlin(3, (Noise(0.5, modes=((0, 1),)),))
+
+
+NAMES = "splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"
+
+
+def run_of(name, model, samples=1):
+    """The arguments of two steps of a scheme."""
+    initial = (0.6, 0.0, 0.8) * 4 if getattr(model, "model", model) == SPINS else (0.4, 0.3, -0.2, 0.1) * 2
+    return of_model(SCHEMES[name], model).record, in_kernels(model), initial, grid(0.25, 2), brownian(1), 0, 1, samples
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+@pytest.mark.parametrize("temperature", [math.inf, 0.7])
+@pytest.mark.parametrize("model", [SPINS, FLUID], ids=["spins", "zeitlin"])
+def test_all_compositions_have_one_type(model, temperature):
+    """Four schemes, without and with sub-steps, coins and friction: one signature of the loop over time."""
+    if temperature < math.inf:
+        model = thermal(model._replace(alpha=0.5, noise=None) if model is SPINS else model, temperature)
+    signatures = {types_of(integrate, arguments_of(*run_of(name, model))) for name in NAMES}
+    assert len(signatures) == 1
+    other = "heun_renormalised" if "Spins" in repr(model) else "euler_maruyama"
+    assert types_of(integrate, arguments_of(*run_of(other, model))) not in signatures
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+def test_four_schemes_are_one_kernel():
+    """Of the fluid at a temperature; compiled they lead to the states of the same loop in Python."""
+    model, before, ends = thermal(FLUID, 0.7), len(integrate.signatures), []
+    for name in NAMES:
+        states, report = integrated(*run_of(name, model, 3))
+        with loop_in_python():
+            expected, its_report = integrated(*run_of(name, model, 3))
+        states, expected = (paths_of(each, 8)[0][:, :3] for each in (states, expected))
+        assert np.abs(states - expected).max() < 1e-13 and np.allclose(report, its_report)
+        ends.append(states)
+    assert len(integrate.signatures) - before <= 1  # 0 where another test was here before
+    assert min(np.abs(a - b).max() for a, b in itertools.combinations(ends, 2)) > 1e-4
