@@ -116,5 +116,5 @@ def paths_by_hand(case, scheme, eps=None, sizes=None):
                     z, now = eps**2 / (h + eps**2) * (z + now), h / (h + eps**2) * (z + now)
                 y = STEPS[case.model_name, scheme](case.model, h, now, y, angles)
                 states.append(np.array(y))
-        found[h] = np.array(states), max(a.max() for a in angles)
+        found[h] = np.array(states), max(a[: case.samples].max() for a in angles)
     return found

@@ -146,7 +146,7 @@ def test_a_scheme_that_does_not_fit_is_refused_by_name():
         "{algebra: so(3), hamiltonian: y1^2, noises: [y2^2, 2*y2^2]}",
         "{algebra: so(3), hamiltonian: cos(t)*y1^2}",
         "{algebra: e(2), hamiltonian: y1^2 + y2}",
-        "{algebra: e(2), hamiltonian: y1^2, variables: [y3, y1, y2]}",
+        "{algebra: e(2), hamiltonian: a^2, variables: [c, a, b]}",
         "{algebra: 'so(2,1)', hamiltonian: y1^2}",
     ],
 )

@@ -131,7 +131,7 @@ def test_progress_and_cost(monkeypatch):
     assert middle[:2] == (128, 150) and middle[2] > 0
     unbegun = plan.progress(State(plan))
     assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
-    steps, seconds, needed = plan.cost()
+    steps, seconds, needed = plan.cost()[:3]
     per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
     assert steps == 192 * per_path  # whole blocks
     assert 1e-9 < seconds / steps < 1e-7

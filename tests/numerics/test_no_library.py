@@ -30,7 +30,7 @@ ALLOWED = {
     ("ensemble/increments.py", "clipped_variance"): "a factor of increments, rounded to 40 bits",
     ("ensemble/loop.py", "nested_grid"): "the whole number of doublings of a step",
     ("ensemble/observer.py", "path_observer"): "the size of a state, of which errors are shares",
-    ("models/spins/observables.py", "_charge"): "angles of triangles of spins, for a report",
+    ("models/spins/observables.py", "_angles"): "angles of triangles of spins, for a report",
     ("models/zeitlin/fields.py", "*"): "the order and the lengths of modes, of fields in figures",
     ("models/zeitlin/kernels.py", "*"): "the lengths of modes of noises",
     ("models/zeitlin/tables.py", "*"): "tables of cosines",

@@ -157,8 +157,8 @@ def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatc
     other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.results.write_bytes
     path = runner.results_path(experiment("samples=5"), tmp_path)
 
-    def meanwhile(temporary, data):
-        write(temporary, data)
+    def meanwhile(temporary, *parts):
+        write(temporary, *parts)
         if temporary.parent == path.parent:
             path.write_bytes(other.read_bytes())
 

@@ -8,7 +8,7 @@ from spi import systems
 from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, drift_tables, friction_tables, friction_time, noise_flow, noise_tables
-from spi.ensemble.scheme_protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT, report_row
 from spi.models.delegation import thermal
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes.metropolis import Metropolis, noises_alike
@@ -50,7 +50,7 @@ def test_tables_move_as_the_flows_do():
             for k in range(len(tables)):
                 for t in (0.3, times):
                     block = y.copy()
-                    sweep(part, INDICES[k](), model, block.ravel(), t)
+                    sweep(part, INDICES[k](), model, block.ravel(), t, report_row())
                     each = zip(np.broadcast_to(t, LANES).tolist(), y.T.tolist(), strict=True)
                     expected = np.array([flow(model, k, time, tuple(lane), ANY_ANGLES) for time, lane in each]).T
                     assert np.abs(block - expected).max() < 1e-13 < np.abs(block - y).max()

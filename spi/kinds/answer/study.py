@@ -866,7 +866,9 @@ class AnswerPlan(SamplesPlan):
         _, _, degrees = planner.sampling_error(
             [term._replace(spread=spread) for term, spread in zip(terms, seen, strict=True)]
         )
-        some = np.any([np.asarray(term.spread.few) for term in terms], axis=0)  # else it is the variance of rounding errors
+        some = np.any(
+            [np.asarray(term.spread.few) for term in terms], axis=0
+        )  # else it is the variance of rounding errors
         few = some & np.isinf(self.spans) & (degrees < 2.0 * planner.ENOUGH)
         own = few[: len(few) - len(self.owners)]
         own[[f for f, _ in self.rests]] = False  # of these the rest is judged
