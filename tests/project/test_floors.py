@@ -48,13 +48,7 @@ THIRD_PARTY = {
     "pandas": ["api.*", "printing.*", "report.*"],
     "dask": ["running.workers"],
     "distributed": ["running.workers"],
-    "numba": [
-        "compiler.*",
-        "ensemble.loop",
-        "models.spins.cells",
-        "models.spins.whole",
-        "numerics.elementary",
-    ],  # prange and vectors
+    "numba": ["compiler.*", "ensemble.loop", "models.spins.*", "numerics.elementary"],  # prange and vectors
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],
 }
