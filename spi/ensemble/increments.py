@@ -313,12 +313,13 @@ def clip(model, dW, clipped, bound, stretch):
 
 
 @_where_divided
-def clip_substeps(layout, model, dW, clipped, h, stretch):
+def clip_substeps(layout, model, dW, clipped, bounds, stretch):
     """Clip the increments over sub-steps, each by the bound for its own length."""
     for k in channels(model):
         n, i = 2, HALVINGS
         while n <= number(layout.substeps):
-            bound, i = truncation_bound(h / n), i - 1
+            i = i - 1
+            bound = bounds[i]
             for part in range(n):
                 begin = first_lane(model, k, n, part)
                 for lane in range(begin, begin + LANES):
@@ -370,14 +371,14 @@ def _reversed_row(layout, model, dW, row, turned):
 
 
 @device
-def truncate(layout, model, dW, clipped, h, stretch):
+def truncate(layout, model, dW, clipped, bounds, stretch):
     """Put the clipped increments of a step of size h into `clipped`, which may be `dW`; areas stay as they are.
 
-    ``stretch[HALVINGS - i]`` is the factor by which those over 2^-i h are multiplied then.
+    Those over 2^-i h are clipped to +-``bounds[HALVINGS - i]`` and then multiplied by ``stretch[HALVINGS - i]``.
     """
-    clip(model, dW, clipped, truncation_bound(h), stretch[HALVINGS])
+    clip(model, dW, clipped, bounds[HALVINGS], stretch[HALVINGS])
     copy_areas(layout.areas, model, dW, clipped)
-    clip_substeps(layout, model, dW, clipped, h, stretch)
+    clip_substeps(layout, model, dW, clipped, bounds, stretch)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

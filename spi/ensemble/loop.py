@@ -34,6 +34,7 @@ from .increments import (
     reversed_row,
     row_length,
     truncate,
+    truncation_bound,
     turn_coins,
     words_length,
 )
@@ -74,7 +75,8 @@ class Grid(NamedTuple):
     reference_steps: int
     doublings: np.ndarray  #: int64, from large to small, the last is 0
     truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
-    stretch: np.ndarray  #: factors of clipped increments over 2^(i - HALVINGS) h_ref, i = 0, 1, ...
+    bounds: np.ndarray  #: to which they are, over 2^(i - HALVINGS) h_ref, i = 0, 1, ...; 0 where they are not
+    stretch: np.ndarray  #: factors of clipped increments, likewise
     coarser: np.ndarray  #: int64: how many paths have at least s doublings, s = 0, ..., most + 1
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
@@ -111,12 +113,15 @@ def grid(
     lengths = step * 2.0 ** np.arange(-HALVINGS, doublings[0] + 1)
     left = [clipped_variance(h) if truncate == RESCALED else 1.0 for h in lengths]
     stretch = 1.0 / np.sqrt(left)
+    # not in the loop over steps, which would take a logarithm in every step, also where nothing is clipped
+    bounds = np.array([truncation_bound(h) if truncate else 0.0 for h in lengths])
     coarser = (doublings >= np.arange(doublings[0] + 2)[:, np.newaxis]).sum(axis=1)
     return Grid(
         step,
         steps,
         doublings,
         bool(truncate),
+        bounds,
         stretch,
         coarser,
         reversals,
@@ -246,7 +251,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         side = flipped
                         increments = reversed_row(layout, model, dW, increments, changed)
                     if grid.truncate:
-                        truncate(layout, model, dW[increments], dW[changed], h, grid.stretch[s:])
+                        truncate(layout, model, dW[increments], dW[changed], grid.bounds[s:], grid.stretch[s:])
                         increments = changed
                     advance_path(
                         grid.reference_scheme,

@@ -7,7 +7,7 @@ of flows are in ``program.py``.
 
 import numpy as np
 
-from ..compiler.dispatch import device
+from ..compiler.dispatch import INDICES, device
 from ..compiler.vectors import WIDTH, without_refcount
 from ..ensemble.protocol import (
     add_block_drift,
@@ -32,7 +32,7 @@ from ..ensemble.protocol import (
 from ..ensemble.scheme_protocol import REPORT, lanes_in_use
 from ..numerics.elementary import bits, expm1, from_bits
 from ..numerics.rng import LANES
-from .sweeps import report_each_solve, report_judged
+from .sweeps import lanes_of, report_each_solve, report_judged
 
 _ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
@@ -208,22 +208,28 @@ def midpoint_step_of_large(model, h, dW, y, work, report, tolerance, most_iterat
     """
     (first, end), done = lanes_in_use(report), 0
     lanes = np.arange(first, end)
-    states, x, new, times, scratch = parts_of_work(model, work)
     left, changes = np.empty(LANES), np.empty(LANES)
     while done < len(lanes):
         count, width = group_size(model, len(lanes) - done)
         some, made, iterations, moving = lanes[done : done + count], 0, 0, count
-        take(y, some, width, states)
+        whole, x, new, times, scratch = parts_of_work(model, work)
+        take(y, some, width, whole)
+        d = dimension(model) * width  # one path alone takes less than there is room for
+        states, x, new = whole[:d], x[:d], new[:d]
         take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
         copy(states, x)
-        for j in range(width):
+        for j in range(LANES):
             left[j] = np.inf
         while moving > 0 and made < most_iterations:
             copy(states, new)
             add_half_field(model, h, width, x, new, times, scratch)
             distances(x, new, width, changes)
-            replace_moving(x, new, width, changes, left)
+            if moving < count:  # a pass over all states that is seldom needed
+                keep_still(x, left, new)
+            x, new = new, x
             made, iterations, moving = made + 1, iterations + moving, 0
+            for j in range(LANES):
+                left[j] = changes[j] if left[j] > _ENOUGH else left[j]
             for j in range(count):
                 moving += 1 if left[j] > _ENOUGH else 0  # False for NaN
         residual, failures = largest_of(left[:count]), failures_of(left[:count], tolerance)
@@ -234,39 +240,58 @@ def midpoint_step_of_large(model, h, dW, y, work, report, tolerance, most_iterat
             failures = failures_of(left[:count], tolerance)
         for i in range(len(states)):
             states[i] = 2.0 * x[i] - states[i]
-        put(y, some, width, states)
+        put(y, some, width, whole)
         done += count
         report_each_solve(report, count, iterations, failures, residual)
 
 
 @device
-def component(states, i, width):
-    """Component i of states: a view, so that indices are seen to be no negative ones and loops are vectorised."""
-    return without_refcount(states[i * width : (i + 1) * width])
+def lanes_at(states, first):
+    """LANES floats: a view, so that indices are seen to be no negative ones and loops are vectorised."""
+    return without_refcount(states[first : first + LANES])
 
 
 @device(inline=False)
 def distances(a, b, width, changes):
-    """Of each state the largest difference of components over the largest component in b; NaN if any is."""
-    difference, size = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    for i in range(len(a) // width):
-        p, q = component(a, i, width), component(b, i, width)
-        for j in range(width):  # integers, because a maximum of floats is not vectorised
-            difference[j] = max(difference[j], bits(abs(p[j] - q[j])))
-            size[j] = max(size[j], bits(abs(q[j])))
+    """Of each state the largest difference of components over the largest component in b; NaN if any is.
+
+    LANES floats at a time, in which the states stand one behind the other, whatever their number, and so in `changes`.
+    """
+    n, largest = len(a) - len(a) % LANES, lanes_of(INDICES[2]())  # differences and sizes
+    for j in range(2 * LANES):
+        largest[j] = 0.0
+    for first in range(0, n, LANES):
+        p, q = lanes_at(a, first), lanes_at(b, first)
+        for j in range(LANES):  # integers, because a maximum of floats is not vectorised
+            largest[j] = from_bits(max(bits(largest[j]), bits(abs(p[j] - q[j]))))
+            largest[LANES + j] = from_bits(max(bits(largest[LANES + j]), bits(abs(q[j]))))
+    for i in range(n, len(a)):
+        j = i - n
+        largest[j] = from_bits(max(bits(largest[j]), bits(abs(a[i] - b[i]))))
+        largest[LANES + j] = from_bits(max(bits(largest[LANES + j]), bits(abs(b[i]))))
+    n = LANES
+    while n > width:
+        n //= 2
+        for j in range(n):
+            largest[j] = from_bits(max(bits(largest[j]), bits(largest[n + j])))
+            largest[LANES + j] = from_bits(max(bits(largest[LANES + j]), bits(largest[LANES + n + j])))
     for j in range(width):
-        changes[j] = from_bits(difference[j]) / (from_bits(size[j]) + 1e-300)
+        changes[j] = largest[j] / (largest[LANES + j] + 1e-300)
+    for j in range(width, LANES):
+        changes[j] = changes[j - width]
 
 
 @device(inline=False)
-def replace_moving(x, new, width, changes, left):
-    """Replace the states that still move, those with a change `left` above 2^-48, and their changes."""
-    for i in range(len(x) // width):
-        old, its = component(x, i, width), component(new, i, width)
-        for j in range(width):
-            old[j] = its[j] if left[j] > _ENOUGH else old[j]
-    for j in range(width):
-        left[j] = changes[j] if left[j] > _ENOUGH else left[j]
+def keep_still(x, left, new):
+    """Put the states that do not move any more, those without a change `left` above 2^-48, back into `new`."""
+    n = len(x) - len(x) % LANES
+    for first in range(0, n, LANES):
+        old, its = lanes_at(x, first), lanes_at(new, first)
+        for j in range(LANES):
+            moved, kept = its[j], old[j]  # both are read: a read in a branch would be no vector instruction
+            its[j] = moved if left[j] > _ENOUGH else kept
+    for i in range(n, len(x)):
+        new[i] = new[i] if left[i - n] > _ENOUGH else x[i]
 
 
 @device

@@ -113,8 +113,11 @@ class SpinTables(NamedTuple):
     def add_block_noises(model, times, width, y, out, work):
         for i in range(len(model.moment) if model.m > 0 else 0):  # without noise there are no times
             s, added = spin_of(y, i), spin_of(out, i)
+            u, a = noise_of(model, i, 0, times)
+            v, b = noise_of(model, i, 1, times)
+            w, c = noise_of(model, i, 2, times)
             for lane in range(LANES):
-                wx, wy, wz = noise_vector(model, i, times, lane)
+                wx, wy, wz = a * u[lane], b * v[lane], c * w[lane]
                 dx, dy, dz = cross(wx, wy, wz, s[lane], s[LANES + lane], s[2 * LANES + lane])
                 added[lane] += dx
                 added[LANES + lane] += dy
@@ -508,16 +511,14 @@ def take_away_roundings(model, begin, end, y):
 
 
 @device
-def noise_vector(model, i, times, lane):
-    """The vector sigma dW about which site i turns in a lane."""
-    if len(model.noise_axis) > 0:
-        turn = times[noise_row(model, i) * LANES + lane]
-        return turn * model.noise_axis[0], turn * model.noise_axis[1], turn * model.noise_axis[2]
-    if len(model.noise_rows) > 0:
-        wx, wy = times[noise_row(model, 3 * i) * LANES + lane], times[noise_row(model, 3 * i + 1) * LANES + lane]
-        return wx, wy, times[noise_row(model, 3 * i + 2) * LANES + lane]
-    at = i * SPIN + lane
-    return times[at], times[at + LANES], times[at + 2 * LANES]
+def noise_of(model, i, a, times):
+    """Component a of the vector sigma dW about which site i turns: times in all lanes, a view, and their factor.
+
+    What does not depend on the lane is chosen here, so that loops over lanes become vector instructions.
+    """
+    along = len(model.noise_axis) > 0
+    first = noise_row(model, i if along else 3 * i + a) * LANES
+    return without_refcount(times[first : first + LANES]), model.noise_axis[a] if along else 1.0
 
 
 @device
