@@ -18,7 +18,7 @@ from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
 from spi.printing.tables import printed, show_items
 from spi.running.load import load
-from spi.statistics.claims import quantities
+from spi.statistics.claims import CONSISTENT, INCONCLUSIVE, judge, quantities
 from spi.storage import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -96,6 +96,19 @@ def test_results_are_written_and_read_and_judged(case_of):
         "exponent_sum": found.total[-1],
         "nonfinite": 0.0,
     }
+
+
+def test_sums_that_are_rounding_have_its_bound_as_half_their_interval(case_of):
+    """Without noise the sum is 0 but for 1e-10 or so, of which all paths have some: near paths resolve no more."""
+    known = "final_time=16", "warm_up=0", "model.sigma=[0,0,0]", "step=2^-4"
+    found, n = results_of(case_of(*known)), 256
+    bound = 8 * 2**-52 * (1 + np.sqrt(n)) / (1e-7 * 16)
+    assert 0 < abs(found.total[-1]) < bound <= found.total_half[-1] < 1.2 * bound
+    assert found.rounding[-1] == pytest.approx(bound)
+    assert sum("known up to 2e-08" in line or "known up to 2e-8" in line for line in found.remarks()) == 1
+    case = case_of(*known, "expect={splitting: {exponent_sum: 0}}")
+    assert {one.verdict for one in judge(case.claims, quantities([found]))} <= {CONSISTENT, INCONCLUSIVE}
+    assert found.exponent_half[0, -1] > 1e3 * bound  # control: what is resolved is as before
 
 
 def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):

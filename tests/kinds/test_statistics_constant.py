@@ -7,6 +7,7 @@ from states import finished
 from statistics_cases import results_of, written
 
 from spi.kinds.statistics import study
+from spi.kinds.statistics.figure import PANELS
 from spi.running.load import load
 from spi.statistics.rounding import rounding
 from spi.storage import Part
@@ -85,3 +86,18 @@ def test_the_enstrophy_of_a_fluid(tmp_path):
     assert found.is_constant.tolist() == [True, False]
     assert 0 < found.mean_stderr[0, -1] < 1e-13 < 1e-6 < found.mean_stderr[1, -1]
     assert found.variance[0, -1] < 1e-28
+
+
+def test_a_figure_shows_a_constant_as_a_line_and_nothing_of_its_roundings(found):
+    looks = {found.about.variant: ("o", "#000000")}
+    plots = {
+        name: [plot for panel in panels for plot in panel.expand([found], looks)] for name, panels in PANELS.items()
+    }
+    constant, square = plots["mean"][0], plots["mean"][2]
+    line = constant.series[0]
+    assert (line.y == found.mean[0, 0]).all() and line.low is None and len(constant.series) == 2  # and the reference
+    assert np.ptp(square.series[0].y) > 0.01 and square.series[0].low is not None and len(square.series) == 4
+    assert not plots["difference"]
+    of_square = {name: [plot for plot in each if "square" in plot.title] for name, each in plots.items()}
+    for name in ("histogram", "variance", "autocorrelation", "time_correlation", "integral", "spectrum"):
+        assert len(of_square[name]) == 1 and not any("enstrophy" in plot.title for plot in plots[name])

@@ -173,8 +173,8 @@ class Constant(NamedTuple):
     def quantiles(self, found: Quantiles, mean: np.ndarray) -> Quantiles:
         """Quantiles of which those of constant functions are that constant."""
         exact, half = self.exact[..., np.newaxis], rounding(self.size, self.steps)
-        ends = (np.where(exact, (mean + sign * half)[..., np.newaxis], np.nan) for sign in (-1, 1))
-        low, high = next(ends), next(ends)
+        with np.errstate(invalid="ignore"):
+            low, high = ((mean + sign * half)[..., np.newaxis] for sign in (-1, 1))
         return Quantiles(
             level=found.level,
             quantile=np.where(exact, mean[..., np.newaxis], found.quantile),
