@@ -118,12 +118,12 @@ def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):
 
 
 def test_states_that_begin_at_zero_and_grow(case_of):
-    """Kicks by Ĥ = q leave the tangent map of H = (p^2 - q^2)/2 as it is: exponents +-arcosh(1 + h^2/2) / h."""
+    """Kicks by Ĥ = q leave the tangent map of H = (p^2 - q^2)/2 as it is, which is one exact flow: exponents +-1."""
     model = CANONICAL.format("p^2/2 - q^2/2")
     plan = plan_of(case_of(f"model={model}", "initial=[0, 0]", "step=1", "final_time=12", "warm_up=9", "every=2"))
-    found, known = in_python(plan), np.arccosh(1.5)
-    assert abs(found.energy[-1]) > 1e6 and found.nonfinite == 0
-    assert np.abs(found.exponent[:, -1] - [known, -known]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
+    found = in_python(plan)
+    assert abs(found.energy[-1]) > 500 and found.nonfinite == 0
+    assert np.abs(found.exponent[:, -1] - [1, -1]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
 
 
 @pytest.mark.parametrize(
