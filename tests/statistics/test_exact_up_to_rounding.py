@@ -7,12 +7,14 @@ import pytest
 import weak_cases
 import work_study_cases
 from equilibrium_cases import RIGID
+from stability_cases import RIGID as RIGID_STABILITY
 from states import finished
 from strong_cases import case_of as strong_case
 from strong_cases import study
 from work_study_cases import STRONG
 
 from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.stability import study as stability
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
 from spi.kinds.work_precision.results import WorkPrecision, work_for
@@ -123,3 +125,18 @@ def test_work_is_not_ranked_by_rounding(spec, few_steps, more):
     assert not any(work_for(1e-15, one.curve) for one in found) and not list(WorkPrecision.answers(found))
     verdicts = judge(case.claims, quantities(found))
     assert [one.verdict for one in verdicts] == [INCONCLUSIVE] * 2
+
+
+def test_stability_counts_rounding_as_no_error(tmp_path):
+    """Of paths of the exact scheme, and of an expectation that never changes: half the intervals are the bound."""
+    spec = tmp_path / "s.yaml"
+    spec.write_text(RIGID_STABILITY, encoding="utf-8")
+    overrides = ["schemes=[splitting]", "truncate_noise=false", "sweep={s: [0.5]}", "functions={c: y3}"]
+    case = load(spec, overrides=overrides).cases[0]
+    exact = case.model_copy(update={"model": case.model._replace(**ABOUT_ONE_AXIS)})
+    plan = stability.plan(exact, Part("splitting"))
+    found, bound = plan.results(finished(plan)), rounding(1.0, 32)
+    assert (found.error > 0).all() and (found.error < bound).all()
+    assert (1.96 * found.error_stderr >= 0.999 * bound).all()
+    law = found.law
+    assert (law.distance < 1e-15).all() and (law.distance_stderr > law.distance).all()
