@@ -42,6 +42,8 @@ def fields_of(cls, sizes, panels, outer=Meaning()):  # noqa: B008
             value = np.arange(1.0, SIZE + 1) if field.type is np.ndarray else TEXTS
         elif field.name == "resolved":
             value = np.ones(shape, bool)
+        elif field.name == "rounding":
+            value = np.full(shape, np.inf)  # a panel shows nothing of what is constant
         elif field.name == "nonfinite":
             value = np.zeros(shape, int) if field.type is np.ndarray else 0
         elif field.type is np.ndarray:

@@ -103,7 +103,7 @@ STEPS = {
 
 
 def paths_by_hand(case, scheme, eps=None, sizes=None):
-    """h -> (states [step, component, path], largest |angle|) of whole blocks, by default for all step sizes."""
+    """h -> (states [step, component, path] of whole blocks, largest |angle| of the paths), by default of all sizes."""
     fine, found = fine_increments(case), {}
     for h in sizes or (case.reference_step, *case.steps):
         dW = fine.reshape(-1, round(h / case.reference_step), *fine.shape[1:]).sum(axis=1)

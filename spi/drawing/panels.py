@@ -105,7 +105,7 @@ class CurvePanel(NamedTuple):
         drawn = [
             self.then(self._plot(pairs, looks, place, names[place]), shown, place)
             for place in range(count)
-            if self.only(first, place)
+            if any(self.only(record, place) for record in shown)
         ]
         if self.same and (everything == everything[0]).all():
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
@@ -248,7 +248,7 @@ class HistogramPanel(NamedTuple):
             return
         along = shown[0].by_name[self.field].axes.index("function")
         for f, name in enumerate(names_along(shown[0], "function", shown[0].get(self.field).shape[along])):
-            if not self.only(shown[0], f):
+            if not any(self.only(record, f) for record in shown):
                 continue
             lines: list[plots.Series] = []
             for record in shown:

@@ -18,7 +18,7 @@ from spi.kinds.lyapunov.study import log_density, normals_at
 from spi.models import LotkaVolterra
 from spi.printing.tables import printed, show_items
 from spi.running.load import load
-from spi.statistics.claims import quantities
+from spi.statistics.claims import CONSISTENT, INCONCLUSIVE, judge, quantities
 from spi.storage import Part
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -98,6 +98,19 @@ def test_results_are_written_and_read_and_judged(case_of):
     }
 
 
+def test_sums_that_are_rounding_have_its_bound_as_half_their_interval(case_of):
+    """Without noise the sum is 0 but for 1e-10 or so, of which all paths have some: near paths resolve no more."""
+    known = "final_time=16", "warm_up=0", "model.sigma=[0,0,0]", "step=2^-4"
+    found, n = results_of(case_of(*known)), 256
+    bound = 8 * 2**-52 * (1 + np.sqrt(n)) / (1e-7 * 16)
+    assert 0 < abs(found.total[-1]) < bound <= found.total_half[-1] < 1.2 * bound
+    assert found.rounding[-1] == pytest.approx(bound)
+    assert sum("known up to 2e-08" in line or "known up to 2e-8" in line for line in found.remarks()) == 1
+    case = case_of(*known, "expect={splitting: {exponent_sum: 0}}")
+    assert {one.verdict for one in judge(case.claims, quantities([found]))} <= {CONSISTENT, INCONCLUSIVE}
+    assert found.exponent_half[0, -1] > 1e3 * bound  # control: what is resolved is as before
+
+
 def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):
     plan = plan_of(case_of("initial={law: uniform_on_surface, through: [0, 0, 1]}", "final_time=1", "step=2^-3"))
     found = plan.results(finished(plan))
@@ -105,12 +118,12 @@ def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):
 
 
 def test_states_that_begin_at_zero_and_grow(case_of):
-    """Kicks by Ĥ = q leave the tangent map of H = (p^2 - q^2)/2 as it is: exponents +-arcosh(1 + h^2/2) / h."""
+    """Kicks by Ĥ = q leave the tangent map of H = (p^2 - q^2)/2 as it is, which is one exact flow: exponents +-1."""
     model = CANONICAL.format("p^2/2 - q^2/2")
     plan = plan_of(case_of(f"model={model}", "initial=[0, 0]", "step=1", "final_time=12", "warm_up=9", "every=2"))
-    found, known = in_python(plan), np.arccosh(1.5)
-    assert abs(found.energy[-1]) > 1e6 and found.nonfinite == 0
-    assert np.abs(found.exponent[:, -1] - [known, -known]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
+    found = in_python(plan)
+    assert abs(found.energy[-1]) > 500 and found.nonfinite == 0
+    assert np.abs(found.exponent[:, -1] - [1, -1]).max() < 1e-6 and np.abs(found.total).max() < 1e-8
 
 
 @pytest.mark.parametrize(

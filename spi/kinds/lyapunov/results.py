@@ -99,6 +99,9 @@ class Exponents(Stored):
     total: Array = array("t", "sum of the exponents: mean divergence of the flow", "1/time", claim=_SUM)
     total_stderr: Array = array("t", "standard error of the sum", "1/time")
     total_known: float | None = fact("what the sum is of the equation", "1/time", default=None)
+    rounding: Array | None = array(
+        "t", "differences of exponents that roundings of near paths make", "1/time", default=None
+    )
     dimension_stderr: float | None = fact(
         "standard error of the Lyapunov dimension, where exponents suffice for it", default=None
     )
@@ -177,7 +180,12 @@ class Exponents(Stored):
         return not abs(self.energy_change) > max(RESOLVED * stderr, _SMALL * spread)
 
     def remarks(self) -> Iterator[str]:
-        """Large changes of vectors, energies that still change, and distances in pictures."""
+        """What near paths resolve, large changes of vectors, energies that still change, and distances in pictures."""
+        if self.rounding is not None:
+            sums = abs(float(self.total[-1] - (self.total_known or 0.0))), *np.abs(self.exponent[:, -1]).tolist()
+            if any(each <= self.rounding[-1] for each in sums):
+                least = short(float(self.rounding[-1]), ".0e")
+                yield f"    exponents and sums are known up to {least}, which is the rounding of near paths"
         if self.change > _LARGE:
             yield f"    vectors changed by factors of {self.change:.0e} between two stops: take a smaller `every`"
         if not self.is_stationary and self.energy is not None and self.energy_stderr is not None:

@@ -47,6 +47,7 @@ from spi.statistics.estimators import (
     mean_over_paths,
     standard_deviation,
 )
+from spi.statistics.rounding import rounding, with_rounding
 from spi.statistics.tallies import PathSet
 from spi.storage.records import Part
 
@@ -382,6 +383,16 @@ class LyapunovPlan(BlocksPlan):
         count = len(self.stops)
         return np.unique(np.ceil(np.linspace(count, self.begin, _TIMES, endpoint=False)).astype(int))
 
+    @cached_property
+    def resolution(self) -> np.ndarray:
+        """(times,) the size for :mod:`spi.statistics.rounding` of exponents at the times that are stored.
+
+        The roundings of n steps change the logarithm of a distance by (1 + sqrt(n)) / NEAR of one, and its mean over
+        time by that over n h.
+        """
+        n = self.stops[self.stored - 1] - np.append(0, self.stops)[self.begin]
+        return (1.0 + np.sqrt(n)) / (NEAR * n * self.grid.reference_step)
+
     def cost(self) -> Cost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
@@ -528,6 +539,8 @@ class LyapunovPlan(BlocksPlan):
             stderr = spread / np.sqrt(self.samples - 1)  # paths are independent of one another
             alike = ~(spread > EQUAL * np.abs(mean))  # squares of values that are nearly equal leave no digits
             stderr = np.where(alike, jackknife_stderr(mean, without, groups), stderr)
+        total = mean[:, m] - (self._known_sum() or 0.0)
+        exponent_stderr = with_rounding(stderr[:, :m].T, mean[:, :m].T, self.resolution)
         dimension, others = (kaplan_yorke(np.moveaxis(rows[..., -1, :m], -1, 0)) for rows in (mean, without))
         is_known = m == self._leaf or dimension < m
         of_energy: dict[str, Any] = {}
@@ -538,9 +551,10 @@ class LyapunovPlan(BlocksPlan):
             "number": np.arange(1, m + 1),
             "t": self.stops[self.stored - 1] * self.grid.reference_step,
             "exponent": mean[:, :m].T,
-            "exponent_stderr": stderr[:, :m].T,
+            "exponent_stderr": exponent_stderr,
             "total": mean[:, m],
-            "total_stderr": stderr[:, m],
+            "total_stderr": with_rounding(stderr[:, m], total, self.resolution),
+            "rounding": rounding(self.resolution),
             "total_known": self._known_sum(),
             "dimension_stderr": float(jackknife_stderr(dimension, others, groups)) if is_known else None,
             **of_energy,

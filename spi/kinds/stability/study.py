@@ -27,6 +27,7 @@ from spi.kinds.blocks import BlocksPlan, lanes_of, reported
 from spi.kinds.plans import Cost, State, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
+from spi.statistics.rounding import size_of_values, with_rounding
 from spi.storage.stored import Description
 
 from .results import CasimirErrors, Law, Stability
@@ -75,8 +76,13 @@ class Truth(NamedTuple):
     truth: np.ndarray  #: (F,), NaN until they are computed
     truth_bound: np.ndarray  #: (F,), their numerical error
 
-    def law(self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray) -> Law:
-        """Expectations of the test functions, (levels, F), and their distances from the truth."""
+    def law(
+        self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray, sizes: np.ndarray, steps: np.ndarray
+    ) -> Law:
+        """Expectations of the test functions, (levels, F), and their distances from the truth.
+
+        For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
+        """
         truth, bound = self.truth, self.truth_bound
         with np.errstate(invalid="ignore"):
             away = np.abs(mean - truth)
@@ -89,7 +95,9 @@ class Truth(NamedTuple):
             truth=truth,
             truth_bound=bound,
             distance=np.take_along_axis(away, farthest, 1)[:, 0],
-            distance_stderr=np.take_along_axis(np.hypot(stderr, bound), farthest, 1)[:, 0],
+            distance_stderr=np.take_along_axis(
+                with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis]), farthest, 1
+            )[:, 0],
         )
 
 
@@ -187,7 +195,7 @@ class StabilityPlan(BlocksPlan):
             "finite": np.isfinite(y).all(axis=1).mean(axis=1),
             "largest_norm": norm.max(axis=1),
             "error": error,
-            "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
+            "error_stderr": with_rounding(np.where((error == 0.0) & (n > 1), 0.0, stderr), error, 1.0, self.steps[-1]),
         }
         if populations(self.model):
             fields["positive"] = (paths.smallest[:-1] > 0.0).mean(axis=1)
@@ -196,7 +204,9 @@ class StabilityPlan(BlocksPlan):
         if self.row.composition is not None:  # its flows may rotate
             fields["largest_angle"] = paths.report[:-1, REPORT.index("largest_angle")]
         if case.functions:
-            fields["law"] = state.extra.law(tuple(case.functions), *_expectations(case.expressions, y))
+            sizes = np.array([size_of_values(as_numpy(tree), self.initial) for tree in case.expressions])
+            means = _expectations(case.expressions, y)
+            fields["law"] = state.extra.law(tuple(case.functions), *means, sizes, self.steps[:-1])
         return Stability(**fields)
 
 

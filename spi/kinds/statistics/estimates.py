@@ -18,6 +18,8 @@ from spi.statistics.cells import cells_around, places_in_cells
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, mean_over_paths
 from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
 from spi.statistics.quantiles import quantiles_of
+from spi.statistics.rounding import is_rounding, rounding, size_of_values, with_rounding
+from spi.storage.records import INTERVAL
 
 from .passages import Looks, corrected
 from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
@@ -132,6 +134,63 @@ class Columns(NamedTuple):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+class Constant(NamedTuple):
+    """Which of F functions have at T times the value that they had at t = 0, on all paths and up to rounding."""
+
+    exact: np.ndarray  #: (F, T) bool, not where nothing is random
+    alike: np.ndarray  #: (F, T) bool: nearly or wholly so, though it need not be, as for tails that no path has reached
+    change: np.ndarray  #: (F, T) root mean square change
+    size: np.ndarray  #: (F, T) for :mod:`spi.statistics.rounding`
+    steps: np.ndarray  #: (T,)
+
+    @classmethod
+    def of(cls, case: Any, columns: Columns, estimated: "Moments", sure: np.ndarray) -> "Constant":
+        """From means over paths; not where the value is `sure` (F, T).
+
+        A function that hardly changes where the state does tells nothing: it may be flat there, and not elsewhere.
+        """
+        each, steps, count = columns.functions, case.t / case.step, len(columns.functions)
+        change, origins = estimated.changes()[:count], columns.origins
+        of_values = np.array([[not function.conditions] for function in each])
+        slope = np.array([[_slope(*pair, case.initial)] for pair in zip(each, origins[:, 0], strict=True)])
+        size = np.maximum(np.maximum(slope, np.abs(origins)), np.abs(estimated.mean[:count] + origins))
+        kept = np.array([[function.is_casimir] for function in each])
+        small = is_rounding(change, size, steps) & of_values & ~sure
+        exact = small & (kept | (slope > _FLAT * size))
+        alike = (estimated.same()[:count] | small) & ~sure & ~kept & ~exact
+        return cls(exact, alike, change, size, steps)
+
+    def stderr(self, stderr: np.ndarray) -> np.ndarray:
+        """Standard errors (F, T) of means, not below rounding."""
+        return np.where(self.exact, with_rounding(stderr, self.change, self.size, self.steps), stderr)
+
+    def of_products(self) -> np.ndarray:
+        """(F, F, T) the least standard errors of covariances with functions that are constant, 0 of others."""
+        most = np.where(self.exact, rounding(self.size, self.steps), self.change)
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.where(self.exact | self.exact[:, np.newaxis], most * most[:, np.newaxis] / INTERVAL, 0.0)
+
+    def quantiles(self, found: Quantiles, mean: np.ndarray) -> Quantiles:
+        """Quantiles of which those of constant functions are that constant."""
+        exact, half = self.exact[..., np.newaxis], rounding(self.size, self.steps)
+        with np.errstate(invalid="ignore"):
+            low, high = ((mean + sign * half)[..., np.newaxis] for sign in (-1, 1))
+        return Quantiles(
+            level=found.level,
+            quantile=np.where(exact, mean[..., np.newaxis], found.quantile),
+            quantile_low=np.where(exact, low, found.quantile_low),
+            quantile_high=np.where(exact, high, found.quantile_high),
+        )
+
+
+_FLAT = 1e-8  # change of a function, by its size, where the state changes by its own
+
+
+def _slope(function: PathFunction, origin: float, initial: Any) -> float:
+    """How much a function changes where the state changes by its size."""
+    return 0.0 if function.conditions else size_of_values(lambda y: function.values(y) - origin, initial)
+
+
 class Bins(NamedTuple):
     """Bins of equal width for each of F functions at each of T times."""
 
@@ -163,8 +222,8 @@ def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
     return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
 
 
-def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray) -> Histogram:
-    """Densities in the bins of counts; NaN as for :func:`quantiles`."""
+def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray, exact: np.ndarray) -> Histogram:
+    """Densities in the bins of counts; NaN as for :func:`quantiles`, and where functions are constant (F, T)."""
     share, width = np.moveaxis(counts[..., 1:-1] / samples, 0, 1), bins.width.T
     scale = 1 / width[..., np.newaxis]
     fields = {
@@ -174,7 +233,8 @@ def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarra
         "density_stderr": share_stderr(share, samples) * scale,
         "outside": ((counts[..., 0] + counts[..., -1]) / samples).T,
     }
-    return Histogram(**{name: np.where(of_values, values.T, np.nan).T for name, values in fields.items()})
+    known = of_values & ~exact.T  # (T, F), as the last axes of what is turned over
+    return Histogram(**{name: np.where(known, values.T, np.nan).T for name, values in fields.items()})
 
 
 SPHERE = "sphere"
@@ -299,6 +359,10 @@ class Moments(NamedTuple):
         """(C, T) of which columns all paths have the same value, but for rounding."""
         error = self.stderr(self.mean, self.mean_without)
         return error <= _SAME * np.abs(self.mean)  # false for NaN
+
+    def changes(self) -> Array:
+        """(C, T) the root mean squares of the columns: how far functions are from their values at t = 0."""
+        return np.asarray(np.sqrt(self.square))
 
     def _unbiased(self, value: Array, without: Array) -> Estimate:
         """The unbiased estimate from a second moment about the mean; NaN for one path."""

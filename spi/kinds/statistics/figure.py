@@ -1,12 +1,13 @@
 """The figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, densities, maps."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from spi.drawing import panels, plots, style
 from spi.expressions import as_numpy, parse_expression
+from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
 
@@ -16,11 +17,40 @@ def _has_law(reading: Statistics, f: int) -> bool:
     return not reading.texts[f].startswith("share with ")
 
 
+def _varies(reading: Statistics, f: int) -> bool:
+    """Whether its values have a law of their own, and are not one number."""
+    return _has_law(reading, f) and not bool(reading.is_constant[f])
+
+
+def _drawn(field: str) -> Callable[[Statistics, int], bool]:
+    """Whether a field of a function has numbers, and not those of roundings alone."""
+
+    def drawn(reading: Statistics, f: int) -> bool:
+        values = reading.get(field)
+        return values is not None and not reading.is_constant[f] and bool(np.isfinite(values[f]).any())
+
+    return drawn
+
+
+def _differs(reading: Statistics, f: int) -> bool:
+    """Whether a mean is compared, and is not the reference up to rounding at all times."""
+    difference, stderr = reading.difference, reading.difference_stderr
+    if difference is None or stderr is None or not np.isfinite(difference[f]).any():
+        return False
+    return not reading.is_constant[f] or bool((np.abs(difference[f]) > RESOLVED * stderr[f]).any())
+
+
 def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:
-    """The panel of a mean with the quantiles of the function, dotted."""
-    lines = []
+    """The panel of a mean with the quantiles of the function, dotted; a constant is one line, without its roundings."""
+    own = [
+        line._replace(y=np.full_like(line.y, reading.mean[f, 0]), low=None, high=None)
+        if reading.is_constant[f]
+        else line
+        for line, reading in zip(plot.series, readings, strict=False)
+    ]
+    plot, lines = plot._replace(series=[*own, *plot.series[len(own) :]]), []
     for reading in readings:
-        if reading.quantiles:
+        if reading.quantiles and not reading.is_constant[f]:
             levels = ", ".join(f"{level:g}" for level in reading.quantiles.level)
             colour = next(line.look["color"] for line in plot.series if line.label == style.label(reading.about))
             look = {"color": colour, "linestyle": ":", "linewidth": 0.8}
@@ -42,10 +72,13 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     reading = readings[0]
     if reading.covariance is None or len(reading.functions) < 2:
         return
-    matrix = reading.covariance[:, :, -1]
+    varies = np.flatnonzero(~reading.is_constant & (np.diagonal(reading.covariance[:, :, -1]) > 0.0))
+    if len(varies) < 2:
+        return
+    matrix = reading.covariance[:, :, -1][np.ix_(varies, varies)]
     scale = np.sqrt(np.diag(matrix))
     matrix = matrix / np.outer(scale, scale)
-    names = [style.maths(name, reading.about.variables) for name in reading.functions]
+    names = [style.maths(reading.functions[f], reading.about.variables) for f in varies]
 
     def own(ax: plots.Axes) -> list[plots.Entry]:
         ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
@@ -140,7 +173,8 @@ def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
 
 
 def _over_lag(field: str, label: str, over: str = "lag", x: str = "lag $t$") -> panels.CurvePanel:
-    return panels.CurvePanel(f"time_{field}", over, "function", label=f"${label}$", x=x, zero=True)
+    name = f"time_{field}"
+    return panels.CurvePanel(name, over, "function", label=f"${label}$", x=x, zero=True, only=_drawn(name))
 
 
 def _over_time(field: str, label: str, **options: Any) -> panels.CurvePanel:
@@ -169,11 +203,11 @@ PANELS: dict[str, Any] = {
             "difference",
             r"\mathrm{{E}}\,[{f}]-\mathrm{{reference}}",
             zero=True,
-            only=lambda one, f: np.isfinite(one.difference[f]).any(),
+            only=_differs,
         )
     ],
     "histogram": [
-        panels.HistogramPanel("density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_has_law),
+        panels.HistogramPanel("density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_varies),
         panels.CurvePanel(
             "passage_density",
             "until_t",
@@ -185,7 +219,7 @@ PANELS: dict[str, Any] = {
             only=lambda one, f: not _has_law(one, f),
         ),
     ],
-    "variance": [_over_time("variance", r"\mathrm{{Var}}\,[{f}]", only=_has_law)],
+    "variance": [_over_time("variance", r"\mathrm{{Var}}\,[{f}]", only=_varies)],
     "autocorrelation": [
         _over_time(
             "autocorrelation",
@@ -193,7 +227,7 @@ PANELS: dict[str, Any] = {
             zero=True,
             then=_since,
             along=lambda one, f: one.t - one.since[f],
-            only=lambda one, f: np.isfinite(one.autocorrelation[f]).any(),
+            only=_drawn("autocorrelation"),
         )
     ],
     "correlations": [panels.Own(_correlations)],

@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, interval_text
+from spi.printing.text import decimal, interval_text, short
 from spi.statistics.claims import lost_among
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
@@ -163,6 +163,9 @@ class Statistics(Stored):
     mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
     mean_high: Array | None = array("function t", "upper end of the 95 % interval of the mean", default=None)
     finite: Array | None = array("function t", "share of the paths whose value is finite", default=None)
+    rounding: Array | None = array(
+        "function t", "root mean square change since t = 0 where that is rounding; NaN elsewhere", default=None
+    )
     passages: Passages | None = nested(prefix="passage_", default=None)
     variance: Array | None = array("function t", "variance over the paths", claim=_KNOWN, default=None)
     variance_stderr: Array | None = array("function t", "standard error of the variance", default=None)
@@ -208,6 +211,14 @@ class Statistics(Stored):
     def finite_share(self) -> Array:
         """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
         return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
+
+    @property
+    def is_constant(self) -> Array:
+        """(F,) which functions keep their value up to rounding, on all paths and at all times."""
+        if self.rounding is None:
+            return np.zeros(len(self.functions), bool)
+        known = np.isfinite(self.rounding)
+        return known.any(axis=1) & (known | (self.t == 0)).all(axis=1)
 
     @derived("function t", "share of the paths whose value is finite, if not all are")
     def some(self) -> Array | None:
@@ -278,6 +289,9 @@ class Statistics(Stored):
         if (self.finite_share < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
+        for f in np.flatnonzero(self.is_constant):
+            name, change = self.functions[f], float(np.nanmax(self.rounding[f])) if self.rounding is not None else 0.0
+            yield f"    {name} is constant up to rounding ({short(change, '.0e')})"
         if np.isnan(self.interval()):
             yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
         elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():

@@ -19,6 +19,7 @@ from spi.numerics.rng import LANES, PARTS
 from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
 from spi.statistics.intervals import skewed_half_width
+from spi.statistics.rounding import is_rounding
 
 from .results import Structure, TimeCorrelations
 from .waves import linear_waves
@@ -132,8 +133,11 @@ def _by_part(values: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def estimates(case: Any, sums: Any) -> TimeCorrelations:
-    """The record of correlations in time, from sums by groups of paths."""
+def estimates(case: Any, sums: Any, sizes: Array) -> TimeCorrelations:
+    """The record of correlations in time, from sums by groups of paths.
+
+    Functions that are constant up to rounding, relative to their `sizes` (F, T), have none.
+    """
     given, counts, between = case.time_correlations, group_counts(sums.paths), case.stride * case.step
     groups = np.count_nonzero(counts)
 
@@ -171,6 +175,10 @@ def estimates(case: Any, sums: Any) -> TimeCorrelations:
     }
     for name, of in each_quadratic.items():
         fields[name], fields[f"{name}_stderr"], fields[f"{name}_half"] = quadratic(of, *of_functions)
+    spread = np.sqrt(np.maximum(fields["correlation"][:, 0], 0.0))
+    constant = is_rounding(spread, sizes.max(axis=1), case.final_time / case.step)
+    for values in fields.values():
+        values[constant] = np.nan
     return TimeCorrelations(
         lag=between * np.arange(lags),
         omega=np.pi / (between * (lags - 1)) * np.arange(lags),

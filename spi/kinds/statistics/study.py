@@ -23,9 +23,22 @@ from spi.statistics.cells import cells_around, count_places
 from spi.statistics.estimators import GROUPS, mean_over_paths
 from spi.statistics.intervals import clopper_pearson, student_of_paths
 from spi.statistics.quantiles import edges_around
+from spi.statistics.rounding import with_rounding
 
 from . import stationary
-from .estimates import SPHERE, Bins, Cells, Columns, Map, Moments, histogram, in_threads, quantiles, simultaneous
+from .estimates import (
+    SPHERE,
+    Bins,
+    Cells,
+    Columns,
+    Constant,
+    Map,
+    Moments,
+    histogram,
+    in_threads,
+    quantiles,
+    simultaneous,
+)
 from .passages import Distances, Looks, corrected
 from .references import known_means, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Statistics
@@ -298,7 +311,8 @@ class StatisticsPlan(BlocksPlan):
         if passages:
             estimated, left[passages] = self._with_passages(estimated, sums, passages)
         mean = estimated.mean[:count] + self.columns.origins
-        stderr, alike = self._stderr(estimated, of_values)
+        constant = Constant.of(case, self.columns, seen, self._not_random())
+        stderr = self._stderr(estimated, of_values, constant)
         low, high = self._ends(mean, stderr, seen.mean, left, passages)
         of_passages = None
         if passages:
@@ -321,24 +335,28 @@ class StatisticsPlan(BlocksPlan):
             "finite": (self.samples - sums.lost.sum(axis=-1).T) / self.samples,
             "band": simultaneous(estimated.mean_without[:, :count]),
             "passages": of_passages,
-            **self._second_moments(seen, alike),
-            **self._counted(sums, bins, of_values),
+            "rounding": np.where(constant.exact, constant.change, np.nan) if constant.exact.any() else None,
+            **self._second_moments(seen, constant),
+            **self._counted(sums, bins, of_values, constant, mean),
             "density_map": self._map(sums.cells, names),
-            "time": stationary.estimates(case, sums) if case.time_correlations is not None else None,
-            **self._differences(mean, stderr),
+            "time": stationary.estimates(case, sums, constant.size) if case.time_correlations is not None else None,
+            **self._differences(mean, stderr, constant),
             "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             "panels": case.panels or PANELS,
             "nonfinite": int(sums.nonfinite),
             "ns_per_step": self.ns_per_step(sums),
         }
 
-    def _counted(self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray) -> dict[str, Any]:
+    def _counted(
+        self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray, constant: Constant, mean: np.ndarray
+    ) -> dict[str, Any]:
         """Quantiles and histograms from the counts in bins, those that the case names."""
         fields: dict[str, Any] = {}
         if sums.ranks.size:
-            fields["quantiles"] = quantiles(sums.ranks, sums.lost, self.edges, of_values, self.case.quantiles)
+            found = quantiles(sums.ranks, sums.lost, self.edges, of_values, self.case.quantiles)
+            fields["quantiles"] = constant.quantiles(found, mean)
         if bins is not None:
-            fields["histogram"] = histogram(sums.counts, self.samples, bins, of_values)
+            fields["histogram"] = histogram(sums.counts, self.samples, bins, of_values, constant.exact)
         return fields
 
     def _with_passages(
@@ -352,18 +370,17 @@ class StatisticsPlan(BlocksPlan):
         mean[passages], without[:, passages] = np.clip(found.value, 0.0, 1.0), found.without
         return estimated._replace(mean=mean, mean_without=without), found.left
 
-    def _stderr(self, estimated: Moments, of_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(F, T) of the means, and where all paths are alike though they need not be.
+    def _stderr(self, estimated: Moments, of_values: np.ndarray, constant: Constant) -> np.ndarray:
+        """(F, T) of the means.
 
-        There the error of a share follows from the rule of three; that of other values is NaN.
+        Where all paths are alike though they need not be, the error of a share follows from the rule of three; that of
+        other values is NaN.
         """
-        count, functions = len(of_values), self.columns.functions
+        count = len(of_values)
         mean, sure = estimated.mean[:count], self._not_random()
-        conserved = np.array([[function.is_casimir] for function in functions])
-        alike = estimated.same()[:count] & ~sure & ~conserved
         unseen = np.where(of_values, np.nan, estimated.unseen)[:, np.newaxis]
-        stderr = np.where(alike, unseen, estimated.stderr(estimated.mean, estimated.mean_without)[:count])
-        return np.where(sure & np.isfinite(mean), 0.0, stderr), alike
+        stderr = constant.stderr(estimated.stderr(estimated.mean, estimated.mean_without)[:count])
+        return np.where(sure & np.isfinite(mean), 0.0, np.where(constant.alike, unseen, stderr))
 
     def _not_random(self) -> np.ndarray:
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
@@ -390,38 +407,47 @@ class StatisticsPlan(BlocksPlan):
                 low[f], high[f] = (np.where(stderr[f] == 0, mean[f], end) for end in (down, up))  # at t = 0 it is exact
         return low, high
 
-    def _second_moments(self, estimated: Moments, alike: np.ndarray) -> dict[str, Any]:
+    def _second_moments(self, estimated: Moments, constant: Constant) -> dict[str, Any]:
         """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that the case names.
 
-        Standard errors are NaN where values are `alike` (F, T) on all paths.
+        Standard errors are NaN where values are alike on all paths, and autocorrelations from where they are constant.
         """
         case, count = self.case, len(self.case.functions)
         fields: dict[str, Any] = {}
+        alike, least = constant.alike, constant.of_products()
         if "variance" in case.statistics:
-            fields["variance"], error = estimated.variances(count)
+            value, error = estimated.variances(count)
+            fields["variance"] = np.where(constant.exact, np.maximum(value, 0.0), value)
+            error = np.maximum(error, least[np.arange(count), np.arange(count)])
             fields["variance_stderr"] = np.where(alike, np.nan, error)
         left, right = self.pairs
         own = len(left) - len(self.columns.since)
         if "covariance" in case.statistics:
             fields["others"] = tuple(case.functions)
             fields["covariance"], error = estimated.covariances(left[:own], right[:own], count)
-            fields["covariance_stderr"] = np.where(alike | alike[:, np.newaxis], np.nan, error)
+            fields["covariance_stderr"] = np.where(alike | alike[:, np.newaxis], np.nan, np.maximum(error, least))
         if self.columns.since:
             value, error = np.full((2, count, len(case.t)), np.nan)
             since = np.full(count, np.nan)
             chosen, begin = np.array(self.columns.since).T
-            value[chosen], error[chosen] = estimated.autocorrelations(left[own:], right[own:], begin)
+            known = np.where(constant.exact[chosen, begin], np.nan, 1.0)[:, np.newaxis]
+            value[chosen], error[chosen] = known * estimated.autocorrelations(left[own:], right[own:], begin)
             since[chosen] = case.t[begin]
             fields |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
         return fields
 
-    def _differences(self, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
+    def _differences(self, mean: np.ndarray, stderr: np.ndarray, constant: Constant) -> dict[str, Any]:
         """Reference means, the distances of the means (F, T) from them, and the standard errors of these."""
         if not self.case.reference:
             return {}
         reference, error = known_means(self.case)
-        difference = {"difference": mean - reference, "difference_stderr": np.hypot(stderr, error)}
-        return {"reference": reference, "reference_formulas": reference_formulas(self.case)} | difference
+        difference = mean - reference
+        return {
+            "reference": reference,
+            "reference_formulas": reference_formulas(self.case),
+            "difference": difference,
+            "difference_stderr": with_rounding(np.hypot(stderr, error), difference, constant.size, constant.steps),
+        }
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
         """The maps; None if the case has none."""

@@ -237,7 +237,7 @@ def _of_weak(errors: WeakErrors) -> dict[str, Any]:
         "resolved": errors.resolved[0],
         "nonfinite": errors.nonfinite,
         "order": errors.orders[0],
-        "note": not_reached(errors),
+        "note": "; ".join(filter(None, (not_reached(errors), errors.note))),
     }
     if errors.unsampled:
         return fields | {"error_bound": errors.unsampled.error_bound[0]}
