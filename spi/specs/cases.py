@@ -31,7 +31,7 @@ from ..ensemble.scheme_protocol import judges, needs_areas
 from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import written_out
+from ..expressions.ranges import TAKEN, meaning_of, written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
 from ..models.spins import Spins
@@ -138,7 +138,13 @@ class FunctionKeys(CodeKeys):
 
 
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
-    """The entries of a key of formulas by name, names of others being their formulas."""
+    """The entries of a key of formulas by name, names of others being their formulas.
+
+    A function may be called like what it is, as in {H: H}, but not like something else that formulas can name.
+    """
+    for name, text in entries.items() if key == "functions" else ():
+        if name not in TAKEN and (meaning := meaning_of(name)) and str(text).strip() != name:
+            raise wrong(f"is called '{name}', {meaning} in formulas", "take another name", "functions", name)
     try:
         return written_out(entries, Taken(case) if key == "functions" else {*numbers_of(case), "t", "T"})
     except NumberError as error:
