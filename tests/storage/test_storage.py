@@ -12,6 +12,13 @@ from spi import storage
 from spi.storage import Group, Results
 
 
+@pytest.fixture(autouse=True, params=["in memory", "on the disk"])
+def where(request, monkeypatch):
+    """Where files are built and read: as small ones are, and as large ones."""
+    if request.param == "on the disk":
+        monkeypatch.setattr(storage.results, "LARGE", 0)
+
+
 def group(case="noise σ=1", scheme="midpoint", steps=3, **attributes):
     h = 2.0 ** -np.arange(5, 5 + steps)
     return Group(
