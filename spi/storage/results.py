@@ -44,7 +44,7 @@ DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, At
 MOST_BYTES = 10**10
 
 #: The bytes of arrays, or of a file, up to which a file is built, or read, in memory; larger ones stay on the disk.
-LARGE = 2**25
+LARGE = 2**22
 
 _CHECKSUM = b"\nspi sha256 "  # then 64 digits and the end of the line
 _END = len(_CHECKSUM) + 65  # bytes of the whole line

@@ -27,7 +27,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 
-from .results import Crossings, SolverMeans, Trajectory, Values
+from .results import Crossings, SolverMeans, Trajectory, Values, finite
 
 
 class Path(NamedTuple):
@@ -254,7 +254,7 @@ class TrajectoryPlan(PathsPlan):
         y = path.y if len(case.stored) == len(path.y) else path.y[case.stored]
         t = case.stored * case.spacing * case.step
         energy, conserved = alone.invariants(case, y) if self.is_long else invariants_of(self.model, y, t)
-        lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
+        lost = np.flatnonzero(~finite(y))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
