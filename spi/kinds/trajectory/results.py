@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from spi.kinds.blocks import Acceptance
 from spi.models.zeitlin.fields import enstrophy
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
@@ -97,6 +98,7 @@ class Trajectory(Stored):
     times: tuple[float, ...] = fact("times of the stored states that are drawn as fields", "time", default=())
     preserves: str = fact("what the scheme preserves")
     largest_angle: float = fact("largest angle of a rotation; 0 up to pi/4", "rad", default=0.0)
+    acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
     solver: SolverMeans | None = nested(prefix="solver_", default=None)
     values: Values | None = nested(default=None)
     section: Crossings | None = nested(prefix="section_", default=None)
