@@ -111,7 +111,7 @@ class Whole(NamedTuple):
         return state
 
     def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any, Any]:
-        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state, report as of :meth:`move`)."""
+        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state, report)."""
         y, n, end, stored, report = self.block(state), first, first + steps, [], np.zeros((1, len(REPORT)))
         while n < end:
             stop = min(end, (n // every + 1) * every) if every else end
