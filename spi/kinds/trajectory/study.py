@@ -292,7 +292,7 @@ def _places(model: Any) -> str:
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
-    """The fields of the record about equations, accepted flows and angles, from the report of a scheme that has them."""
+    """The fields of the record about equations, accepted flows and angles, from a report that has them."""
     columns = report_columns(report)
     fields: dict[str, Any] = {"largest_angle": float(columns["largest_angle"])} if "largest_angle" in columns else {}
     fields["acceptance"] = reported(report)["acceptance"]
