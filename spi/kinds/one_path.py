@@ -49,15 +49,18 @@ def start_of(plan: Any, path: int = 0) -> np.ndarray:
 
 def moved(
     mover: Any, y: np.ndarray, first: int, end: int, every: int, seed: int, path: int
-) -> Iterator[tuple[int, np.ndarray]]:
-    """(n, state) after each `every` steps from t = 0 on, none of them for 0, and at the end, from the state y on."""
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """(n, state, report) after each `every` steps from t = 0 on, none of them for 0, and at the end, from state y on.
+
+    The report (1, 1, len(REPORT)) is that of the steps since the one before.
+    """
     block, n = mover.block(y), first
     del y
     while n < end:
         stop = min(end, (n // every + 1) * every) if every else end
-        mover.move(block, n, stop - n, seed, path)
+        report = mover.move(block, n, stop - n, seed, path)
         n = stop
-        yield n, mover.state(block)
+        yield n, mover.state(block), report
 
 
 def kernel_calls(case: Any, mover: Any) -> list[KernelCall]:

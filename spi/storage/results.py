@@ -13,16 +13,18 @@ an attribute that is None is left out, and a None inside a tuple of numbers (a n
 """
 
 import contextlib
+import errno
 import hashlib
+import itertools
 import json
 import os
 import platform
 import re
 import stat
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -41,7 +43,13 @@ DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, At
 #: The largest size of a file of results or sums, which are read whole: more than any experiment writes.
 MOST_BYTES = 10**10
 
+#: The bytes of arrays, or of a file, up to which a file is built, or read, in memory; larger ones stay on the disk.
+LARGE = 2**22
+
 _CHECKSUM = b"\nspi sha256 "  # then 64 digits and the end of the line
+_END = len(_CHECKSUM) + 65  # bytes of the whole line
+_AT_A_TIME = 2**20  # bytes that are read for a checksum
+_BESIDES, _EACH = 2**20, 2**12  # bytes of a file besides its arrays, and of what HDF5 notes about each of these
 
 
 class StorageError(Exception):
@@ -146,17 +154,55 @@ def remove_leftovers(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def create(path: str | Path) -> Iterator[h5py.File]:
+def create(path: str | Path, size: int = 0) -> Iterator[h5py.File]:
     """A new HDF5 file, written to ``path`` with its checksum if the block ends well.
 
-    It is built in memory: HDF5 crashes when it closes a file that it could not write, for instance on a full disk.
+    HDF5 crashes when it closes a file that it could not write, for instance on a full disk.  So a file with arrays of
+    `size` bytes is built in memory; if they are large, on the disk, where there is room for them before HDF5 begins.
     """
     # HDF5's own memory, not a BytesIO: a signal while HDF5 calls Python would get lost or become another error.
     with h5py.File(str(path), "w", driver="core", backing_store=False, track_order=True) as file:
-        yield file
+        if size <= LARGE:
+            yield file
         file.flush()
         data = file.id.get_file_image()
-    write_bytes(path, data, checksum_of(data))
+    if size <= LARGE:
+        write_bytes(path, data, checksum_of(data))
+        return
+    write_bytes(path, data)
+    with open(path, "r+b") as on_disk:
+        _reserve(on_disk, size + _BESIDES)
+    with h5py.File(path, "r+", locking=False) as file:
+        yield file
+    with open(path, "r+b") as on_disk:
+        digest = _digest(on_disk, os.fstat(on_disk.fileno()).st_size)
+        on_disk.write(_CHECKSUM + digest + b"\n")
+        on_disk.flush()
+        os.fsync(on_disk.fileno())
+
+
+def _reserve(file: BinaryIO, size: int) -> None:
+    """Make a file `size` bytes long, and have the disk keep room for them."""
+    with contextlib.suppress(AttributeError):  # where it does not exist, as on Windows and macOS
+        try:
+            os.posix_fallocate(file.fileno(), 0, size)
+            return
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # file systems that cannot do it
+                raise
+    end = file.seek(0, os.SEEK_END)
+    for begin in range(end, size, _AT_A_TIME):
+        file.write(bytes(min(_AT_A_TIME, size - begin)))
+
+
+def _digest(file: BinaryIO, size: int) -> bytes:
+    """The hexadecimal digits of the checksum of the first `size` bytes of a file, which is then read to there."""
+    digest, left = hashlib.sha256(), size
+    file.seek(0)
+    while left and (data := file.read(min(left, _AT_A_TIME))):
+        digest.update(data)
+        left -= len(data)
+    return digest.hexdigest().encode()
 
 
 def write_bytes(path: str | Path, *parts: bytes) -> None:
@@ -196,13 +242,44 @@ def checksum_holds(data: bytes) -> bool | None:
     return hashlib.sha256(memoryview(data)[:end]).hexdigest().encode() == digest[:-1]
 
 
-@contextlib.contextmanager
-def opened(data: bytes) -> Iterator[h5py.File]:
-    """The HDF5 file with these bytes, open for reading.
+def checked(path: str | Path) -> tuple[bytes | os.stat_result, bool | None]:
+    """(the bytes of an HDF5 file, or what is known of a large one; whether its checksum holds), for :func:`opened`.
 
-    HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.
+    Errors are those of :func:`contents`.
     """
-    with h5py.File(h5py.h5f.open_file_image(data)) as file:
+    about = os.stat(path)
+    if not stat.S_ISREG(about.st_mode) or not LARGE < about.st_size <= MOST_BYTES:
+        data = contents(path, MOST_BYTES)
+        return data, checksum_holds(data)
+    with open(path, "rb") as file:
+        about = os.fstat(file.fileno())
+        digest = _digest(file, max(about.st_size - _END, 0))
+        end = file.read()
+    if checksum_holds(end) is None:
+        return about, None
+    return about, end == _CHECKSUM + digest + b"\n"
+
+
+@contextlib.contextmanager
+def opened(path: str | Path, data: bytes | os.stat_result) -> Iterator[h5py.File]:
+    """The HDF5 file of :func:`checked`, open for reading.
+
+    HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.  So
+    the bytes of a file are read first, of a large one only if HDF5 does refuse.
+    """
+    if isinstance(data, bytes):
+        with h5py.File(h5py.h5f.open_file_image(data)) as file:
+            yield file
+        return
+    with contextlib.ExitStack() as stack:
+        try:
+            file = stack.enter_context(h5py.File(path, "r", locking=False))
+            now = os.fstat(file.id.get_vfd_handle())
+        except OSError:
+            now, image = os.stat(path), contents(path, MOST_BYTES)
+            file = stack.enter_context(h5py.File(h5py.h5f.open_file_image(image)))
+        if (now.st_ino, now.st_size, now.st_mtime_ns) != (data.st_ino, data.st_size, data.st_mtime_ns):
+            raise OSError("another program replaced it meanwhile")
         yield file
 
 
@@ -228,7 +305,8 @@ def write(path: str | Path, results: Results, check: Callable[[], None] = lambda
 
     `check` raises an error if the file must not be replaced; see :func:`~spi.storage.results.aside`.
     """
-    with aside(path, check=check) as temporary, create(temporary) as file:
+    arrays = itertools.chain.from_iterable(map(_arrays, results.groups))
+    with aside(path, check=check) as temporary, create(temporary, _size_of(arrays)) as file:
         file.attrs[MARK] = VERSION
         _write_attributes(file, results.attributes)
         for group in results.groups:
@@ -260,6 +338,17 @@ def read_root(path: str | Path) -> dict[str, Any]:
             return _read_root(file)
         except DAMAGE as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
+
+
+def _size_of(arrays: Iterable[Any]) -> int:
+    """The bytes of a file with these arrays, about."""
+    return sum(np.asarray(values).nbytes + _EACH for values in arrays)
+
+
+def _arrays(group: Group) -> Iterator[Any]:
+    """The arrays of a group."""
+    yield from group.coordinates.values()
+    yield from (values for _, values in group.variables.values())
 
 
 def _write_group(file: h5py.File, group: Group) -> None:
@@ -382,18 +471,17 @@ def _tuples(value: Any) -> Any:
 def _open_results(path: Path) -> Iterator[h5py.File]:
     """The results file, open for reading; StorageError if its checksum or the version of its layout is wrong."""
     try:
-        data = contents(path, MOST_BYTES)
+        data, sound = checked(path)
     except FileNotFoundError:
         raise StorageError(f"{path}: no such file; `spi run` writes one") from None
     except (OSError, ValueError) as error:  # a path with a zero in it is a ValueError
         why = reason(error) if isinstance(error, OSError) else str(error)
         raise StorageError(f"{path}: {why}; give a results file (.h5) that you can read") from error
-    sound = checksum_holds(data)
     if sound is False:
         raise StorageError(f"{path}: {_DAMAGED}")
     with contextlib.ExitStack() as stack:
         try:
-            file = stack.enter_context(opened(data))
+            file = stack.enter_context(opened(path, data))
             version = _version(file)
         except DAMAGE as error:
             raise StorageError(f"{path}: not a whole HDF5 file; give a results file written by `spi run`") from error
@@ -435,19 +523,22 @@ _DAMAGE = (*DAMAGE, ArithmeticError, MemoryError)
 
 def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None:
     """Write `parts`, name -> dicts, lists, arrays, numbers and texts, and `about`, which can be read without them."""
-    with aside(path) as temporary, create(temporary) as file:
-        arrays = file.create_group("arrays")
+    arrays: list[Any] = []
 
-        def reference(value: Any) -> Any:
-            """The JSON for what JSON has not: the number of an array, or of NumPy a number."""
-            if isinstance(value, np.generic):
-                return value.item()
-            number = str(len(arrays))
-            arrays[number] = value
-            return {"array": number}
+    def reference(value: Any) -> Any:
+        """The JSON for what JSON has not: the number of an array, or of NumPy a number."""
+        if isinstance(value, np.generic):
+            return value.item()
+        arrays.append(value)
+        return {"array": str(len(arrays) - 1)}
 
+    text = json.dumps(parts, default=reference)
+    with aside(path) as temporary, create(temporary, _size_of(arrays)) as file:
+        group = file.create_group("arrays")
+        for number, values in enumerate(arrays):
+            group[str(number)] = values
         file["about"] = json.dumps({"version": SUMS_VERSION, **about})
-        file["parts"] = json.dumps(parts, default=reference)
+        file["parts"] = text
 
 
 def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
@@ -474,10 +565,10 @@ def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
     """The file, open for reading; ValueError if its checksum is wrong."""
-    data = contents(path, MOST_BYTES)
-    if not checksum_holds(data):
+    data, sound = checked(path)
+    if not sound:
         raise ValueError("damaged")
-    with opened(data) as file:
+    with opened(path, data) as file:
         yield file
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import compiled_only
+from helpers import compiled_only, printed
 from states import check_going_on, finished, same_numbers
 
 from spi.ensemble import loop
@@ -15,6 +15,7 @@ from spi.models.spins.whole import Sampled, Whole
 from spi.running import run as runner
 from spi.running.load import load
 from spi.storage import Part
+from spi.storage import read as read_results
 
 ALL = Terms((1.0, -0.7, 0.4), dm=(0.3, -0.2, 0.5)), Terms(matrix=((0.1, 0.4, 0.2), (-0.3, 0.6, 0.5), (0.7, -0.1, 0.2)))
 TWO = Cell([(0,), (0.4,)], [(1,)], [(0, 1, (0,)), (1, 0, (1,)), (0, 0, (1,))])
@@ -110,7 +111,9 @@ def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path, monkeypatch)
     assert plan.is_long
     found = plan.results(finished(plan)).averages
     assert threads == {loop.thread_count()}
-    states = np.array([y.copy() for n, y in one_path.moved(plan.one_path[0], one_path.start_of(plan), 0, 512, 2, 1, 0)])
+    states = np.array(
+        [y.copy() for n, y, _ in one_path.moved(plan.one_path[0], one_path.start_of(plan), 0, 512, 2, 1, 0)]
+    )
     used = Series.of(case, 0).used
     assert 208 <= used <= 224
     values = _known(states)[:, -used:]
@@ -153,3 +156,32 @@ def test_one_lattice_is_drawn_by_its_law(tmp_path, monkeypatch):
     assert abs(energy.mean() - (0.5 - 1 / np.tanh(2))) < 3 * energy.std(ddof=1) / 32**0.5
     assert energy.std(ddof=1) / 32**0.5 < 0.01
     runner.run(read(GIBBS, tmp_path), tmp_path)
+
+
+KINDS = {
+    "equilibrium": "steps: [1/8]\nsamples: 1\nspacing: 1\n",
+    "trajectory": "step: 1/8\nevery: 8\npanels: [functions]\n",
+}
+
+
+@compiled_only
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("field", [48, 32_000_000])
+def test_what_one_large_lattice_reports(tmp_path, kind, field):
+    """Free spins in the field B along z: the angle B h, and the share of accepted turns, in the file and the table.
+
+    Beyond 1.6e6, where sines fail, the lattice has diverged.
+    """
+    model = LARGE.split("temperature")[0].replace("exchange: 1", "exchange: 0").replace("equilibrium", kind)
+    text = model.replace("alpha", f"field: [0, 0, {field}], alpha") + "temperature: 24\ninitial: {spins: [1, 0, 0]}\n"
+    text += "final_time: 16\nschemes: [splitting_metropolis]\nfunctions: {m: mz}\n" + KINDS[kind]
+    results = read_results(runner.run(read(text, tmp_path), tmp_path))
+    (group,) = results.groups
+    known = {"nonfinite_from": 0.0} | group.attributes | group.arrays
+    assert np.ravel(known["largest_angle"]).tolist() == [field / 8]
+    assert 0.1 < np.ravel(known["noise_accepted"])[0] < 0.9 or field > 48
+    lines = printed(results)
+    assert "of the noise flows" in lines
+    assert ("angles up to 4.0e+06 rad" in lines) == (field > 48)
+    lost = known["nonfinite_from"] if kind == "trajectory" else known["nonfinite"][0]
+    assert lost == (field > 48)

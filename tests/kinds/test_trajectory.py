@@ -10,6 +10,7 @@ from trajectory_results import trajectories, trajectory_group
 
 from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.kinds.plans import State
+from spi.kinds.trajectory import results as trajectory_records
 from spi.kinds.trajectory import study
 from spi.kinds.trajectory.results import SolverMeans
 from spi.report import views
@@ -214,3 +215,18 @@ def test_functions_of_a_python_file(spec, tmp_path):
     assert [name for name, _ in experiment.files] == ["my.py"]
     (tmp_path / "my.py").write_text("def flat2(y):\n    return 2 * y[0]\n", encoding="utf-8")
     assert spec(text).hash != experiment.hash
+
+
+@pytest.mark.parametrize("at_a_time", [1, 7, 2**20])
+def test_parts_of_states_are_looked_at_as_all_of_them(monkeypatch, at_a_time):
+    """The smallest components and the times at which a path is finite, however much is looked at together."""
+    monkeypatch.setattr(trajectory_records, "_AT_A_TIME", at_a_time)
+    y = np.random.default_rng(1).standard_normal((6, 5))
+    y[3, 1], y[4, 2], y[:, 4] = np.nan, -np.inf, np.nan
+    y[0, 4] = 2.0
+    found = trajectory_records.finite(y)
+    assert found.tolist() == [True, False, False, False, False, False]
+    (reading,) = views.readings(trajectories(trajectory_group("splitting", np.arange(6.0), y, np.ones((6, 1)))))
+    expected = [min(v for v in column if np.isfinite(v)) for column in y.T.tolist()]
+    assert reading.lowest.tolist() == expected
+    assert reading.lost == "not finite: 5 of 6 times"

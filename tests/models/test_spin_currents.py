@@ -340,7 +340,7 @@ def test_a_large_lattice_along_its_path(spec):
     plan = trajectory.plan(spec(LARGE).cases[0], Part("splitting_metropolis"))
     assert plan.case.in_parts and len(plan.case.initial) == 6144
     mover = one_path(plan.case.model, plan.scheme, 0.25)
-    states, _ = mover.moved(np.array(plan.case.initial), 0, 192, 64, 1, 0)
+    states, _, _ = mover.moved(np.array(plan.case.initial), 0, 192, 64, 1, 0)
     np.testing.assert_array_equal(plan.results(finished(plan)).y[1:], states)
 
 

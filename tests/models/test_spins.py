@@ -21,6 +21,7 @@ from spi.ensemble.protocol import (
     one_path,
     pieces,
 )
+from spi.ensemble.scheme_protocol import REPORT
 from spi.expressions import as_numpy, parse_expression
 from spi.models.delegation import thermal
 from spi.models.spins import Anisotropy, Spins, Terms, Transport
@@ -153,13 +154,19 @@ def test_colours_touch_nothing_twice(name):
     assert len(of.bonds) == degree * of.sites / 2
 
 
-def paths(model, temperature, scheme, h, steps, blocks, states, seed=1):
-    """The states (sites, 3, paths) of paths that begin at `states` (sites, 3)."""
+def paths_and_report(model, temperature, scheme, h, steps, blocks, states, seed=1):
+    """(states (sites, 3, paths), report by its columns) of paths that begin at `states` (sites, 3)."""
     at = thermal(model, temperature)
     record, entry = in_kernels(at), of_model(SCHEMES[scheme], at)
-    y, _ = integrated(entry.record, record, states.ravel(), grid(h, steps), brownian(seed), 0, blocks, blocks * LANES)
+    times = grid(h, steps)
+    y, report = integrated(entry.record, record, states.ravel(), times, brownian(seed), 0, blocks, blocks * LANES)
     y = y[:, 0, : record.d * LANES].reshape(blocks, -1, 3, LANES)
-    return np.concatenate(list(y), axis=-1)
+    return np.concatenate(list(y), axis=-1), dict(zip(REPORT, report.sum(axis=(0, 1)), strict=True))
+
+
+def paths(*arguments, **keys):
+    """The states of :func:`paths_and_report`."""
+    return paths_and_report(*arguments, **keys)[0]
 
 
 @pytest.mark.parametrize("by", ["bonds", "sites"])
@@ -209,7 +216,7 @@ def test_free_spins_of_one_lattice():
     model = at_temperature(Spins("ring", (1 << 15,), (), mu=1.5, alpha=0.5), 1.8)
     mover = one_path(model, of_model(SCHEMES["splitting"], model).record, 1.0)
     first = spins_of(4, 1 << 15, 1)[:, :, 0]
-    _, last = mover.moved(first.ravel(), 0, 2, 0, 7, 0)
+    _, last, _ = mover.moved(first.ravel(), 0, 2, 0, 7, 0)
     along = np.einsum("ia,ia->i", first, last.reshape(-1, 3))
     for values, exact in ((along, np.exp(-2.4)), (along**2, (1 + 2 * np.exp(-7.2)) / 3)):
         mean, error = mean_and_error(values)
@@ -253,7 +260,7 @@ def test_one_large_lattice(by, scheme):
     model = Spins("cubic", (8, 8, 8), (Terms(1.0, 0.2),), field=(0.0, 0.1, 0.2), by=by)
     s = spins_of(5, 512, 1)[:, :, 0]
     entry = of_model(SCHEMES["splitting_symmetric"], model)
-    _, last = one_path(model, entry.record, 0.125).moved(s.ravel(), 0, 16, 0, 1, 0)
+    _, last, _ = one_path(model, entry.record, 0.125).moved(s.ravel(), 0, 16, 0, 1, 0)
     whole = paths(model, np.inf, "splitting_symmetric", 0.125, 16, 1, s)[:, :, 0]
     assert abs(last - whole.ravel()).max() < 1e-13
     at = at_temperature(model._replace(alpha=0.3), 0.8)
@@ -266,13 +273,58 @@ def test_one_large_lattice(by, scheme):
         numba.set_num_threads(threads)
         y, n = s.ravel(), 0
         for steps in stops:
-            _, y = mover.moved(y, n, steps, 0, 7, 0)
+            _, y, _ = mover.moved(y, n, steps, 0, 7, 0)
             n += steps
         results.append(y)
     numba.set_num_threads(before)
     assert all(np.array_equal(results[0], other) for other in results[1:])
     assert not np.array_equal(results[0], mover.moved(s.ravel(), 0, 256, 0, 8, 0)[1])
     assert abs(np.linalg.norm(results[0].reshape(-1, 3), axis=1) - 1).max() < 1e-14
+
+
+def report_of_one(model, scheme, h, steps, state):
+    """(last state (sites, 3), report by its columns) of one large lattice."""
+    mover = one_path(model, of_model(SCHEMES[scheme], model).record, h)
+    _, last, report = mover.moved(np.ravel(state), 0, steps, 0, 1, 0)
+    return last.reshape(-1, 3), dict(zip(REPORT, report[0], strict=True))
+
+
+def test_angles_of_one_large_lattice_and_of_paths():
+    """Of free spins in the field B the angle of a step is B h; from 1.6e6 on, where sines fail, nothing is finite."""
+    flat = np.tile([1.0, 0.0, 0.0], (128, 1))
+    for field, angle in ((2.0, 0.5), (10.0, 2.5), (6e6, 1.5e6), (8e6, 2e6)):
+        model = Spins("ring", (128,), (), field=(0.0, 0.0, field))
+        last, report = report_of_one(model, "splitting", 0.25, 1, flat)
+        assert report["largest_angle"] == (angle if angle > np.pi / 4 else 0.0)
+        states = paths(model, np.inf, "splitting", 0.25, 1, 1, flat)
+        assert np.isfinite(last).all() == (angle < 1.6e6)
+        assert np.isfinite(states).all(axis=(0, 1)).tolist() == [angle < 1.6e6] * LANES  # of each path
+        if angle < 1.6e6:
+            turned = np.array([np.cos(angle), np.sin(angle), 0.0])
+            assert abs(last - turned).max() < 1e-9 and abs(states - turned[:, np.newaxis]).max() < 1e-9
+    about = Spins("ring", (1 << 12,), (), noise=Transport(1.0, axis=(0.0, 0.0, 1.0)))
+    _, report = report_of_one(about, "splitting", 1.0, 4, np.tile([1.0, 0.0, 0.0], (1 << 12, 1)))
+    assert 3.4 < report["largest_angle"] < 5.8  # of 16,384 standard normals: P < 1e-4 beyond either bound
+
+
+def test_accepted_turns_of_one_large_lattice():
+    """All of free spins; of bonds a share that falls with the step, as that of 64 paths of the same ring."""
+    up, steps = np.tile([0.0, 0.0, 1.0], (128, 1)), 64
+    _, report = report_of_one(
+        at_temperature(Spins("ring", (128,), (), alpha=0.5, by="sites"), 1.0), "splitting_metropolis", 1.0, steps, up
+    )
+    judged = 3 * 128 * steps
+    assert report["noise_judged"] == report["noise_accepted"] == judged
+    model = Spins("ring", (128,), (Terms(1.0),), alpha=0.5, by="sites")
+    shares = []
+    for h in (0.25, 1.0):
+        _, report = report_of_one(at_temperature(model, 0.5), "splitting_metropolis", h, steps, up)
+        assert (report["noise_judged"], report["drift_judged"], report["drift_accepted"]) == (judged, steps, steps)
+        shares.append(report["noise_accepted"] / judged)
+    _, of_paths = paths_and_report(model, 0.5, "splitting_metropolis", 1.0, steps, 1, up)
+    assert of_paths["noise_judged"] == LANES * judged
+    assert abs(shares[1] - of_paths["noise_accepted"] / of_paths["noise_judged"]) < 0.01
+    assert 0.5 < shares[1] < shares[0] - 0.05 < 0.95
 
 
 @pytest.mark.parametrize(

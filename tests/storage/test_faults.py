@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 from spi import storage
 from spi.storage.records import Group, Results
+storage.results.LARGE = int(sys.argv[2])
 big = Group("a", "b", {"h": np.arange(10**5)}, {"e": (("h",), np.random.default_rng(1).random(10**5))}, {})
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 try:
@@ -40,11 +41,13 @@ except storage.StorageError as error:
 
 
 @posix_only
+@pytest.mark.parametrize("large", ["1000", "1000000000"])
 @pytest.mark.parametrize("what", ["results", "checkpoint"])
-def test_a_disk_that_gets_full_in_the_middle_ends_in_a_message(tmp_path, what):
+def test_a_disk_that_gets_full_in_the_middle_ends_in_a_message(tmp_path, what, large):
     """HDF5 itself would crash when it closes the file, exit code 139; so this needs a program of its own."""
     (tmp_path / "r.h5").write_bytes(b"older")
-    done = subprocess.run([sys.executable, "-c", WRITE, what], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    program = [sys.executable, "-c", WRITE, what, large]
+    done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (7, "")
     assert done.stdout.startswith("cannot write r.h5: file too large") and "--out" in done.stdout
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"r.h5": b"older"}

@@ -1,6 +1,7 @@
 """Results files: round trips, other people's readers, interruptions and bad files."""
 
 import json
+import tracemalloc
 import warnings
 
 import h5py
@@ -10,6 +11,13 @@ import xarray
 
 from spi import storage
 from spi.storage import Group, Results
+
+
+@pytest.fixture(autouse=True, params=["in memory", "on the disk"])
+def where(request, monkeypatch):
+    """Where files are built and read: as small ones are, and as large ones."""
+    if request.param == "on the disk":
+        monkeypatch.setattr(storage.results, "LARGE", 0)
 
 
 def group(case="noise σ=1", scheme="midpoint", steps=3, **attributes):
@@ -403,3 +411,24 @@ def test_provenance_is_flat_and_storable(tmp_path):
 def test_results_of_a_kind_by_its_former_name(tmp_path):
     storage.write(tmp_path / "a.h5", Results({"kind": "long_time"}, (group(),)))
     assert storage.read(tmp_path / "a.h5").attributes["kind"] == "equilibrium"
+
+
+def test_large_arrays_are_not_copied(tmp_path):
+    """At most once when they are read, and not at all when they are written, with a few MB for blocks of the file."""
+    values = np.arange(2.0**22).reshape(8, -1)
+    large = Group("a", "b", {"t": np.arange(8.0), "c": np.arange(2**19)}, {"y": (("t", "c"), values)}, {})
+    parts = {"main/midpoint": {"y": values}}
+    path, sums = tmp_path / "large.h5", tmp_path / "large.sums"
+    tracemalloc.start()
+    try:
+        storage.write(path, Results({}, (large,)))
+        storage.write_sums(sums, {}, parts)
+        _, written = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        (back,) = storage.read(path).groups
+        _, read = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert np.array_equal(back.arrays["y"], values)
+    assert np.array_equal(storage.read_sums(sums)[1]["main/midpoint"]["y"], values)
+    assert written < values.nbytes / 4 and read < 1.4 * values.nbytes

@@ -21,7 +21,6 @@ from spi.ensemble import loop
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs, conserved, one_path
-from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import reported
@@ -225,9 +224,9 @@ class EquilibriumPlan(Plan):
         """
         h, case = self.case.steps[number], self.case
         if self.one_path:
-            stored, last = self.one_path[number].moved(y[0], n, steps, every, int(self.stream.seed), 0)
+            stored, last, report = self.one_path[number].moved(y[0], n, steps, every, int(self.stream.seed), 0)
             stored = np.concatenate([y, stored])[np.newaxis] if every else np.empty((1, 0, len(last)))
-            return stored, last[np.newaxis, np.newaxis], np.zeros((1, 1, len(REPORT)))
+            return stored, last[np.newaxis, np.newaxis], report[np.newaxis]
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
         times = loop.grid(h, steps, truncate=case.clipping, area_terms=terms, first_step=n)
         count = 1 + (n + steps) // every - n // every if every else 0
@@ -261,13 +260,13 @@ class EquilibriumPlan(Plan):
 
     def _looked_at(self, chunk: Chunk, paths: Paths, stop: int, recorder: means.Recorder | None) -> Paths:
         """One large lattice at the next stop, whose functions are evaluated while it moves."""
-        began, before, y, values = time.perf_counter(), int(paths.n), paths.y[0], []
+        began, before, y, values, report = time.perf_counter(), int(paths.n), paths.y[0], [], paths.report
         every, mover = recorder.series.stride if recorder else 0, self.one_path[chunk.path_set]
-        for n, state in alone.moved(mover, paths.y[0], before, stop, every, int(self.stream.seed), 0):
-            y = state
+        for n, state, added in alone.moved(mover, paths.y[0], before, stop, every, int(self.stream.seed), 0):
+            y, report = state, loop.add_reports(report, added)
             if recorder and recorder.counts_at(n):
                 values.append(recorder.values_of(y))
-        paths = paths._replace(n=stop, y=y[np.newaxis], report=np.zeros_like(paths.report))
+        paths = paths._replace(n=stop, y=y[np.newaxis], report=report)
         with np.errstate(all="ignore"):
             if recorder and values:
                 found = np.transpose(values)[:, np.newaxis, np.newaxis]

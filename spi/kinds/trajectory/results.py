@@ -5,11 +5,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from spi.kinds.blocks import Acceptance
 from spi.models.zeitlin.fields import enstrophy
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
 from spi.statistics.claims import lost_among
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+
+_AT_A_TIME = 2**20  # numbers of states that are looked at together, so that large lattices need no further copy
+
+
+def finite(y: Array) -> Array:
+    """(times,): whether each of the states (times, d) is finite."""
+    count = max(1, _AT_A_TIME // max(1, y.shape[1]))
+    each = [np.isfinite(y[first : first + count]).all(axis=1) for first in range(0, len(y), count)]
+    return np.concatenate([np.empty(0, bool), *each])
 
 
 class SolverMeans(Described):
@@ -88,6 +98,7 @@ class Trajectory(Stored):
     times: tuple[float, ...] = fact("times of the stored states that are drawn as fields", "time", default=())
     preserves: str = fact("what the scheme preserves")
     largest_angle: float = fact("largest angle of a rotation; 0 up to pi/4", "rad", default=0.0)
+    acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
     solver: SolverMeans | None = nested(prefix="solver_", default=None)
     values: Values | None = nested(default=None)
     section: Crossings | None = nested(prefix="section_", default=None)
@@ -141,12 +152,17 @@ class Trajectory(Stored):
     @derived("component", "smallest value of a component", claim=Claimed("at least", lost="lost"))
     def lowest(self) -> Array:
         """(d,) the smallest value of each component where it is finite; infinite where it never is."""
-        return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
+        lowest = np.empty(self.y.shape[1])
+        count = max(1, _AT_A_TIME // len(self.y))
+        for first in range(0, len(lowest), count):
+            some = self.y[:, first : first + count]
+            lowest[first : first + count] = np.where(np.isfinite(some), some, np.inf).min(axis=0)
+        return lowest
 
     @derived("", "why no claim about the smallest component passes")
     def lost(self) -> str:
         """The times at which the state is not finite."""
-        return lost_among(np.abs(self.y).max(axis=1), "times")
+        return lost_among(np.where(finite(self.y), 0.0, np.nan), "times")
 
     @derived("", "largest change of the Hamiltonian", claim=Claimed("at most", infinite=True))
     def hamiltonian_drift(self) -> float:
@@ -173,7 +189,7 @@ class Trajectory(Stored):
 
 def lost_times(record: Trajectory, values: Array) -> str:
     """The times at which `values` (t,) are not defined although y is finite; empty if there are none."""
-    alive = np.isfinite(record.y).all(axis=1)
+    alive = finite(record.y)
     lost = np.flatnonzero(alive & ~np.isfinite(values))
     if not len(lost):
         return ""

@@ -18,6 +18,7 @@ from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strength
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
+from spi.kinds.blocks import reported
 from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
@@ -27,7 +28,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 
-from .results import Crossings, SolverMeans, Trajectory, Values
+from .results import Crossings, SolverMeans, Trajectory, Values, finite
 
 
 class Path(NamedTuple):
@@ -180,9 +181,11 @@ class TrajectoryPlan(PathsPlan):
         """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
         states = alone.moved(self.one_path, y[0], steps, stop, case.spacing, int(self.stream.seed), case.path)
-        for number, (_, state) in enumerate(states, 1):
+        total = np.zeros((1, len(REPORT)))
+        for number, (_, state, report) in enumerate(states, 1):
             y[number] = state
-        return np.zeros((1, len(REPORT)))
+            total = add_reports(total, report)
+        return total[np.newaxis]
 
     def progress(self, state: State) -> Done:
         """The part of the path that is done, of 1, and no standard error."""
@@ -254,7 +257,7 @@ class TrajectoryPlan(PathsPlan):
         y = path.y if len(case.stored) == len(path.y) else path.y[case.stored]
         t = case.stored * case.spacing * case.step
         energy, conserved = alone.invariants(case, y) if self.is_long else invariants_of(self.model, y, t)
-        lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
+        lost = np.flatnonzero(~finite(y))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
@@ -289,9 +292,10 @@ def _places(model: Any) -> str:
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
-    """The fields of the record about equations solved and angles, from the report of the scheme, where it has them."""
+    """The fields of the record about equations, accepted flows and angles, from a report that has them."""
     columns = report_columns(report)
     fields: dict[str, Any] = {"largest_angle": float(columns["largest_angle"])} if "largest_angle" in columns else {}
+    fields["acceptance"] = reported(report)["acceptance"]
     if "solves" in columns:
         mean, residual = float(columns["iterations"] / columns["solves"]), float(columns["largest_residual"])
         fields["solver"] = SolverMeans(

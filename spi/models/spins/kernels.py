@@ -324,10 +324,11 @@ def move_members(model, k, t, alpha, begin, end, y, work):
 
 @device
 def largest_angle(model, k, t, y):
-    """A bound of the angles of a piece; where sines would be wrong the state is not finite any more."""
+    """A bound of the angles of a piece; where sines would be wrong no state is finite any more."""
     largest = abs(t) * model.fastest[k]
     if largest > REDUCIBLE:
-        y[0] = np.nan
+        for lane in range(LANES):
+            y[lane] = np.nan
     return largest
 
 

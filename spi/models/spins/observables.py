@@ -227,6 +227,8 @@ def _angles(here: Array, right: Array, periodic: bool) -> Any:
 
 def _lengths(model: Any, states: Array) -> Any:
     """The mean of |s|^2, the Casimir function."""
+    if _is_long(model):
+        return _each(lambda y: np.square(y).sum() / (len(y) // 3), states)
     return _sum(states**2) / (len(states) // 3)
 
 

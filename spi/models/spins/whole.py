@@ -17,7 +17,9 @@ from numba import get_num_threads, prange
 from ...compiler.dispatch import device, kernel
 from ...compiler.pointers import in_memory
 from ...compiler.vectors import without_refcount
-from ...ensemble.scheme_protocol import judges
+from ...ensemble.loop import add_reports
+from ...ensemble.scheme_protocol import REPORT, judges
+from ...numerics.elementary import SMALL
 from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair, uniform
 from .flows import versines_of_noise
 from .kernels import SITES as BY_SITES
@@ -25,6 +27,7 @@ from .kernels import (
     SPIN,
     add_field,
     judge_turns,
+    largest_angle,
     move_members,
     spin_of,
     take_away_roundings,
@@ -107,16 +110,16 @@ class Whole(NamedTuple):
         copy_parts(self.sites, state, block, False)
         return state
 
-    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any]:
-        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state)."""
-        y, n, end, stored = self.block(state), first, first + steps, []
+    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any, Any]:
+        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state, report)."""
+        y, n, end, stored, report = self.block(state), first, first + steps, [], np.zeros((1, len(REPORT)))
         while n < end:
             stop = min(end, (n // every + 1) * every) if every else end
-            self.move(y, n, stop - n, seed, path)
+            report = add_reports(report, self.move(y, n, stop - n, seed, path))
             n = stop
             if every and n % every == 0:
                 stored.append(self.state(y))
-        return np.reshape(stored, (-1, len(state))), self.state(y)
+        return np.reshape(stored, (-1, len(state))), self.state(y), report
 
     @property
     def call(self) -> tuple[Any, tuple[Any, ...]]:
@@ -142,9 +145,19 @@ class Whole(NamedTuple):
         shares = 1 if threads == 1 else min(_MOST_SHARES, 4 * threads)
         return self.model, self.program, y, first, steps, np.uint64(seed), np.uint64(path), shares
 
-    def move(self, y: np.ndarray, first: int, steps: int, seed: int, path: int = 0) -> None:
-        """Move the parts `y` on in place, by `steps` steps from number `first` on."""
-        move_lattice(*self._arguments(y, first, steps, seed, path))
+    def move(self, y: np.ndarray, first: int, steps: int, seed: int, path: int = 0) -> np.ndarray:
+        """Move the parts `y` on in place, by `steps` steps from number `first` on; (1, 1, len(REPORT)): their report.
+
+        A drift between judged noises conserves H and is accepted without being judged, which the report counts as such.
+        """
+        accepted, angle = move_lattice(*self._arguments(y, first, steps, seed, path))
+        members, program = np.diff(self.model.first), self.program
+        turns = steps * 3 * LANES * int(members[program.piece[program.kind == JUDGED]].sum())
+        found = dict.fromkeys(REPORT, 0.0) | {"largest_angle": angle if angle > SMALL else 0.0}
+        if turns:
+            drifts = {"drift_judged": steps, "drift_accepted": steps}
+            found |= {"noise_judged": turns, "noise_accepted": accepted} | drifts
+        return np.array([[[found[name] for name in REPORT]]], float)
 
 
 class Sampled(NamedTuple):
@@ -269,13 +282,13 @@ def _program(rows: list[tuple[int, int, float]], draws: int, alpha: float) -> Pr
 
 @kernel(parallel=True)
 def move_lattice(model, program, y, first, steps, seed, path, shares):
-    """Move a lattice in parts on in place.
+    """Move a lattice in parts on in place; returns the number of accepted turns and the largest |angle| of a flow.
 
     The sites of a flow do not touch each other and go in `shares` to threads: the bits are the same for any number.
     Steps end at multiples of STEPS_PER_TOSS and at the last one; between them two flows of a piece become one.
     """
     records = [(in_memory(model), program)]
-    rows = len(program.kind)
+    rows, accepted, angles, largest = len(program.kind), np.zeros(shares, np.int64), np.zeros(shares), 0.0
     for n in range(first, first + steps):
         ends = not program.joined or (n + 1) % STEPS_PER_TOSS == 0 or n + 1 == first + steps
         begins = not program.joined or n % STEPS_PER_TOSS == 0 or n == first
@@ -285,7 +298,12 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
                 t = t + program.time[rows - 1]
             for share in prange(shares):
                 of_share, its_program = records[0]  # Numba's prange cannot take nested tuples, but a list
-                _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
+                count, angle = _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
+                accepted[share] += count
+                angles[share] = max(angles[share], angle)
+            if program.kind[row] == FLOW and program.piece[row] < model.p:
+                largest = max(largest, largest_angle(model, program.piece[row], t, y))
+    return accepted.sum(), max(largest, angles.max())
 
 
 @kernel(parallel=True)
@@ -301,8 +319,11 @@ def move_blocks(model, program, y, steps, seed, paths):
 
 @device(inline=False)
 def _run_share(model, program, row, t, share, shares, y, n, seed, path):
-    """One share of the members, or sites, of one row of a program."""
-    kind, k = program.kind[row], program.piece[row]
+    """One share of the members, or sites, of one row of a program.
+
+    Returns the number of accepted turns, and the largest |angle| of noise about an axis.
+    """
+    kind, k, accepted, angle = program.kind[row], program.piece[row], 0, 0.0
     work = np.empty(2 * SPIN)
     if kind in (FLOW, JUDGED):
         count = model.first[k + 1] - model.first[k]
@@ -312,11 +333,12 @@ def _run_share(model, program, row, t, share, shares, y, n, seed, path):
     if kind == FLOW:
         move_members(model, k, t, program.alpha, begin, end, y, work)
     elif kind == NOISE:
-        turn_sites_at_random(model, t, begin, end, y, np.uint64(n * program.draws + k), seed, path)
+        angle = turn_sites_at_random(model, t, begin, end, y, np.uint64(n * program.draws + k), seed, path)
     elif kind == JUDGED:
-        judge_sites(model, t, begin, end, y, np.uint64(2 * n), seed, path, work)
+        accepted = judge_sites(model, t, begin, end, y, np.uint64(2 * n), seed, path, work)
     else:
         take_away_roundings(model, begin, end, y)
+    return accepted, angle
 
 
 @device
@@ -335,13 +357,15 @@ def draw_site(i, draw, seed, path, words, normals, scale):
 def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
     """The noise of the sites of a part from `begin` to before `end` over the time t.
 
-    One evaluation of the generator serves two sites, which turn about random axes; about a given axis, one.
+    One evaluation of the generator serves two sites, which turn about random axes; about a given axis, one.  Returns
+    the largest |angle| about that.
     """
+    largest = 0.0
     words, normals = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES)
     if len(model.noise_axis) > 0:
         for i in range(begin, end):
             draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
-            turn_at_random(model, i, i + 1, normals, y)
+            largest = max(largest, turn_at_random(model, i, i + 1, normals, y))
         take_away_roundings(model, begin, end, y)
     else:
         for i in range(begin, end):
@@ -350,11 +374,16 @@ def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
             low, high = versines_of_noise(t * model.strength[i] * model.strength[i])
             own = without_refcount(words[2 * LANES :] if i % 2 else words[: 2 * LANES])
             turn_about_random_axes(low, high, own, spin_of(y, i))
+    return largest
 
 
 @device(inline=False)
 def judge_sites(model, h, begin, end, y, draw, seed, path, work):
-    """Turns of sites of a colour about the three axes, with their friction, each accepted or not."""
+    """Turns of sites of a colour about the three axes, with their friction, each accepted or not.
+
+    Returns the number of accepted ones.
+    """
+    accepted = 0
     words, normals, uniforms = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES), np.empty(4 * LANES)
     for e in range(begin, end):
         i = model.member[e, 0]
@@ -365,4 +394,5 @@ def judge_sites(model, h, begin, end, y, draw, seed, path, work):
         add_field(model, i, y, work)
         for a in range(3):
             some = slice(a * LANES, (a + 1) * LANES)
-            judge_turns(model, i, a, h, normals[some], uniforms[some], 0, LANES, spin_of(y, i), work)
+            accepted += judge_turns(model, i, a, h, normals[some], uniforms[some], 0, LANES, spin_of(y, i), work)
+    return accepted
