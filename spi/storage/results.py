@@ -512,7 +512,7 @@ def _version(file: h5py.File) -> int | None:
 
 
 #: Increased where the layout changes, or the division into chunks: runs continue with chunks of the same size only.
-SUMS_VERSION = 7
+SUMS_VERSION = 8
 
 #: The ending of the files.
 SUFFIX = ".sums"
