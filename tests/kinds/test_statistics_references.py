@@ -71,8 +71,8 @@ def test_at_a_temperature_the_gibbs_law_stays(case_of):
 
 def test_the_uniform_law_of_the_sphere_stays(case_of):
     """Paths that begin with it have the stationary means from the start, those from one state do not."""
-    about = "samples=2000", "functions={square: y1^2, y3: y3^4}", "statistics=[mean]"
-    known = "reference={square: stationary, y3: stationary}"
+    about = "samples=2000", "functions={square: y1^2, fourth: y3^4}", "statistics=[mean]"
+    known = "reference={square: stationary, fourth: stationary}"
     uniform = "initial={law: uniform_on_surface, through: [0, 0, 1]}"
     found = results_of(case_of(*about, known, uniform))
     assert np.allclose(found.reference.T, [1 / 3, 1 / 5]) and np.abs(found.deviation).max() < 4

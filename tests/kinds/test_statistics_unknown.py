@@ -82,7 +82,7 @@ def test_errors_of_few_groups_have_the_factor_of_student(case_of):
 def test_what_all_paths_have_alike_has_no_error_of_zero(case_of):
     """A share by Clopper and Pearson, other values not at all, and what must be so exactly."""
     passages = "never: {passage: y1 > 9}, always: {passage: y1 < 9}"
-    found = results_of(case_of(f"functions={{{passages}, flat: abs(y1 - 9)/(9 - y1), one: 2/2, C: C1}}"))
+    found = results_of(case_of(f"functions={{{passages}, flat: abs(y1 - 9)/(9 - y1), one: 2/2, casimir: C1}}"))
     last = found.mean[:, -1]
     assert np.allclose(last, 1 - np.eye(5)[0])
     assert np.allclose(found.mean_high[0, 1:], 1 - 0.025**0.01) and np.allclose(found.mean_low[1, 1:], 0.025**0.01)

@@ -13,6 +13,7 @@ from helpers import COMPILED, compiled_only
 
 from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
+from spi.kinds import blocks
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
@@ -32,6 +33,7 @@ TIMES = ("seconds", "ns_per_step")
 def small_batches(monkeypatch):
     """One or a few blocks to a batch, whatever the machine."""
     monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)
+    monkeypatch.setattr(blocks, "thread_count", lambda: 2)
 
 
 def experiment(*overrides, schemes=SCHEMES):
