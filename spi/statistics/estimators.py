@@ -14,7 +14,7 @@ import numpy as np
 from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
-from ..storage.records import Order, student
+from ..storage.records import INTERVAL, Order, student
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
@@ -428,3 +428,26 @@ def of_means(covariance: Array, count: int) -> tuple[Array, Correlation]:
     lacking = 2 * np.maximum(biased.tau, 0) * covariance[..., 0] / count
     covariance = covariance + np.where(np.isfinite(lacking), lacking, 0.0)[..., np.newaxis]
     return covariance, integrated(covariance)
+
+
+class Times(NamedTuple):
+    """Integrated autocorrelation times of some series, (...), in values."""
+
+    tau: Array  #: not below 0
+    stderr: Array  #: that of independent values at least
+    least: Array  #: for errors of means: 1/2, as of independent values, where few values do not tell that it is less
+
+
+def resolved_times(correlation: Correlation, count: Array | int) -> Times:
+    """The times of correlations that were estimated from `count` values, with what these tell of them.
+
+    A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
+    """
+    spread = np.sqrt(2 * (2 * correlation.window + 1) / count)
+    stderr = spread * np.maximum(correlation.tau, 0.5)
+    lost = ~(correlation.tau > INTERVAL * stderr)  # true for NaN
+    return Times(
+        tau=np.maximum(correlation.tau, 0.0),
+        stderr=stderr,
+        least=np.where(lost, np.maximum(correlation.tau, 0.5), correlation.tau),
+    )

@@ -145,7 +145,7 @@ class Case(CodeKeys, BaseCase):
         for h in self.steps if self.final_time else ():
             check_multiple(self.final_time, h, "steps", "has")
             check_count(self.final_time, h, "steps")
-            if self.final_time / h < STEPS_PER_TOSS:
+            if self.final_time / h < STEPS_PER_TOSS and not alone.is_long(self):
                 mistake = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
                 raise wrong(mistake, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
         check_schemes(self, self.schemes, self.steps, "steps")

@@ -260,7 +260,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
 def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
     samples, used, spacing, parted = case.samples, recorder.series.used, case.between, recorder.series.batches
-    counts, total = estimators.group_counts(samples), samples * used
+    counts = estimators.group_counts(samples)
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = estimators.mean_over_paths(paths.values, counts)
         sizes = (used - np.arange(recorder.series.lags))[:, np.newaxis]
@@ -269,25 +269,32 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
         left_out = each_product - m * each_end + m**2
+        at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
+        of_values = np.maximum(at_start, np.abs(mean + recorder.origins))
+        steps = recorder.series.total * recorder.series.stride
+        of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, steps
+        exact = is_rounding(*of)
+        equal = is_rounding(np.abs(without[:, 0] - mean).max(axis=0), *of[1:]) & ~exact  # on all paths
+        independent = np.where(equal, 1, samples)  # paths: equal ones tell as much as one
+        total = independent * used
         covariance, correlation = estimators.of_means(covariance, total)
-        tau, enough = np.maximum(correlation.tau, 0), samples >= LEAST_PATHS
-        of_tau = np.sqrt(2 * tau * covariance[:, 0] / total)
-        of_paths = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)) if enough else np.full_like(mean, np.nan)
-        freedom = samples - 1 if enough else total / (2 * correlation.window + 1)
-        spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_tau
-        of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (samples * parted - 1))
+        time = estimators.resolved_times(correlation, total)
+        enough = independent >= LEAST_PATHS
+        of_tau = np.sqrt(2 * time.least * covariance[:, 0] / total)
+        of_paths = np.where(enough, np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)), np.nan)
+        freedom = np.where(enough, samples - 1, total / (2 * correlation.window + 1))
+        of_drift = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1))
+        spread = np.where(enough, of_drift, 2 * of_tau)
+        of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (independent * parted - 1))
         scale = used * recorder.width[:, np.newaxis]
         density, density_without = estimators.mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
-        at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
-        of_values = np.maximum(at_start, np.abs(mean + recorder.origins))
-        of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, recorder.series.total * recorder.series.stride
-        exact = is_rounding(*of)
         known = np.where(exact, np.nan, 1.0)  # what follows from how the values vary
-        of_tau, of_paths, of_batches = (with_rounding(each, *of) for each in (of_tau, of_paths, of_batches))
-        half = student(freedom) * (of_paths if enough else of_tau)
-        if used < FEW and not enough:  # too few values to know their autocorrelations
-            half = np.fmax(half, student(samples * parted - 1) * of_batches)
+        of_tau, of_batches = (with_rounding(each, *of) for each in (of_tau, of_batches))
+        of_paths = np.where(enough, with_rounding(of_paths, *of), np.nan)
+        half = student(freedom) * np.where(enough, of_paths, of_tau)
+        few = ~enough & (used < FEW)  # too few values to know their autocorrelations
+        half = np.where(few, np.fmax(half, student(independent * parted - 1) * of_batches), half)
         return {
             "average": mean + recorder.origins,
             "average_half": half,
@@ -295,12 +302,12 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
             "stderr_batches": of_batches,
-            "halves": known * drift / spread,
-            "tau": known * spacing * correlation.tau,
-            "tau_stderr": known * spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
+            "halves": np.where(spread > 0, known * drift / spread, np.nan),
+            "tau": known * spacing * time.tau,
+            "tau_stderr": known * spacing * time.stderr,
             "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
+            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, enough),
             "correlation": known[:, np.newaxis] * rho,
             "correlation_stderr": known[:, np.newaxis] * estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
@@ -310,14 +317,13 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         }
 
 
-def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, samples: int) -> Array:
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, enough: Array) -> Array:
     """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
-    if samples >= LEAST_PATHS:
-        return estimators.jackknife_stderr(variance, without, counts)
-    (mean, square), (without_mean, without_square) = _by_batch(paths, samples)
-    return estimators.jackknife_stderr(
+    (mean, square), (without_mean, without_square) = _by_batch(paths, int(counts.sum()))
+    of_time = estimators.jackknife_stderr(
         square - mean**2, (without_square - without_mean**2).T, np.ones(without_mean.shape[-1])
     )
+    return np.where(enough, estimators.jackknife_stderr(variance, without, counts), of_time)
 
 
 def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
@@ -341,9 +347,18 @@ def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)
         )
-        found.append((value, estimators.jackknife_stderr(value, left_out.T, counts)))
+        stderr = estimators.jackknife_stderr(value, left_out.T, counts)
+        change = np.abs(left_out - value[:, np.newaxis]).max(axis=1, initial=0.0)
+        steps = recorder.series.total * recorder.series.stride
+        sizes = np.array([_size_of_derived(formula, mean + recorder.origins, case) for formula in formulas])
+        found.append((value, np.where(change == 0, 0.0, with_rounding(stderr, change, sizes, steps))))
     value, stderr = (np.array(each) for each in zip(*found, strict=True))
     return Derived(quantities=tuple(case.derived), formulas=tuple(case.derived.values()), value=value, stderr=stderr)
+
+
+def _size_of_derived(formula: Any, means: Array, case: Any) -> float:
+    """The size for rounding of a quantity near the means (F,) from which it follows."""
+    return size_of_values(lambda each: formula(each.T, case.temperature), means)
 
 
 def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:

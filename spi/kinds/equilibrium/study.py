@@ -25,11 +25,13 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import reported
-from spi.kinds.functions import evaluated
+from spi.kinds.functions import evaluated, origin_of, path_function
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS
+from spi.statistics.rounding import size_of_values
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
@@ -319,6 +321,17 @@ class EquilibriumPlan(Plan):
         errors[np.searchsorted(self.records, n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
         return errors
 
+    def _sizes(self, totals: Sequence[Paths]) -> np.ndarray | None:
+        """(C,): the sizes for rounding of the Casimirs relative to themselves; None where roundings are studied."""
+        if self.case.step_count:
+            return None
+        model, sizes = undamped(self.case.model), []
+        for c in range(totals[0].casimir.shape[1]):
+            function = path_function(model, (), f"C{c + 1}")
+            at_start = abs(origin_of(function, self.case.initial)) or 1.0
+            sizes.append(max(1.0, size_of_values(function.values, self.case.initial) / at_start))
+        return np.array(sizes)
+
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
         levels, done = len(self.case.steps), 0.0
@@ -334,7 +347,7 @@ class EquilibriumPlan(Plan):
         estimated = {
             "h": np.array(case.steps),
             "n": self.records,
-            **casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
+            **casimir_errors(self.records, np.array([paths.casimir for paths in totals]), self._sizes(totals)),
             "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
             **reported(np.array([paths.report[0] for paths in totals])),
             "law": law_of_states(self.law, totals) if self.law else None,
