@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
+from spi.compiler.timing import compiling
 from spi.ensemble import loop
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
@@ -107,6 +108,17 @@ class Blockwise(Plan):
     def _batch(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> _Batch:
         """The next `blocks` blocks, which may belong to several chunks."""
         began, cpu_began = time.perf_counter(), time.process_time()
+        with compiling() as clock:  # kernels of functions and of initial states, which no plan names beforehand
+            pieces = self._pieces(chunks, before, blocks)
+        spent = time.perf_counter() - began - clock.seconds, time.process_time() - cpu_began - clock.cpu_seconds
+        added = [
+            (chunk, self.timed(sums, first, last - first, *((last - first) / blocks * seconds for seconds in spent)))
+            for chunk, first, last, sums in pieces
+        ]
+        return _Batch(before.block + blocks, added[-1][1], added)
+
+    def _pieces(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> list[tuple[Chunk, int, int, Any]]:
+        """(chunk, first block, end of blocks, its sums) of the chunks to which the next blocks belong."""
         number, end = chunks[0].path_set, chunks[-1].end
         contributions = self.observe(number, before.block, blocks, end)
         size = chunks[0].blocks  # only the last chunk of a path set can have fewer
@@ -120,12 +132,7 @@ class Blockwise(Plan):
             sums = sums._replace(paths=min(last * LANES, end) - chunk.first * LANES)
             pieces.append((chunk, first, last, sums))
             first = last
-        spent = (time.perf_counter() - began) / blocks, (time.process_time() - cpu_began) / blocks
-        added = [
-            (chunk, self.timed(sums, first, last - first, *((last - first) * seconds for seconds in spent)))
-            for chunk, first, last, sums in pieces
-        ]
-        return _Batch(stop, added[-1][1], added)
+        return pieces
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ from yaml_cases import made
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated, paths_of
-from spi.ensemble.protocol import dimension, in_kernels
-from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, report_row, work_size
+from spi.ensemble.protocol import dimension, in_kernels, noises
+from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, advance_large, report_row, work_size
 from spi.models import Spins, Zeitlin
 from spi.models.delegation import thermal
 from spi.models.spins import Terms, Transport
@@ -140,3 +140,15 @@ def test_bits_of_array_states_do_not_depend_on_the_number_of_paths(name):
     assert np.array_equal(few, more[:, :2]) and np.isfinite(few).all()  # others may diverge
     few, more = of(5)[0], of(LANES)[0]
     assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 55
+
+
+def test_a_path_alone_is_not_compared_with_scratch():
+    """A path alone takes a part of the scratch of eight; what is left in the rest decides nothing."""
+    scheme, model, found = Midpoint(), in_kernels(FLUID), []
+    start, dW = np.repeat(STARTS[Zeitlin], LANES), np.random.default_rng(1).normal(0.0, 0.3, noises(model) * LANES)
+    for left in (0.0, 1e9, np.nan):
+        block, work, report = start.copy(), np.full(work_size(scheme, model), left), report_row(0, 1)
+        with uncompiled(), np.errstate(all="ignore"):
+            advance_large(scheme, model, 0.2, dW, np.ones(LANES), block, work, report)
+        found.append([*block, *report])
+    assert found[0] == found[1] == found[2] and found[0][len(start) + ITERATIONS] > 5

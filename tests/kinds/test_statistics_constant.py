@@ -9,6 +9,7 @@ from statistics_cases import results_of, written
 from spi.kinds.statistics import study
 from spi.kinds.statistics.figure import PANELS
 from spi.running.load import load
+from spi.statistics.claims import CONFIRMED, CONSISTENT, INCONCLUSIVE, judge, quantities
 from spi.statistics.rounding import rounding
 from spi.storage import Part
 
@@ -101,3 +102,12 @@ def test_a_figure_shows_a_constant_as_a_line_and_nothing_of_its_roundings(found)
     of_square = {name: [plot for plot in each if "square" in plot.title] for name, each in plots.items()}
     for name in ("histogram", "variance", "autocorrelation", "time_correlation", "integral", "spectrum"):
         assert len(of_square[name]) == 1 and not any("enstrophy" in plot.title for plot in plots[name])
+
+
+def test_no_claim_about_a_constant_is_contradicted_by_rounding(tmp_path):
+    claims = "expect={splitting: {mean: 0.4725, quantile: 0.4725, variance: 0, autocorrelation: 1, deviation: 3}}"
+    more = "functions={enstrophy: 0.4725*(y1^2+y2^2+y3^2)}", "reference={enstrophy: 0.4725}"
+    case = written(tmp_path, *more, "autocorrelation={enstrophy: 1/2}", claims)
+    verdicts = {one.claim.quantity: one.verdict for one in judge(case.claims, quantities([results_of(case)]))}
+    near = {"mean": CONSISTENT, "quantile": CONSISTENT, "variance": CONSISTENT}
+    assert verdicts == near | {"autocorrelation": INCONCLUSIVE, "deviation": CONFIRMED}

@@ -14,6 +14,7 @@ from strong_cases import study
 from work_study_cases import STRONG
 
 from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.equilibrium.figure import PANELS
 from spi.kinds.stability import study as stability
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
@@ -108,6 +109,10 @@ def test_what_is_constant_has_no_autocorrelation_time(tmp_path):
     assert abs(averages.deviation[0, 0]) < 2
     remarks = [line for line in found.remarks() if "casimir" in line]
     assert len(remarks) == 1 and "casimir is constant up to rounding (" in remarks[0]
+    looks = {found.about.variant: ("o", "#000000")}
+    for panels in ("histogram", "autocorrelation"):
+        shown = [plot for panel in PANELS[panels] for plot in panel.expand([found], looks)]
+        assert len(shown) == 1 and "casimir" not in shown[0].title
 
 
 @pytest.mark.parametrize("more", [STRONG, "functions: y1^2\nestimators: [plain]\nsamples: 70\n"])

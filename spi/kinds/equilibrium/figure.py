@@ -115,6 +115,11 @@ def _has_biases(reading: Equilibrium, f: int) -> bool:
     return averages is not None and len(reading.h) > 1 and bool(np.isfinite(averages.bias[:, f]).any())
 
 
+def _varies(reading: Equilibrium, f: int) -> bool:
+    """Whether a function is not constant up to rounding."""
+    return reading.averages is None or not reading.averages.is_constant[f]
+
+
 def _smallest_finite(reading: Equilibrium) -> int | None:
     finite = np.flatnonzero(reading.nonfinite == 0)
     return int(finite[-1]) if len(finite) else None
@@ -198,7 +203,7 @@ PANELS: dict[str, Any] = {
     ],
     "histogram": [
         panels.HistogramPanel(
-            "density", "cell_low", "cell_width", lambda one: one.largest_finite, exact="density_exact"
+            "density", "cell_low", "cell_width", lambda one: one.largest_finite, exact="density_exact", only=_varies
         )
     ],
     "autocorrelation": [
@@ -209,6 +214,7 @@ PANELS: dict[str, Any] = {
             label="autocorrelation of ${f}$",
             zero=True,
             at={"h": _smallest_finite},
+            only=_varies,
             then=_until_small,
         )
     ],

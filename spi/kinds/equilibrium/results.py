@@ -143,6 +143,11 @@ class Averages(Described):
         """(S, F) its standard error, with that of the reference; 0 at the step size that is the reference itself."""
         return np.where(self.bias == 0, 0.0, np.hypot(self.stderr, self.reference_stderr))
 
+    @property
+    def is_constant(self) -> Array:
+        """(F,) which functions are constant up to rounding at all step sizes, and have no autocorrelation time."""
+        return np.isnan(self.tau).all(axis=0) & (self.variance >= 0).all(axis=0)
+
     @derived("h function", "bias in standard errors", claim=Claimed("at most", absolute=True, where="has_reference"))
     def deviation(self) -> Array:
         """(S, F) the bias in standard errors."""
@@ -342,10 +347,9 @@ class Equilibrium(Stored):
         """Reasons to doubt the errors of the means, orders of their biases, and what to run for a wanted accuracy."""
         if (averages := self.averages) is None:
             return
-        for f, name in enumerate(averages.functions):
-            if np.isnan(averages.tau[:, f]).all() and (averages.variance[:, f] >= 0).all():
-                spread = short(float(np.sqrt(averages.variance[:, f].max())), ".0e")
-                yield f"{self.about.label}: {name} is constant up to rounding ({spread})"
+        for f in np.flatnonzero(averages.is_constant).tolist():
+            spread = short(float(np.sqrt(averages.variance[:, f].max())), ".0e")
+            yield f"{self.about.label}: {averages.functions[f]} is constant up to rounding ({spread})"
         yield from (f"{self.about.label}, {line}" for line in _warnings(self, averages))
         for f, name in enumerate(averages.functions):
             if math.isfinite((order := averages.order[f]).order):
