@@ -418,7 +418,7 @@ def integrated(covariance: Array) -> Correlation:
     return Correlation(np.take_along_axis(each, place[..., np.newaxis], -1)[..., 0], place + 1, closed)
 
 
-def of_means(covariance: Array, count: int) -> tuple[Array, Correlation]:
+def of_means(covariance: Array, count: Array | int) -> tuple[Array, Correlation]:
     """Unbiased autocovariances (..., L), and their integrated times, from deviations from a mean over `count` values.
 
     These deviations make the covariances too small by the variance of the mean, which is added (Wolff, Comput. Phys.

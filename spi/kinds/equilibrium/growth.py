@@ -64,12 +64,11 @@ def casimir_errors(n: np.ndarray, casimir: np.ndarray, sizes: np.ndarray | None 
         for i, c in np.ndindex(levels, conserved):
             growth[i, c], low[i, c], high[i, c] = _exponent(n, casimir[i, :, c])
         in_a_step = casimir[:, -1] / n[-1]
-        stderr, rounding = estimators.stderr_of_mean(in_a_step), None
+        farthest, stderr = np.abs(in_a_step).max(axis=2, initial=0.0), estimators.stderr_of_mean(in_a_step)
+        exact = np.zeros_like(farthest, bool)
         if sizes is not None:
-            change, of = np.sqrt((casimir[:, -1] ** 2).mean(axis=2)), (sizes, n[-1])
-            exact = is_rounding(np.abs(casimir[:, -1]).max(axis=2, initial=0.0), *of)
-            stderr = np.where(exact, with_rounding(stderr * n[-1], change, *of) / n[-1], stderr)
-            rounding = np.where(exact, change, np.nan)
+            of = sizes / n[-1], n[-1]
+            exact, stderr = is_rounding(farthest, *of), with_rounding(stderr, farthest, *of)
         return {
             "casimir_mean": casimir.mean(axis=3),
             "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
@@ -80,7 +79,7 @@ def casimir_errors(n: np.ndarray, casimir: np.ndarray, sizes: np.ndarray | None 
             "growth_high": high,
             "bias": in_a_step.mean(axis=2),
             "bias_stderr": stderr,
-            "rounding": rounding,
+            "rounding": np.where(exact, farthest * n[-1], np.nan) if exact.any() else None,
         }
 
 

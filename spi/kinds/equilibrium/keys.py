@@ -60,7 +60,7 @@ class Case(CodeKeys, BaseCase):
     spacing: key_of(
         Positive | None,
         "time between two values of functions, a multiple of every step size; default: the largest step size, "
-        f"or so many times that that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
+        f"or so many times that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
         f"lattice is looked at for about {_LOOKING:.0%} of the time",
         "time",
     ) = None

@@ -1,7 +1,7 @@
 """Means over time: functions recorded along paths, autocorrelations and histograms, and their estimates with errors."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,8 +52,8 @@ class Series(NamedTuple):
 
     @property
     def lags(self) -> int:
-        """The number of lags of autocovariances: about a tenth of `used`, a power of two."""
-        return min(1 << max(0, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
+        """The number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
+        return min(1 << max(1, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
         """Number of steps, in whole tosses, whose states may be recorded at a time for `blocks` blocks."""
@@ -269,13 +269,9 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
         left_out = each_product - m * each_end + m**2
-        at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
-        of_values = np.maximum(at_start, np.abs(mean + recorder.origins))
-        steps = recorder.series.total * recorder.series.stride
-        of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, steps
+        of = np.sqrt(np.maximum(covariance[:, 0], 0)), *_sizes(recorder, mean, case)
         exact = is_rounding(*of)
-        equal = is_rounding(np.abs(without[:, 0] - mean).max(axis=0), *of[1:]) & ~exact  # on all paths
-        independent = np.where(equal, 1, samples)  # paths: equal ones tell as much as one
+        independent = np.where(_are_equal(mean, without[:, 0], *of[1:]) & ~exact, 1, samples)  # number of paths
         total = independent * used
         covariance, correlation = estimators.of_means(covariance, total)
         time = estimators.resolved_times(correlation, total)
@@ -332,33 +328,43 @@ def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
     return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
+def _sizes(recorder: Recorder, mean: Array, case: Any) -> tuple[Array, int]:
+    """The sizes (F,) of functions for rounding, and the steps."""
+    at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
+    return np.maximum(at_start, np.abs(mean + recorder.origins)), recorder.series.total * recorder.series.stride
+
+
+def _are_equal(mean: Array, without: Array, size: Array, steps: int) -> Array:
+    """(F,) whether means (F,) are the same without any of the groups (groups, F): paths that all tell what one does."""
+    return is_rounding(np.abs(without - mean).max(axis=0), size, steps)
+
+
+def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable[[Array], Array]:
+    """A formula as a function of means (F, n)."""
+    return lambda means: formula(means.T, case.temperature)
+
+
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
-    """Quantities that follow from means, with the jackknife over groups of paths, of few paths over batches."""
+    """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
     formulas = [derived_quantity(text, names) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):
-        if case.samples >= LEAST_PATHS:
-            counts = estimators.group_counts(case.samples)
-            mean, without = estimators.mean_over_paths(paths.values[0], counts)
-        else:
+        counts = estimators.group_counts(case.samples)
+        mean, without = estimators.mean_over_paths(paths.values[0], counts)
+        sizes, steps = _sizes(recorder, mean, case)
+        if case.samples < LEAST_PATHS or _are_equal(mean, without, sizes, steps).all():
             (mean, _), (left_out, _) = _by_batch(paths, case.samples)
             counts, without = np.ones(recorder.series.batches), left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)
         )
-        stderr = estimators.jackknife_stderr(value, left_out.T, counts)
-        change = np.abs(left_out - value[:, np.newaxis]).max(axis=1, initial=0.0)
-        steps = recorder.series.total * recorder.series.stride
-        sizes = np.array([_size_of_derived(formula, mean + recorder.origins, case) for formula in formulas])
-        found.append((value, np.where(change == 0, 0.0, with_rounding(stderr, change, sizes, steps))))
+        change = np.abs(left_out - value[:, np.newaxis]).max(axis=1)
+        size = [size_of_values(_of_columns(each, case), mean + recorder.origins) for each in formulas]
+        stderr = with_rounding(estimators.jackknife_stderr(value, left_out.T, counts), change, size, steps)
+        found.append((value, np.where(change == 0, 0.0, stderr)))
     value, stderr = (np.array(each) for each in zip(*found, strict=True))
     return Derived(quantities=tuple(case.derived), formulas=tuple(case.derived.values()), value=value, stderr=stderr)
-
-
-def _size_of_derived(formula: Any, means: Array, case: Any) -> float:
-    """The size for rounding of a quantity near the means (F,) from which it follows."""
-    return size_of_values(lambda each: formula(each.T, case.temperature), means)
 
 
 def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:

@@ -298,7 +298,7 @@ class Equilibrium(Stored):
     bias: Array = array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")
     bias_stderr: Array = array("h casimir", "standard error of the bias")
     rounding: Array | None = array(
-        "h casimir", "root mean square error at the end where all errors there are rounding; else NaN", default=None
+        "h casimir", "largest modulus of the error at the end where that is rounding; NaN elsewhere", default=None
     )
     solver: Solver | None = array("h", "what an implicit scheme reports", default=None)
     acceptance: Acceptance | None = array("h", "how often flows were accepted", default=None)
@@ -314,9 +314,9 @@ class Equilibrium(Stored):
     @derived("h casimir", "mean error of the Casimir in standard errors")
     def bias_deviation(self) -> Array:
         """(S, C) the bias by its standard error; NaN where that is 0, and where the errors are rounding."""
-        said = self.bias_stderr > 0
-        said = said if self.rounding is None else said & np.isnan(self.rounding)
-        return in_standard_errors(self.bias, np.where(said, self.bias_stderr, np.nan))
+        known = self.bias_stderr > 0
+        known = known if self.rounding is None else known & np.isnan(self.rounding)
+        return in_standard_errors(self.bias, np.where(known, self.bias_stderr, np.nan))
 
     @property
     def times(self) -> Array | None:
