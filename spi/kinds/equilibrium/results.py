@@ -9,6 +9,7 @@ import numpy as np
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.printing.text import decimal, interval_text, power_of_two, short
+from spi.statistics.estimators import WINDOW
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
@@ -412,7 +413,8 @@ def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
     likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / count)))
     burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
-    longer = np.isfinite(averages.tau) & ~np.isfinite(averages.window) & (lengths >= LONG_ENOUGH)
+    lasting = np.isfinite(averages.tau) & ~np.isfinite(averages.window)
+    longer = lasting & (lengths >= LONG_ENOUGH) & (len(averages.lag) > WINDOW)  # else there is none
     for values, bad, doubt in (
         (np.abs(averages.halves), likely, f"burn-in: {burnt_in}; give a longer burn_in and final_time"),
         (-lengths, -LONG_ENOUGH, f"a path has {{}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer"),

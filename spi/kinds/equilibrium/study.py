@@ -94,6 +94,8 @@ class EquilibriumPlan(Plan):
     def records(self) -> np.ndarray:
         """The numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
         count = self.case.counts[0]
+        if count < STEPS_PER_TOSS:  # of one large lattice, whose steps need no whole tosses
+            return np.array([count])
         count = count if self.case.step_count else count // STEPS_PER_TOSS * STEPS_PER_TOSS
         return np.union1d(STEPS_PER_TOSS << np.arange(int(np.log2(count / STEPS_PER_TOSS)) + 1), [count])
 
