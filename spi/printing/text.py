@@ -231,7 +231,7 @@ def interval_text(
     down, up = float(value) - low, high - float(value)
     if not math.isfinite(down + up):
         return short(float(value), ".3e") + " ± ?" * math.isfinite(value)
-    uneven = abs(up - down) > max(1e-6 * (up + down), _ROUNDED * abs(value))  # by more than rounding
+    uneven = abs(up - down) > max(1e-6 * (up + down), _ROUNDED * abs(float(value)))  # by more than rounding
     if by_ends or uneven:
         return (
             f"{interval_text(value, None, form)} [{interval_text(low, None, form)}, {interval_text(high, None, form)}]"
