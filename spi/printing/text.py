@@ -109,6 +109,9 @@ def narrowed(console: "Console", table: "Table") -> int:
     return needed
 
 
+#: Why a large kurtosis is a warning.
+HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
+
 _ROUNDED = 2.0**-51  # relative: an end of an interval is known to a unit in the last place of the value
 _FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 

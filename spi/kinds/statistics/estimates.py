@@ -376,6 +376,16 @@ class Moments(NamedTuple):
             without = self.square_without - self.mean_without**2
         return self._unbiased(value[:count], without[:, :count])
 
+    def kurtosis(self, count: int) -> Array:
+        """(count, T) of the first columns: the relative variance of the variance of n samples is (kurtosis - 1) / n.
+
+        NaN where the variance is lost among roundings of the mean square, and for too few groups.
+        """
+        value, stderr = self.variances(count)
+        with np.errstate(all="ignore"):
+            known = value > _SAME * self.square[:count]
+            return np.where(known, 1.0 + self.samples * (stderr / value) ** 2, np.nan)
+
     def _covariance(self, pairs: slice, left: Array, right: Array) -> tuple[Array, Array]:
         with np.errstate(invalid="ignore", over="ignore"):
             value = self.product[pairs] - self.mean[left] * self.mean[right]
