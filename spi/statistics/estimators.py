@@ -68,6 +68,23 @@ def kurtosis(powers: np.ndarray, variance: np.ndarray) -> np.ndarray:
         return np.asarray((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2)
 
 
+#: Samples at least, in units of their kurtosis: below, the standard error of their mean is not to be trusted.
+TAILS = 8.0
+_BY_CHANCE = 16.0  # kurtosis that few samples of a law without heavy tails may have
+
+
+def kurtosis_of_groups(variance: np.ndarray, without: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """The kurtosis of n samples, whose variance has the relative variance (kurtosis - 1) / n by the jackknife."""
+    with np.errstate(all="ignore"):
+        return np.asarray(1.0 + counts.sum() * (jackknife_stderr(variance, without, counts) / variance) ** 2)
+
+
+def few_carry(kurtosis: np.ndarray, samples: int) -> np.ndarray:
+    """Whether few of the samples carry their variance, so that there may be larger ones that none shows."""
+    with np.errstate(invalid="ignore"):
+        return (kurtosis > _BY_CHANCE) & (samples < TAILS * kurtosis)
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Richardson extrapolation: values at the steps h, 2h, 4h, ... combined so that the first powers of h cancel.
 #

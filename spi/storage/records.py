@@ -8,8 +8,6 @@ import numpy as np
 CONFIDENCE = 0.95  #: of all intervals
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors that are known, or come from very many values
 HEAVY_TAILS = 100.0  #: a kurtosis that is worth a warning: few samples carry the variance, whose estimate is poor
-#: Samples at least, in units of their kurtosis: below, the standard error of their mean is not to be trusted.
-TAILS = 8.0
 
 
 def student(freedom: Any, confidence: float = CONFIDENCE) -> Any:

@@ -104,6 +104,9 @@ def test_a_mean_of_very_few_values_has_an_interval(load_text):
     least = np.array([one.stderr_tau[0] / np.sqrt(one.variance[0] / 6) for one in found])
     assert (tau >= 0).all() and (tau == 0).any() and np.isfinite(half).all() and (half > 0).all()
     assert least.min() > 1 - 1e-12
+    reading = equilibrium.plan(cases[0], Part("splitting"))
+    text = printed(Results({"kind": "equilibrium", "title": ""}, (reading.results(finished(reading)).group(),)))
+    assert "≤ " in text and "inf" not in text
 
 
 @compiled_only
@@ -123,6 +126,15 @@ def test_equal_paths_tell_as_much_as_one(load_text):
     stderr = np.array([found.averages.quantities.stderr[0] for found in (many, one)])
     np.testing.assert_allclose(stderr[0], stderr[1], rtol=1e-6)
     assert stderr[0, 0] > 1e-4 and stderr[0, 1] < 1e-12
+
+
+@compiled_only
+def test_few_paths_that_carry_a_mean_are_told(load_text):
+    """1 / (1 - y3)^2 has no mean under the uniform law; y3 and H have no line about that."""
+    text = LONG.replace("functions: {", "functions: {far: 1/(1 - y3)^2, ")
+    plan = equilibrium.plan(load_text(text, "steps=[1/4]", "samples=256").cases[0], Part("splitting"))
+    lines = [line for line in plan.results(finished(plan)).remarks() if "heavy tails" in line]
+    assert len(lines) == 1 and ", far, h = 0.25: heavy tails: few samples carry the variance, so that" in lines[0]
 
 
 @compiled_only

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.statistics.estimators import GROUPS, kurtosis, weights
+from spi.statistics.estimators import GROUPS, TAILS, kurtosis, weights
 from spi.statistics.intervals import skewed_half_width, zero_share_bound
-from spi.storage.records import INTERVAL, TAILS
+from spi.storage.records import INTERVAL
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Moments from sums over samples, also where all values are equal, or few differ.

@@ -278,6 +278,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         enough = independent >= LEAST_PATHS
         of_tau = np.sqrt(2 * time.least * covariance[:, 0] / total)
         of_paths = np.where(enough, np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)), np.nan)
+        tails = estimators.kurtosis_of_groups(square - mean**2, without[:, 1] - without[:, 0] ** 2, counts)
         freedom = np.where(enough, samples - 1, total / (2 * correlation.window + 1))
         of_drift = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1))
         spread = np.where(enough, of_drift, 2 * of_tau)
@@ -298,6 +299,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
             "stderr_batches": of_batches,
+            "kurtosis": np.where(enough & ~exact, tails, np.nan),
             "halves": np.where(spread > 0, known * drift / spread, np.nan),
             "tau": known * spacing * time.tau,
             "tau_stderr": known * spacing * time.stderr,

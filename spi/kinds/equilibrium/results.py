@@ -8,8 +8,8 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, interval_text, power_of_two, short
-from spi.statistics.estimators import WINDOW
+from spi.printing.text import HEAVY, decimal, interval_text, power_of_two, short
+from spi.statistics.estimators import WINDOW, few_carry
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
@@ -111,6 +111,9 @@ class Averages(Described):
         "h function",
         "mean of the second half of the time less that of the first, in standard errors",
         claim=Claimed("at most", absolute=True),
+    )
+    kurtosis: Array | None = array(
+        "h function", "kurtosis of the means of paths; NaN of constants and of few paths", default=None
     )
     variance: Array = array("h function", "variance over time and paths")
     variance_stderr: Array = array("h function", "standard error of the variance")
@@ -410,6 +413,7 @@ def _count(steps: int) -> str:
 def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     """A line for each reason to doubt the errors of the means, about the worst step size and function."""
     count, paths = averages.average.size, reading.samples
+    kurtosis = np.zeros_like(averages.tau) if averages.kurtosis is None else averages.kurtosis
     lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
     likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / count)))
     burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
@@ -425,6 +429,7 @@ def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
             "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more than "
             "by chance; run longer",
         ),
+        (few_carry(np.nan_to_num(kurtosis), paths) * 1.0, 0.0, HEAVY),
     ):
         worst = np.where((values > bad) & np.isfinite(values), values, -np.inf)
         if np.isfinite(worst).any():

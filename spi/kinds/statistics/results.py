@@ -8,7 +8,8 @@ from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, decimal, interval_text, joined, short
 from spi.statistics.claims import lost_among
-from spi.storage.records import TAILS, in_standard_errors
+from spi.statistics.estimators import few_carry
+from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
@@ -26,8 +27,6 @@ LEAST_GROUPS = 8
 
 _MOST_TIMES = 6  # that a table shows
 
-
-_BY_CHANCE = 16.0  # kurtosis that few paths of a law without heavy tails may have
 
 _KNOWN = Claimed("equal", lost="lost")
 
@@ -293,8 +292,8 @@ class Statistics(Stored):
         """The functions whose variance few paths carry, with the numbers of times at which they do."""
         if self.kurtosis is None:
             return
-        heavy = (self.kurtosis > _BY_CHANCE) & (self.samples < TAILS * self.kurtosis)
-        counts = zip(self.functions, heavy.sum(axis=1), np.isfinite(self.kurtosis).sum(axis=1), strict=True)
+        heavy = few_carry(self.kurtosis, self.samples).sum(axis=1)
+        counts = zip(self.functions, heavy, np.isfinite(self.kurtosis).sum(axis=1), strict=True)
         yield from (f"{name} at {count} of {known} times" for name, count, known in counts if count)
 
     def remarks(self) -> Iterator[str]:
