@@ -20,10 +20,11 @@ from .arithmetic import NumberError, Numbers, read
 FUNCTIONS = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "atan", "abs")
 OF_SEVERAL = ("max", "min")
 _WORDS = (*OF_SEVERAL, "mod", "sum")
-#: Names that no variable, parameter or size can have.
-TAKEN = (*FUNCTIONS, *_WORDS, "pi", "for")
+#: Names that no variable, parameter or size can have, and what they mean.
+TAKEN = {**dict.fromkeys((*FUNCTIONS, *_WORDS), "a function"), "pi": "a constant", "for": "a word of ranges"}
 #: Words with a meaning in formulas about states, which no variable, parameter, size or function of a file can have.
 RESERVED = {
+    **TAKEN,
     "H": "the energy",
     r"C\d*": "a Casimir function",
     "T": "the temperature",
@@ -38,8 +39,6 @@ _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
 
 def meaning_of(name: str) -> str:
     """What a name that is taken means in formulas; "" for one that is free."""
-    if name in TAKEN:
-        return "a word"
     return next((meaning for word, meaning in RESERVED.items() if re.fullmatch(word, name)), "")
 
 

@@ -86,7 +86,7 @@ def _at(curves: Sequence[Curve], name: str) -> str:
 def _text(point: Quantity) -> str:
     """A quantity with its interval, of orders and quantiles by its ends."""
     if math.isnan(point.value):
-        return "not resolved"
+        return point.lost or "not resolved"
     ends = None if point.low == point.high else (point.low, point.high)
     form = ".3g" if ends is None else ".4g" if point.name == "quantile" else ".3f"
     return interval_text(point.value, ends, form, point.name in _UNEVEN)

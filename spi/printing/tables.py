@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..statistics.claims import CONFIRMED, CONSISTENT, CONTRADICTED, VERDICTS, Quantity, Verdict
+from ..statistics.rounding import all_exact
 from ..storage.stored import Estimate, Stored, last
 from .text import (
     LABEL,
@@ -307,12 +308,13 @@ def _common(record: Any) -> Iterator[str]:
 
     A kind of one's own has any of them, and each is said without the others.
     """
-    if (order := getattr(record, "order", None)) is not None:
+    note = getattr(record, "note", "")
+    if (order := getattr(record, "order", None)) is not None and not all_exact(note):
         fitted, expected = len(getattr(record, "h", ())), getattr(record, "expected_order", None)
         few = math.isfinite(order.order) and order.points < fitted
         through = f", through the finest {order.points} of {fitted}" * few
         yield order_text(order.order, order.low, order.high, expected) + through
-    if note := getattr(record, "note", ""):
+    if note:
         yield note
     if hasattr(record, "step") and hasattr(record, "samples"):
         times, nonfinite, ns = (getattr(record, name, None) for name in ("t", "nonfinite", "ns_per_step"))
@@ -384,16 +386,16 @@ def _at(one: Verdict) -> str:
 
 
 def came_out(one: Verdict) -> str:
-    """The value with its interval, and what of it is not finite."""
+    """The value with its interval, and what of it is not finite, or why there is none."""
     if one.found is None:
         return "not computed"
+    if math.isnan(one.found.value):
+        return one.found.lost or "not resolved"
     return _number(one.found) + f" ({one.found.lost})" * bool(one.found.lost)
 
 
 def _number(quantity: Quantity) -> str:
     value, low, high = quantity.value, quantity.low, quantity.high
-    if value != value:
-        return "not resolved"
     form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"
     interval = "" if low == value == high else f" [{short(low, form)}, {short(high, form)}]"
     return f"{short(value, form if interval else '.3g')}{interval}"

@@ -109,6 +109,10 @@ def narrowed(console: "Console", table: "Table") -> int:
     return needed
 
 
+#: Why a large kurtosis is a warning.
+HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
+
+_ROUNDED = 2.0**-51  # relative: an end of an interval is known to a unit in the last place of the value
 _FIXED = 1e-3, 1e5  # numbers between these are written without a power of ten
 
 
@@ -230,7 +234,8 @@ def interval_text(
     down, up = float(value) - low, high - float(value)
     if not math.isfinite(down + up):
         return short(float(value), ".3e") + " ± ?" * math.isfinite(value)
-    if by_ends or abs(up - down) > 1e-6 * (up + down):
+    uneven = abs(up - down) > max(1e-6 * (up + down), _ROUNDED * abs(float(value)))  # by more than rounding
+    if by_ends or uneven:
         return (
             f"{interval_text(value, None, form)} [{interval_text(low, None, form)}, {interval_text(high, None, form)}]"
         )

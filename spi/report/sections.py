@@ -302,7 +302,9 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
             if one.name in ("order", "uniform_order"):
                 subject = one.subject + ", largest over eps" * (one.name == "uniform_order")
                 interval = f"[{one.low:.3f}, {one.high:.3f}]"
-                fitted = (f"{one.value:.3f}", interval) if math.isfinite(one.value) else ("not resolved", "")
+                fitted = (
+                    (f"{one.value:.3f}", interval) if math.isfinite(one.value) else (one.lost or "not resolved", "")
+                )
                 theory = "" if math.isnan(one.expected) else fraction(one.expected)
                 rows.append([Cell(text) for text in (*[title] * several, subject, *fitted, theory)])
     headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")

@@ -25,7 +25,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..storage.records import Order
-from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Stored, last
+from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Entry, Stored, last
+from .rounding import all_exact
 
 CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED = "confirmed", "consistent", "inconclusive", "contradicted"
 VERDICTS = (CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED)  #: from good to bad
@@ -100,7 +101,7 @@ class Quantity(NamedTuple):
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
     expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
-    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it is confirmed
+    lost: str = ""  #: what of it is not finite, which paths diverged, or why it is none: no claim about it is confirmed
 
     @property
     def at(self) -> tuple[str, float] | None:
@@ -183,7 +184,7 @@ def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
     for record in readings:
         for entry in record.entries:
             for claim in entry.meaning.claims:
-                yield from _claimed(record, entry.name, claim)
+                yield from _claimed(record, entry, claim)
     if readings:
         yield from readings[0].quantities_of_case(readings)
 
@@ -192,9 +193,9 @@ def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
 _APART = ("h", "value")
 
 
-def _claimed(record: Stored, name: str, claim: Claimed) -> Iterator[Quantity]:
+def _claimed(record: Stored, entry: Entry, claim: Claimed) -> Iterator[Quantity]:
     """The quantities of a field: of several times the last, and of further axes each number, or the worst exact one."""
-    numbers = record.estimate(name)
+    numbers = record.estimate(entry.name)
     if numbers is None or not numbers.value.size:
         return
     if claim.infinite:
@@ -211,19 +212,21 @@ def _claimed(record: Stored, name: str, claim: Claimed) -> Iterator[Quantity]:
     where, expected, lost = (record.along(side, numbers, default) for side, default in sides)
     for place in np.ndindex(numbers.value.shape):
         at = {axis: record.get(axis)[i] for axis, i in zip(numbers.axes, place, strict=True) if axis in labels}
+        function = ", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis])
+        exact = all_exact(record.get("note") or "", function) if entry.field and entry.field.is_order else ""
         if where[place]:
             yield Quantity(
-                name=claim.name or name,
+                name=claim.name or entry.name,
                 about=record.about,
                 value=float(numbers.value[place]),
                 low=float(numbers.low[place]),
                 high=float(numbers.high[place]),
-                function=", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis]),
+                function=function,
                 h=float(at["h"]) if "h" in at else None,
                 swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
                 widest=claim.widest,
                 expected=float(expected[place]),
-                lost=str(lost[place]),
+                lost=str(lost[place]) or exact,
             )
 
 

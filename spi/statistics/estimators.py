@@ -14,7 +14,7 @@ import numpy as np
 from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
-from ..storage.records import Order, student
+from ..storage.records import INTERVAL, Order, student
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
@@ -66,6 +66,23 @@ def kurtosis(powers: np.ndarray, variance: np.ndarray) -> np.ndarray:
     m1, m2, m3, m4 = powers
     with np.errstate(all="ignore"):
         return np.asarray((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2)
+
+
+#: Samples at least, in units of their kurtosis: below, the standard error of their mean is not to be trusted.
+TAILS = 8.0
+_BY_CHANCE = 16.0  # kurtosis that few samples of a law without heavy tails may have
+
+
+def kurtosis_of_groups(variance: np.ndarray, without: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """The kurtosis of n samples, whose variance has the relative variance (kurtosis - 1) / n by the jackknife."""
+    with np.errstate(all="ignore"):
+        return np.asarray(1.0 + counts.sum() * (jackknife_stderr(variance, without, counts) / variance) ** 2)
+
+
+def few_carry(kurtosis: np.ndarray, samples: int) -> np.ndarray:
+    """Whether few of the samples carry their variance, so that there may be larger ones that none shows."""
+    with np.errstate(invalid="ignore"):
+        return (kurtosis > _BY_CHANCE) & (samples < TAILS * kurtosis)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -418,7 +435,7 @@ def integrated(covariance: Array) -> Correlation:
     return Correlation(np.take_along_axis(each, place[..., np.newaxis], -1)[..., 0], place + 1, closed)
 
 
-def of_means(covariance: Array, count: int) -> tuple[Array, Correlation]:
+def of_means(covariance: Array, count: Array | int) -> tuple[Array, Correlation]:
     """Unbiased autocovariances (..., L), and their integrated times, from deviations from a mean over `count` values.
 
     These deviations make the covariances too small by the variance of the mean, which is added (Wolff, Comput. Phys.
@@ -428,3 +445,26 @@ def of_means(covariance: Array, count: int) -> tuple[Array, Correlation]:
     lacking = 2 * np.maximum(biased.tau, 0) * covariance[..., 0] / count
     covariance = covariance + np.where(np.isfinite(lacking), lacking, 0.0)[..., np.newaxis]
     return covariance, integrated(covariance)
+
+
+class Times(NamedTuple):
+    """Integrated autocorrelation times of some series, (...), in values."""
+
+    tau: Array  #: not below 0
+    stderr: Array  #: that of independent values at least
+    least: Array  #: for errors of means: 1/2, as of independent values, where few values do not tell that it is less
+
+
+def resolved_times(correlation: Correlation, count: Array | int) -> Times:
+    """The times of correlations that were estimated from `count` values, with what these tell of them.
+
+    A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
+    """
+    spread = np.sqrt(2 * (2 * correlation.window + 1) / count)
+    stderr = spread * np.maximum(correlation.tau, 0.5)
+    lost = ~(correlation.tau > INTERVAL * stderr)  # true for NaN
+    return Times(
+        tau=np.maximum(correlation.tau, 0.0),
+        stderr=stderr,
+        least=np.where(lost, np.maximum(correlation.tau, 0.5), correlation.tau),
+    )

@@ -82,3 +82,12 @@ def note_exact(errors: Array, exact: Array) -> str:
     mantissa, _, exponent = f"{(most := np.abs(errors[exact]).max()):.0e}".partition("e")
     largest = f"exact up to rounding ({mantissa}e{int(exponent)})" if most else "exact"
     return largest if exact.all() else f"{exact.sum()} of {exact.size} errors are {largest}"
+
+
+def all_exact(notes: str, function: str = "") -> str:
+    """The part of notes by :func:`note_exact` that says that all errors, of a function, are exact; "" without one."""
+    for part in notes.split("; "):
+        name, _, note = part.rpartition(": ")
+        if note.startswith("exact") and function in ("", name):
+            return note
+    return ""

@@ -19,7 +19,7 @@ import sympy
 from ..checks.registration import vocabulary
 from ..ensemble.protocol import INNER_METHODS
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, entries, meaning_of, parts, repeated, taken_name, whole
+from ..expressions.ranges import entries, meaning_of, parts, repeated, taken_name, whole
 from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
@@ -194,13 +194,13 @@ class Reader:
 
     def check_words(self, variables: Sequence[str]) -> None:
         """DefinitionError if a component has the name of another, or one with another meaning in formulas."""
-        taken, before = {*self.sizes, *self.parameters, *TAKEN}, set[str]()
+        taken, before = {*self.sizes, *self.parameters}, set[str]()
         for name in variables:
             if name in before:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
             before.add(name)
             if name.partition("(")[0] in taken:
-                raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
+                raise DefinitionError(f"has '{name}', a parameter or size; take another name", "variables")
         if named := taken_name(variables):
             raise DefinitionError(f"has '{named[0]}', {named[1]} in formulas; take another name", "variables")
 
@@ -365,9 +365,8 @@ def _refuse_truth_values(given: Iterable[tuple[Any, Any]], key: str) -> None:
 def check_name(name: str, key: str) -> None:
     """DefinitionError if a parameter or a size cannot have this name in formulas."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
-    if not is_name or name in TAKEN:
-        right = "use letters from a to z and digits, and not the name of a function"
-        raise DefinitionError(f"is not a valid name; {right}", key, name)
+    if not is_name:
+        raise DefinitionError("is not a valid name; use letters from a to z and digits", key, name)
     if meaning := meaning_of(name):
         raise DefinitionError(f"is {meaning} in formulas; take another name", key, name)
 

@@ -93,6 +93,63 @@ def test_intervals_hold_the_exact_value(load_text, samples):
     assert np.abs(z).max() < 4.5
 
 
+@compiled_only
+def test_a_mean_of_very_few_values_has_an_interval(load_text):
+    """Times that few values make negative are no shorter than those of independent values: 40 runs of 6 values."""
+    keys = "samples=1", "steps=[1/16]", "final_time=8", "spacing=1", "burn_in=2"
+    case = load_text(LONG, *keys).cases[0]
+    cases = [case.model_copy(update={"seed": seed}) for seed in range(1, 41)]
+    found = [averages(equilibrium.plan(one, Part("splitting"))) for one in cases]
+    tau, half = (np.array([getattr(one, name)[0] for one in found]) for name in ("tau", "average_half"))
+    least = np.array([one.stderr_tau[0] / np.sqrt(one.variance[0] / 6) for one in found])
+    assert (tau >= 0).all() and (tau == 0).any() and np.isfinite(half).all() and (half > 0).all()
+    assert least.min() > 1 - 1e-12
+    reading = equilibrium.plan(cases[0], Part("splitting"))
+    text = printed(Results({"kind": "equilibrium", "title": ""}, (reading.results(finished(reading)).group(),)))
+    assert "≤ " in text and "inf" not in text
+
+
+@compiled_only
+def test_equal_paths_tell_as_much_as_one(load_text):
+    """70 paths without noise: the mean, tau and the quantities that follow have the errors of one path."""
+    keys = "model.sigma=[0, 0, 0]", "steps=[1/4]", "derived={twice: 2*height, constant: 3 + 2*casimir}"
+    text = LONG.replace("functions: {", "functions: {casimir: C1, ")
+    plans = [equilibrium.plan(load_text(text, *keys, f"samples={n}").cases[0], Part("splitting")) for n in (70, 1)]
+    many, one = (plan.results(finished(plan)) for plan in plans)
+    height = 1
+    for name in ("average_half", "stderr_tau", "stderr_batches", "tau_stderr", "variance_stderr"):
+        values = [getattr(found.averages, name)[0, height] for found in (many, one)]
+        assert values[0] == pytest.approx(values[1], rel=1e-6) and values[0] > 0
+    assert np.isnan(many.averages.halves[0, height]) == np.isnan(one.averages.halves[0, height])
+    text = " ".join([*many.remarks(), printed(Results({"kind": "equilibrium", "title": ""}, (many.group(),)))])
+    assert "inf" not in text and "± ?" not in text
+    stderr = np.array([found.averages.quantities.stderr[0] for found in (many, one)])
+    np.testing.assert_allclose(stderr[0], stderr[1], rtol=1e-6)
+    assert stderr[0, 0] > 1e-4 and stderr[0, 1] < 1e-12
+
+
+@compiled_only
+def test_few_paths_that_carry_a_mean_are_told(load_text):
+    """1 / (1 - y3)^2 has no mean under the uniform law; y3 and H have no line about that."""
+    text = LONG.replace("functions: {", "functions: {far: 1/(1 - y3)^2, ")
+    plan = equilibrium.plan(load_text(text, "steps=[1/4]", "samples=256").cases[0], Part("splitting"))
+    lines = [line for line in plan.results(finished(plan)).remarks() if "heavy tails" in line]
+    assert len(lines) == 1 and ", far, h = 0.25: heavy tails: few samples carry the variance, so that" in lines[0]
+
+
+@compiled_only
+def test_roundings_of_casimirs_are_not_tested_and_a_drift_is(load_text):
+    """Splitting preserves C1; the Euler-Maruyama scheme does not."""
+    case = load_text(LONG, "steps=[1/8]", "final_time=24", "schemes=[splitting, euler_maruyama]").cases[0]
+    plans = [equilibrium.plan(case, Part(scheme)) for scheme in ("splitting", "euler_maruyama")]
+    exact, moving = (plan.results(finished(plan)) for plan in plans)
+    assert 0 < exact.rounding[0, 0] == exact.casimir_worst[0, -1, 0] < 1e-13 and np.isnan(exact.bias_deviation).all()
+    assert abs(exact.bias[0, 0]) < 1.96 * exact.bias_stderr[0, 0] and exact.bias_stderr[0, 0] < 1e-13
+    assert moving.rounding is None and moving.bias_deviation[0, 0] > 3
+    assert "bias/step" in (text := printed(Results({"kind": "equilibrium", "title": ""}, (exact.group(),))))
+    assert "in std." not in text
+
+
 @pytest.mark.parametrize("finest", [False, True])
 def test_the_order_of_a_bias(finest):
     h, error, generator = 2.0 ** -np.arange(5), 2e-6, np.random.default_rng(4)

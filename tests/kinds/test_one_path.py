@@ -14,6 +14,7 @@ from spi.models.spins.lattices import Cell
 from spi.models.spins.whole import Sampled, Whole
 from spi.running import run as runner
 from spi.running.load import load
+from spi.specs import SpecError
 from spi.storage import Part
 from spi.storage import read as read_results
 
@@ -120,6 +121,24 @@ def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path, monkeypatch)
     names = [("m", "e").index(name) for name in found.functions]
     np.testing.assert_allclose(found.average[0], values.mean(axis=1)[names], rtol=1e-11)
     assert check_going_on(plan) and same_numbers(finished(plan, 1), finished(plan))
+
+
+@compiled_only
+def test_a_large_lattice_may_move_for_fewer_steps_than_blocks_of_paths(tmp_path):
+    """10 and 20 steps until one time, where paths in blocks need 128; the Casimirs are known at the end."""
+    text = LARGE.replace("final_time: 16", "final_time: 5/8").replace("[1/16]", "[1/16, 1/32]")
+    case = read(text + "spacing: 1/16\nburn_in: 1/8\n", tmp_path).cases[0]
+    plan = equilibrium.plan(case, Part("splitting_symmetric"))
+    found = plan.results(finished(plan))
+    assert found.n.tolist() == [10] and found.casimir_worst.max() < 1e-13
+    assert np.isnan(found.growth).all() and not any("correlations last" in line for line in found.remarks())
+    for number, every in enumerate((1, 2)):
+        moves = one_path.moved(plan.one_path[number], one_path.start_of(plan), 0, 10 * every, every, 1, 0)
+        values = _known(np.array([y.copy() for _, y in moves]))[:, -8:]
+        names = [("m", "e").index(name) for name in found.averages.functions]
+        np.testing.assert_allclose(found.averages.average[number], values.mean(axis=1)[names], rtol=1e-11)
+    with pytest.raises(SpecError, match=r"final_time: is 0\.625, fewer than 128 steps of 2\^-4; must be at least"):
+        read(text.replace("[24, 16, 16]", "[8, 8, 8]"), tmp_path)
 
 
 GIBBS = """\

@@ -1,6 +1,7 @@
 """Statistics over time: by hand, against exact laws of a rotation about one axis, with the same bits however made."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ from statistics_cases import AXIS, results_of, staying, study_of, watched, writt
 from weak_cases import stderr_by_hand
 
 import spi
-from spi.kinds.statistics.estimates import simultaneous
+from spi.kinds.statistics.estimates import Moments, simultaneous
 from spi.kinds.statistics.results import Statistics
+from spi.numerics.rng import LANES
 from spi.running import shipped
 from spi.running.run import load
 from spi.specs import SpecError
 from spi.statistics.claims import quantities
+from spi.statistics.estimators import by_group
 
 
 @pytest.fixture
@@ -143,6 +146,36 @@ def test_the_laws_of_a_rotation_about_one_axis(case_of):
     off = found.autocorrelation[0, 16:] - together / ((1 + math.exp(-2 * s)) / 2 - math.exp(-s))
     assert np.abs(off[1:] / found.autocorrelation_stderr[0, 17:]).max() < 4 and found.autocorrelation[0, 16] == 1
     check_wrapped(found.density_map, found.samples)
+
+
+@pytest.mark.parametrize("samples", [300, 2**14])
+def test_kurtosis_from_the_error_of_the_variance(samples):
+    """Of values beside their own kurtosis: of normal and exponential laws, and of one where one value is nearly all."""
+    random = np.random.default_rng(5)
+    each = [
+        random.standard_normal(samples),
+        3 + random.exponential(size=samples),
+        np.exp(8 * random.standard_normal(samples)),
+    ]
+    paths = np.zeros((-(-samples // LANES) * LANES, 1, 3))
+    paths[:samples, 0] = np.transpose(each)
+    blocks = paths.reshape(-1, LANES, 1, 3)
+    sums = np.array([by_group(blocks**power, 0, samples) for power in (1, 2)])
+    found = Moments.of(sums, sums[:1], samples).kurtosis(3)[:, 0]
+    known = stats.kurtosis(each, axis=1, fisher=False)
+    np.testing.assert_allclose(found[:2], known[:2], rtol=0.5)
+    assert found[2] == pytest.approx(known[2], rel=0.1) and found[2] > 0.3 * samples
+
+
+@compiled_only
+def test_few_paths_that_carry_a_variance_are_told(case_of):
+    """(1 + y2)^2 / (1 - y2)^2 has no variance, since y2 = sin W(t) may be 1; y2 and its square are told nothing of."""
+    about = f"model={AXIS}", "initial=[1, 0, 1]", "samples=1024", "step=2^-3", "statistics=[mean]"
+    found = results_of(case_of(*about, "functions={y2: y2, square: y2^2, odds: ((1 + y2)/(1 - y2))^2, one: C1}"))
+    (line,) = [line for line in found.remarks() if "heavy" in line]
+    assert re.fullmatch(r" *odds at \d of 4 times: heavy tails: few samples carry the variance, .*", line)
+    assert np.isnan(found.kurtosis[3]).all() and np.isnan(found.kurtosis[:, 0]).all()
+    assert found.kurtosis[0, 1:].min() > 1 and found.kurtosis[:2, 1:].max() < 16
 
 
 def chi_squared(counts, expected):

@@ -1,5 +1,6 @@
 """Currents, starts from the Gibbs law, correlations in space and time, and systems from YAML moved as spins."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +13,8 @@ from spi.kinds.trajectory import study as trajectory
 from spi.models.spins import Anisotropy, Spins, Terms
 from spi.models.spins.tables import bond_matrices, tables
 from spi.models.spins.whole import Sampled
-from spi.storage import Part
+from spi.report import views
+from spi.storage import Part, Results
 from spi.systems.currents import energy_current
 
 pytestmark = pytest.mark.xdist_group("spins")
@@ -174,8 +176,12 @@ time_correlations: {until: 4, window: none, spins: [x, y, z], about: [0, 0, 1]}
 def test_structure_factor(spec):
     """Equal times by Fisher's correlations of rings; magnons of the equation and of the step; sum rule of S."""
     plan = study.plan(spec(SPINS).cases[0], Part("splitting_symmetric"))
-    time = plan.results(finished(plan)).time
-    s = time.structure
+    found = plan.results(finished(plan))
+    time, s = found.time, found.time.structure
+    fig = views.figure(Results({"kind": "statistics", "title": ""}, (replace(found, panels=("structure",)).group(),)))
+    marks = [line for line in fig.axes[0].lines if line.get_linestyle() == "None"]
+    assert [line.get_marker() for line in marks] == ["o", "+"] and len(fig.axes[0].lines) == 2  # none between these q
+    np.testing.assert_array_equal([line.get_ydata() for line in marks], [s.waves[:, 0], s.waves_of_step[:, 0]])
     np.testing.assert_allclose(s.waves[:, 0], 2 * (1 - np.cos(2 * np.pi * s.q)), atol=1e-7)
     assert 1e-4 < abs(s.waves_of_step - s.waves).max() < 2e-2
     np.testing.assert_allclose(s.wave_vector[:, 0], np.arange(5) / 8)

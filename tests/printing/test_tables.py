@@ -9,7 +9,7 @@ from helpers import printed
 from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
-from spi.printing.text import decimal, duration, fraction, power_of_two, with_interval
+from spi.printing.text import decimal, duration, fraction, interval_text, power_of_two, with_interval
 from spi.report import views
 from spi.storage import Order, StorageError
 
@@ -113,6 +113,19 @@ def test_results_of_an_unknown_kind_are_said_to_be_that(results):
 )
 def test_with_interval(value, half, text):
     assert with_interval(value, half) == text
+
+
+@pytest.mark.parametrize(
+    "value, ends, text",
+    [
+        (1.0, (1.0 - 1e-15, 1.0 + 1.1e-15), "1.000000 ± 1.1e-15"),  # ends are known to 2e-16
+        (1.0, (1.0 - 1e-14, 1.0 + 4e-14), "1.0 [1.0, 1.0]"),
+        (0.5, (0.4, 0.7), "0.50 [0.40, 0.70]"),
+        (1e-20, (0.9e-20, 1.3e-20), "1.0e-20 [9.0e-21, 1.3e-20]"),
+    ],
+)
+def test_ends_that_are_even_but_for_rounding_are_one_half_width(value, ends, text):
+    assert interval_text(value, ends) == text
 
 
 def test_numbers_that_are_huge_without_a_noise_have_no_hundreds_of_digits():

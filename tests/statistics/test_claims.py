@@ -439,7 +439,7 @@ def test_what_is_finite_may_contradict_a_claim_all_the_same():
     (found,) = judge([claim(3.0, AT_MOST)], quantities[:1])
     assert tables.came_out(found) == "2 (not finite: 1 of 3 times)"
     (found,) = judge([claim(3.0, AT_MOST)], quantities[1:])
-    assert tables.came_out(found) == "not resolved (not finite: 1 of 3 times)"
+    assert tables.came_out(found) == "not finite: 1 of 3 times"
 
 
 def test_the_largest_deviation_is_that_of_all_times():

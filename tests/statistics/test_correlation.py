@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import GROUPS, by_group, group_counts, integrated, lagged_products, lagged_sums, of_means
+from spi.statistics.estimators import (
+    GROUPS,
+    Correlation,
+    by_group,
+    group_counts,
+    integrated,
+    lagged_products,
+    lagged_sums,
+    of_means,
+    resolved_times,
+)
 
 
 def test_groups_are_those_of_the_jackknife():
@@ -49,3 +59,14 @@ def test_the_integrated_time_of_an_autoregression(a):
 def test_a_window_that_is_not_found():
     assert not integrated(0.999 ** np.arange(64)).closed
     assert not integrated(np.full(64, np.nan)).closed
+
+
+def test_times_below_those_of_independent_values():
+    """Few values do not tell them from 1/2, many do: x_t = (e_t - 0.9 e_(t-1)) has tau = 0.1^2 / (2 (1 + 0.9^2))."""
+    tau = np.array([0.5 * 0.1**2 / (1 + 0.9**2), -0.3, 0.5, 3.0])
+    correlation = Correlation(tau, np.full(4, 5), np.full(4, True))
+    few, many = resolved_times(correlation, 16), resolved_times(correlation, 10**7)
+    np.testing.assert_array_equal(few.tau, np.maximum(tau, 0))
+    np.testing.assert_array_equal(few.least, [0.5, 0.5, 0.5, 3.0])
+    np.testing.assert_array_equal(many.least, [tau[0], 0.5, 0.5, 3.0])
+    np.testing.assert_allclose(few.stderr, np.sqrt(22 / 16) * np.array([0.5, 0.5, 0.5, 3.0]))

@@ -7,6 +7,7 @@ import pytest
 import weak_cases
 import work_study_cases
 from equilibrium_cases import RIGID
+from helpers import printed
 from stability_cases import RIGID as RIGID_STABILITY
 from states import finished
 from strong_cases import case_of as strong_case
@@ -19,10 +20,21 @@ from spi.kinds.stability import study as stability
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
 from spi.kinds.work_precision.results import WorkPrecision, work_for
+from spi.printing import tables
+from spi.printing.sweeps import headline
 from spi.running.load import load
 from spi.statistics.claims import INCONCLUSIVE, judge, quantities
-from spi.statistics.rounding import is_rounding, note_exact, rounding, size_of, size_of_values, with_rounding
-from spi.storage import Part
+from spi.statistics.curves import curves
+from spi.statistics.rounding import (
+    all_exact,
+    is_rounding,
+    note_exact,
+    rounding,
+    size_of,
+    size_of_values,
+    with_rounding,
+)
+from spi.storage import Part, Results
 
 # fixtures
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
@@ -60,6 +72,8 @@ def test_intervals_are_no_shorter_than_rounding():
     assert found[0] == rounding(1.0, 64) / 1.96 and found[1] == 1e-17 and found[2] == 1e-3
     assert note_exact(difference, is_rounding(difference, 1.0, 64)) == "2 of 3 errors are exact up to rounding (6e-16)"
     assert note_exact(difference[1:2], np.array([False])) == ""
+    notes = "not reached; q: 2 of 3 errors are exact up to rounding (6e-16); p: exact"
+    assert [all_exact(notes, name) for name in ("q", "p", "", "r")] == ["", "exact", "exact", ""]
 
 
 def test_strong_errors_that_are_rounding_have_no_order():
@@ -78,8 +92,13 @@ def test_no_claim_about_rounding_is_contradicted():
     case = strong_case("schemes=[splitting]", "truncate_noise=false", "samples=64", "expect={splitting: {order: 1}}")
     exact = case.model_copy(update={"model": case.model._replace(**ABOUT_ONE_AXIS)})
     plan = strong.plan(exact, Part("splitting"))
-    verdicts = judge(case.claims, quantities([plan.results(finished(plan))]))
-    assert [one.verdict for one in verdicts if one.claim.quantity == "order" and one.found] == [INCONCLUSIVE]
+    found = plan.results(finished(plan))
+    verdicts = judge(case.claims, quantities([found]))
+    (one,) = [one for one in verdicts if one.claim.quantity == "order" and one.found]
+    assert (one.verdict, tables.came_out(one)) == (INCONCLUSIVE, found.note)
+    text = printed(Results({"kind": "strong", "title": ""}, (found.group(),)))
+    assert f": {found.note}\n" in text and "not resolved (" not in text and "order not resolved" not in text
+    assert "exact up to rounding (" in headline(curves(quantities([found]), ["order"]))
 
 
 def test_weak_errors_that_are_rounding_have_no_order():

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.statistics.estimators import GROUPS, kurtosis, weights
+from spi.statistics.estimators import GROUPS, TAILS, kurtosis, weights
 from spi.statistics.intervals import skewed_half_width, zero_share_bound
 from spi.storage.records import INTERVAL
 
@@ -159,8 +159,6 @@ def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray, np.nd
 
 BIAS_SHARE = 0.1  #: of the accuracy, the most that the bias may have where levels are chosen
 CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step finer is compared
-#: Paths of a level at least, in units of its kurtosis: below, its standard error is not to be trusted.
-TAILS = 8.0
 MOST_TAILS = 2**17
 #: The share of the variance of an answer up to which the variance of a level may be uncertain, and the factor by which
 #: it may be larger than it seems: a rare value that occurred once may be that much likelier.

@@ -8,6 +8,7 @@ import numpy as np
 from spi.exact.sphere_law import BINS, SphereLaw
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array, Sums, added, joined, of_first, reports
+from spi.statistics.rounding import is_rounding, with_rounding
 
 from .results import Law
 
@@ -50,11 +51,12 @@ OF_PATHS = ("casimir", "moments", "counts")  #: the fields in which the paths st
 _FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit their growth
 
 
-def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
+def casimir_errors(n: np.ndarray, casimir: np.ndarray, sizes: np.ndarray | None = None) -> dict[str, Any]:
     """Statistics over paths of the relative errors (levels, records, C, paths) of Casimirs after n (records,) steps.
 
     Mean, root mean square and largest errors, those of path 0, the exponent with which they grow, with its 95 %
-    interval, and their bias in a step.
+    interval, and their bias in a step.  With `sizes` (C,), those of the Casimirs relative to themselves, errors that
+    are rounding tell of no bias.
     """
     levels, _, conserved, _ = casimir.shape
     growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
@@ -62,6 +64,11 @@ def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
         for i, c in np.ndindex(levels, conserved):
             growth[i, c], low[i, c], high[i, c] = _exponent(n, casimir[i, :, c])
         in_a_step = casimir[:, -1] / n[-1]
+        farthest, stderr = np.abs(in_a_step).max(axis=2, initial=0.0), estimators.stderr_of_mean(in_a_step)
+        exact = np.zeros_like(farthest, bool)
+        if sizes is not None:
+            of = sizes / n[-1], n[-1]
+            exact, stderr = is_rounding(farthest, *of), with_rounding(stderr, farthest, *of)
         return {
             "casimir_mean": casimir.mean(axis=3),
             "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
@@ -71,7 +78,8 @@ def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
             "growth_low": low,
             "growth_high": high,
             "bias": in_a_step.mean(axis=2),
-            "bias_stderr": estimators.stderr_of_mean(in_a_step),
+            "bias_stderr": stderr,
+            "rounding": np.where(exact, farthest * n[-1], np.nan) if exact.any() else None,
         }
 
 

@@ -1,5 +1,6 @@
 """The keys of an experiment of kind equilibrium."""
 
+import re
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -60,7 +61,7 @@ class Case(CodeKeys, BaseCase):
     spacing: key_of(
         Positive | None,
         "time between two values of functions, a multiple of every step size; default: the largest step size, "
-        f"or so many times that that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
+        f"or so many times that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
         f"lattice is looked at for about {_LOOKING:.0%} of the time",
         "time",
     ) = None
@@ -145,7 +146,7 @@ class Case(CodeKeys, BaseCase):
         for h in self.steps if self.final_time else ():
             check_multiple(self.final_time, h, "steps", "has")
             check_count(self.final_time, h, "steps")
-            if self.final_time / h < STEPS_PER_TOSS:
+            if self.final_time / h < STEPS_PER_TOSS and not alone.is_long(self):
                 mistake = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
                 raise wrong(mistake, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
         check_schemes(self, self.schemes, self.steps, "steps")
@@ -175,6 +176,9 @@ class Case(CodeKeys, BaseCase):
         if both := self.derived.keys() & functions.keys():
             raise wrong("is the name of a function", "take another name", "derived", min(both))
         for name, text in self.derived.items():
+            if "T" in functions and re.search(r"\bT\b", text):
+                fault = f"is the temperature in derived.{name}, {shown(text)}"
+                raise wrong(fault, "call the function otherwise", "functions", "T")
             try:
                 derived_quantity(text, tuple(functions))
             except NumberError as error:

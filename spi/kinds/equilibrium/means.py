@@ -1,7 +1,7 @@
 """Means over time: functions recorded along paths, autocorrelations and histograms, and their estimates with errors."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,8 +52,8 @@ class Series(NamedTuple):
 
     @property
     def lags(self) -> int:
-        """The number of lags of autocovariances: about a tenth of `used`, a power of two."""
-        return min(1 << max(0, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
+        """The number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
+        return min(1 << max(1, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
         """Number of steps, in whole tosses, whose states may be recorded at a time for `blocks` blocks."""
@@ -260,7 +260,7 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
 def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
     samples, used, spacing, parted = case.samples, recorder.series.used, case.between, recorder.series.batches
-    counts, total = estimators.group_counts(samples), samples * used
+    counts = estimators.group_counts(samples)
     with np.errstate(all="ignore"):
         (mean, square, drift, drift_square, batches), without = estimators.mean_over_paths(paths.values, counts)
         sizes = (used - np.arange(recorder.series.lags))[:, np.newaxis]
@@ -269,25 +269,29 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
         m = without[:, 0, :, np.newaxis]
         left_out = each_product - m * each_end + m**2
+        of = np.sqrt(np.maximum(covariance[:, 0], 0)), *_sizes(recorder, mean, case)
+        exact = is_rounding(*of)
+        independent = np.where(_are_equal(mean, without[:, 0], *of[1:]) & ~exact, 1, samples)  # number of paths
+        total = independent * used
         covariance, correlation = estimators.of_means(covariance, total)
-        tau, enough = np.maximum(correlation.tau, 0), samples >= LEAST_PATHS
-        of_tau = np.sqrt(2 * tau * covariance[:, 0] / total)
-        of_paths = np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)) if enough else np.full_like(mean, np.nan)
-        freedom = samples - 1 if enough else total / (2 * correlation.window + 1)
-        spread = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1)) if enough else 2 * of_tau
-        of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (samples * parted - 1))
+        time = estimators.resolved_times(correlation, total)
+        enough = independent >= LEAST_PATHS
+        of_tau = np.sqrt(2 * time.least * covariance[:, 0] / total)
+        of_paths = np.where(enough, np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)), np.nan)
+        tails = estimators.kurtosis_of_groups(square - mean**2, without[:, 1] - without[:, 0] ** 2, counts)
+        freedom = np.where(enough, samples - 1, total / (2 * correlation.window + 1))
+        of_drift = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1))
+        spread = np.where(enough, of_drift, 2 * of_tau)
+        of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (independent * parted - 1))
         scale = used * recorder.width[:, np.newaxis]
         density, density_without = estimators.mean_over_paths(paths.cells[:, 1:-1] / scale[..., np.newaxis], counts)
         rho, rho_without = covariance / covariance[:, :1], left_out / left_out[..., :1]
-        at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
-        of_values = np.maximum(at_start, np.abs(mean + recorder.origins))
-        of = np.sqrt(np.maximum(covariance[:, 0], 0)), of_values, recorder.series.total * recorder.series.stride
-        exact = is_rounding(*of)
         known = np.where(exact, np.nan, 1.0)  # what follows from how the values vary
-        of_tau, of_paths, of_batches = (with_rounding(each, *of) for each in (of_tau, of_paths, of_batches))
-        half = student(freedom) * (of_paths if enough else of_tau)
-        if used < FEW and not enough:  # too few values to know their autocorrelations
-            half = np.fmax(half, student(samples * parted - 1) * of_batches)
+        of_tau, of_batches = (with_rounding(each, *of) for each in (of_tau, of_batches))
+        of_paths = np.where(enough, with_rounding(of_paths, *of), np.nan)
+        half = student(freedom) * np.where(enough, of_paths, of_tau)
+        few = ~enough & (used < FEW)  # too few values to know their autocorrelations
+        half = np.where(few, np.fmax(half, student(independent * parted - 1) * of_batches), half)
         return {
             "average": mean + recorder.origins,
             "average_half": half,
@@ -295,12 +299,13 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
             "stderr_batches": of_batches,
-            "halves": known * drift / spread,
-            "tau": known * spacing * correlation.tau,
-            "tau_stderr": known * spacing * (correlation.tau * np.sqrt(2 * (2 * correlation.window + 1) / total)),
+            "kurtosis": np.where(enough & ~exact, tails, np.nan),
+            "halves": np.where(spread > 0, known * drift / spread, np.nan),
+            "tau": known * spacing * time.tau,
+            "tau_stderr": known * spacing * time.stderr,
             "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
             "variance": covariance[:, 0],
-            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, samples),
+            "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, enough),
             "correlation": known[:, np.newaxis] * rho,
             "correlation_stderr": known[:, np.newaxis] * estimators.jackknife_stderr(rho, rho_without, counts),
             "cell_low": recorder.low,
@@ -310,14 +315,13 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         }
 
 
-def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, samples: int) -> Array:
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, enough: Array) -> Array:
     """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
-    if samples >= LEAST_PATHS:
-        return estimators.jackknife_stderr(variance, without, counts)
-    (mean, square), (without_mean, without_square) = _by_batch(paths, samples)
-    return estimators.jackknife_stderr(
+    (mean, square), (without_mean, without_square) = _by_batch(paths, int(counts.sum()))
+    of_time = estimators.jackknife_stderr(
         square - mean**2, (without_square - without_mean**2).T, np.ones(without_mean.shape[-1])
     )
+    return np.where(enough, estimators.jackknife_stderr(variance, without, counts), of_time)
 
 
 def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
@@ -326,22 +330,41 @@ def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
     return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
+def _sizes(recorder: Recorder, mean: Array, case: Any) -> tuple[Array, int]:
+    """The sizes (F,) of functions for rounding, and the steps."""
+    at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
+    return np.maximum(at_start, np.abs(mean + recorder.origins)), recorder.series.total * recorder.series.stride
+
+
+def _are_equal(mean: Array, without: Array, size: Array, steps: int) -> Array:
+    """(F,) whether means (F,) are the same without any of the groups (groups, F): paths that all tell what one does."""
+    return is_rounding(np.abs(without - mean).max(axis=0), size, steps)
+
+
+def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable[[Array], Array]:
+    """A formula as a function of means (F, n)."""
+    return lambda means: formula(means.T, case.temperature)
+
+
 def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
-    """Quantities that follow from means, with the jackknife over groups of paths, of few paths over batches."""
+    """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
     formulas = [derived_quantity(text, names) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):
-        if case.samples >= LEAST_PATHS:
-            counts = estimators.group_counts(case.samples)
-            mean, without = estimators.mean_over_paths(paths.values[0], counts)
-        else:
+        counts = estimators.group_counts(case.samples)
+        mean, without = estimators.mean_over_paths(paths.values[0], counts)
+        sizes, steps = _sizes(recorder, mean, case)
+        if case.samples < LEAST_PATHS or _are_equal(mean, without, sizes, steps).all():
             (mean, _), (left_out, _) = _by_batch(paths, case.samples)
             counts, without = np.ones(recorder.series.batches), left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])
             for means in (mean, without)
         )
-        found.append((value, estimators.jackknife_stderr(value, left_out.T, counts)))
+        change = np.abs(left_out - value[:, np.newaxis]).max(axis=1)
+        size = [size_of_values(_of_columns(each, case), mean + recorder.origins) for each in formulas]
+        stderr = with_rounding(estimators.jackknife_stderr(value, left_out.T, counts), change, size, steps)
+        found.append((value, np.where(change == 0, 0.0, stderr)))
     value, stderr = (np.array(each) for each in zip(*found, strict=True))
     return Derived(quantities=tuple(case.derived), formulas=tuple(case.derived.values()), value=value, stderr=stderr)
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, power_of_two, short
+from spi.printing.text import HEAVY, decimal, interval_text, power_of_two, short
+from spi.statistics.estimators import WINDOW, few_carry
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
@@ -110,6 +111,9 @@ class Averages(Described):
         "h function",
         "mean of the second half of the time less that of the first, in standard errors",
         claim=Claimed("at most", absolute=True),
+    )
+    kurtosis: Array | None = array(
+        "h function", "kurtosis of the means of paths; NaN of constants and of few paths", default=None
     )
     variance: Array = array("h function", "variance over time and paths")
     variance_stderr: Array = array("h function", "standard error of the variance")
@@ -213,15 +217,21 @@ class Averages(Described):
 
     def disagreement(self, samples: int) -> Array:
         """(S, F) the largest quotient of two of the standard errors, beyond twice its own uncertainty."""
-        count = samples * self.kept
+        equal = ~np.isfinite(self.stderr_paths) & (samples >= LEAST_PATHS)
+        batches = np.where(equal, 1, samples) * min(batches_of(self.kept), self.kept)
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_tau = self.tau_stderr / (2 * self.tau)
+            of_tau = self.tau_stderr / (2 * np.maximum(self.tau, 0.5 * self.spacing))
             of_paths = np.full_like(of_tau, 1 / np.sqrt(2 * max(samples - 1, 1)))
-            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * batches_of(self.kept)) - 1, 1)))
+            of_batches = 1 / np.sqrt(2 * np.maximum(batches - 1, 1))
             each = np.log([self.stderr_paths, self.stderr_tau, self.stderr_batches])
             spread = np.array([of_paths, of_tau, of_batches])
             excess = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
             return np.exp(np.fmax.reduce(excess))
+
+
+def _time_text(value: float, low: float, high: float) -> str:
+    """``0.99 ± 0.14``, or ``≤ 1.4`` of a time whose interval reaches 0."""
+    return f"≤ {short(high)}" if low <= 0.0 < high else interval_text(value, (low, high))
 
 
 _WORST = Claimed("at most", infinite=True)
@@ -265,7 +275,7 @@ class Equilibrium(Stored):
                 Column("average", "mean (95 %)"),
                 Column("average_bias", "bias (95 %)"),
                 Column("deviation", "in std.\nerrors", form=decimal),
-                Column("tau", "autocor-\nrelation time"),
+                Column(lambda one, _: one.times, "autocor-\nrelation time"),
                 Column("responses", "heat capacity or\nsusceptibility (95 %)"),
             ],
             title="means over time",
@@ -291,6 +301,9 @@ class Equilibrium(Stored):
     growth_high: Array = array("h casimir", "upper end of the 95 % interval of the growth")
     bias: Array = array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")
     bias_stderr: Array = array("h casimir", "standard error of the bias")
+    rounding: Array | None = array(
+        "h casimir", "largest modulus of the error at the end where that is rounding; NaN elsewhere", default=None
+    )
     solver: Solver | None = array("h", "what an implicit scheme reports", default=None)
     acceptance: Acceptance | None = array("h", "how often flows were accepted", default=None)
     largest_angle: Array | None = array("h", "largest angle of a rotation, where any exceeds pi/4", "rad", default=None)
@@ -304,8 +317,18 @@ class Equilibrium(Stored):
 
     @derived("h casimir", "mean error of the Casimir in standard errors")
     def bias_deviation(self) -> Array:
-        """(S, C) the bias by its standard error; NaN where that is 0."""
-        return in_standard_errors(self.bias, np.where(self.bias_stderr > 0, self.bias_stderr, np.nan))
+        """(S, C) the bias by its standard error; NaN where that is 0, and where the errors are rounding."""
+        known = self.bias_stderr > 0
+        known = known if self.rounding is None else known & np.isnan(self.rounding)
+        return in_standard_errors(self.bias, np.where(known, self.bias_stderr, np.nan))
+
+    @property
+    def times(self) -> Array | None:
+        """(F, S) the autocorrelation times with their intervals, as text; where these begin at 0, the ends alone."""
+        if (found := self.estimate("tau")) is None:
+            return None
+        each = zip(found.value.T.ravel(), found.low.T.ravel(), found.high.T.ravel(), strict=True)
+        return np.array([_time_text(*map(float, time)) for time in each]).reshape(found.value.shape[::-1])
 
     def freedom(self, name: str) -> float:
         """That of the paths for errors of Casimirs and the law, else of the groups of paths, or of few paths batches.
@@ -390,10 +413,12 @@ def _count(steps: int) -> str:
 def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     """A line for each reason to doubt the errors of the means, about the worst step size and function."""
     count, paths = averages.average.size, reading.samples
+    kurtosis = np.zeros_like(averages.tau) if averages.kurtosis is None else averages.kurtosis
     lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
     likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / count)))
     burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
-    longer = np.isfinite(averages.tau) & ~np.isfinite(averages.window) & (lengths >= LONG_ENOUGH)
+    lasting = np.isfinite(averages.tau) & ~np.isfinite(averages.window)
+    longer = lasting & (lengths >= LONG_ENOUGH) & (len(averages.lag) > WINDOW)  # else there is none
     for values, bad, doubt in (
         (np.abs(averages.halves), likely, f"burn-in: {burnt_in}; give a longer burn_in and final_time"),
         (-lengths, -LONG_ENOUGH, f"a path has {{}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer"),
@@ -404,9 +429,10 @@ def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
             "standard errors of the mean from paths, autocorrelations and batches differ by a factor of {} more than "
             "by chance; run longer",
         ),
+        (few_carry(np.nan_to_num(kurtosis), paths) * 1.0, 0.0, HEAVY),
     ):
-        worst = np.where(values > bad, values, -np.inf)
-        if (values > bad).any():
+        worst = np.where((values > bad) & np.isfinite(values), values, -np.inf)
+        if np.isfinite(worst).any():
             i, f = np.unravel_index(worst.argmax(), worst.shape)
             yield f"{averages.functions[f]}, h = {reading.h[i]:g}: {doubt.format(decimal(abs(values[i, f])))}"
 

@@ -24,11 +24,13 @@ from spi.ensemble.protocol import casimirs, conserved, one_path
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import reported
-from spi.kinds.functions import evaluated
+from spi.kinds.functions import evaluated, origin_of, path_function
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS
+from spi.statistics.rounding import size_of_values
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
@@ -91,6 +93,8 @@ class EquilibriumPlan(Plan):
     def records(self) -> np.ndarray:
         """The numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
         count = self.case.counts[0]
+        if count < STEPS_PER_TOSS:  # of one large lattice, whose steps need no whole tosses
+            return np.array([count])
         count = count if self.case.step_count else count // STEPS_PER_TOSS * STEPS_PER_TOSS
         return np.union1d(STEPS_PER_TOSS << np.arange(int(np.log2(count / STEPS_PER_TOSS)) + 1), [count])
 
@@ -318,6 +322,17 @@ class EquilibriumPlan(Plan):
         errors[np.searchsorted(self.records, n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
         return errors
 
+    def _sizes(self, totals: Sequence[Paths]) -> np.ndarray | None:
+        """(C,): the sizes for rounding of the Casimirs relative to themselves; None where roundings are studied."""
+        if self.case.step_count:
+            return None
+        model, sizes = undamped(self.case.model), []
+        for c in range(totals[0].casimir.shape[1]):
+            function = path_function(model, (), f"C{c + 1}")
+            at_start = abs(origin_of(function, self.case.initial)) or 1.0
+            sizes.append(max(1.0, size_of_values(function.values, self.case.initial) / at_start))
+        return np.array(sizes)
+
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
         levels, done = len(self.case.steps), 0.0
@@ -333,7 +348,7 @@ class EquilibriumPlan(Plan):
         estimated = {
             "h": np.array(case.steps),
             "n": self.records,
-            **casimir_errors(self.records, np.array([paths.casimir for paths in totals])),
+            **casimir_errors(self.records, np.array([paths.casimir for paths in totals]), self._sizes(totals)),
             "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
             **reported(np.array([paths.report[0] for paths in totals])),
             "law": law_of_states(self.law, totals) if self.law else None,

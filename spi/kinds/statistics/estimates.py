@@ -15,7 +15,7 @@ from spi.kinds.functions import PathFunction, origin_of, path_function
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 from spi.statistics.cells import cells_around, places_in_cells
-from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, mean_over_paths
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, kurtosis_of_groups, mean_over_paths
 from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
 from spi.statistics.quantiles import quantiles_of
 from spi.statistics.rounding import is_rounding, rounding, size_of_values, with_rounding
@@ -375,6 +375,15 @@ class Moments(NamedTuple):
             value = self.square - self.mean**2
             without = self.square_without - self.mean_without**2
         return self._unbiased(value[:count], without[:, :count])
+
+    def kurtosis(self, count: int) -> Array:
+        """(count, T) of the first columns; NaN where the variance is lost among roundings, and for too few groups."""
+        if np.count_nonzero(self.groups) < LEAST_GROUPS:
+            return np.full(self.mean[:count].shape, np.nan)
+        with np.errstate(all="ignore"):
+            value, without = self.square - self.mean**2, self.square_without - self.mean_without**2
+            known = value[:count] > _SAME * self.square[:count]
+        return np.where(known, kurtosis_of_groups(value[:count], without[:, :count], self.groups), np.nan)
 
     def _covariance(self, pairs: slice, left: Array, right: Array) -> tuple[Array, Array]:
         with np.errstate(invalid="ignore", over="ignore"):

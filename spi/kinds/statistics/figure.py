@@ -113,7 +113,7 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
 
 
 def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The structure factor of the first scheme in colours, with the frequencies of linear waves."""
+    """The structure factor of the first scheme in colours, with a mark for each linear wave, known at these q alone."""
     reading = readings[0]
     if reading.time is None or reading.time.structure is None:
         return
@@ -130,10 +130,14 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
             ax.set_xticks(s.corner_q, s.corners)
             for place in s.corner_q[1:-1]:
                 ax.axvline(place, color="black", linewidth=0.5)
-        lines = {"linear waves": (s.waves, "-"), f"of the step ${reading.step:g}$": (s.waves_of_step, ":")}
+        size = float(np.clip(150 / len(s.q), 2.5, 5.5))
+        looks = (
+            ("linear waves", s.waves, "o", "black"),
+            (f"of the step ${reading.step:g}$", s.waves_of_step, "+", "#D55E00"),
+        )
         return [
-            (ax.plot(s.q, values, line, color="black", linewidth=1)[0], label)  # a line for each branch
-            for label, (values, line) in lines.items()
+            (ax.plot(s.q, values, marker, markersize=size, color=color, markerfacecolor="white")[0], label)
+            for label, values, marker, color in looks
             if values is not None
         ]
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, interval_text, short
+from spi.printing.text import HEAVY, decimal, interval_text, joined, short
 from spi.statistics.claims import lost_among
+from spi.statistics.estimators import few_carry
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
@@ -166,6 +167,9 @@ class Statistics(Stored):
     rounding: Array | None = array(
         "function t", "root mean square change since t = 0 where that is rounding; NaN elsewhere", default=None
     )
+    kurtosis: Array | None = array(
+        "function t", "kurtosis, from the standard error of the variance; NaN of constants and passages", default=None
+    )
     passages: Passages | None = nested(prefix="passage_", default=None)
     variance: Array | None = array("function t", "variance over the paths", claim=_KNOWN, default=None)
     variance_stderr: Array | None = array("function t", "standard error of the variance", default=None)
@@ -284,8 +288,16 @@ class Statistics(Stored):
         """(F,) texts."""
         return np.array([lost_among(values, "times") for values in self._deviations])
 
+    def _heavy(self) -> Iterator[str]:
+        """The functions whose variance few paths carry, with the numbers of times at which they do."""
+        if self.kurtosis is None:
+            return
+        heavy = few_carry(self.kurtosis, self.samples).sum(axis=1)
+        counts = zip(self.functions, heavy, np.isfinite(self.kurtosis).sum(axis=1), strict=True)
+        yield from (f"{name} at {count} of {known} times" for name, count, known in counts if count)
+
     def remarks(self) -> Iterator[str]:
-        """Values that are not finite, errors that are not known, and passages."""
+        """Values that are not finite, errors that are not known, heavy tails, and passages."""
         if (self.finite_share < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
@@ -296,6 +308,8 @@ class Statistics(Stored):
             yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
         elif (np.isnan(self.mean_stderr) & np.isfinite(self.mean)).any():
             yield "    ± ?: all paths have the same value, which tells no error"
+        if names := joined([*self._heavy()]):
+            yield f"    {names}: {HEAVY}"
         if (passages := self.passages) is not None:
             yield "    fractions that have passed: 95 % intervals by Clopper and Pearson"
             if passages.between is not None:

@@ -312,6 +312,7 @@ class StatisticsPlan(BlocksPlan):
             estimated, left[passages] = self._with_passages(estimated, sums, passages)
         mean = estimated.mean[:count] + self.columns.origins
         constant = Constant.of(case, self.columns, seen, self._not_random())
+        varies = of_values[:, np.newaxis] & ~constant.exact & ~constant.alike
         stderr = self._stderr(estimated, of_values, constant)
         low, high = self._ends(mean, stderr, seen.mean, left, passages)
         of_passages = None
@@ -336,6 +337,7 @@ class StatisticsPlan(BlocksPlan):
             "band": simultaneous(estimated.mean_without[:, :count]),
             "passages": of_passages,
             "rounding": np.where(constant.exact, constant.change, np.nan) if constant.exact.any() else None,
+            "kurtosis": np.where(varies, seen.kurtosis(count), np.nan),
             **self._second_moments(seen, constant),
             **self._counted(sums, bins, of_values, constant, mean),
             "density_map": self._map(sums.cells, names),

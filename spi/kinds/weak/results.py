@@ -12,14 +12,13 @@ import numpy as np
 from spi.numerics.groups import filled_groups
 from spi.printing.rows import rows_of
 from spi.printing.tables import Column, Table
-from spi.printing.text import duration, fraction, joined, order_text, power_of_two, readable, short
+from spi.printing.text import HEAVY, duration, fraction, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
 from spi.storage.records import HEAVY_TAILS, Order, in_standard_errors, student
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
 _DISAGREE = "the estimates disagree"
-_HEAVY = "heavy tails: few samples carry the variance, so that intervals may be too narrow"
 _NOT_AS_ASSUMED = (
     "the order is not the one assumed: extrapolated errors should fall like {}; the function may have a jump or a "
     "kink, or the steps may be too large; compare extrapolate: 0"
@@ -170,7 +169,7 @@ def _sampled(name: str, inconsistent: str) -> list[Column]:
     return [
         Column(f"{name}_mean", "mean of the\ndifference (95 %)"),
         Column(f"{name}_variance", "variance", form=".2e"),
-        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS, why=_HEAVY),
+        Column(f"{name}_kurtosis", "kurtosis", form=".3g", red=HEAVY_TAILS, why=HEAVY),
         Column(f"{name}_consistency", "consis-\ntency", form=".2f", red=CONSISTENCY, why=inconsistent),
         Column(f"{name}_samples", "samples"),
         Column(f"{name}_seconds", "µs per\nsample", form=lambda seconds: short(1e6 * seconds, ".3g")),
