@@ -1,6 +1,5 @@
 """The keys of an experiment of kind equilibrium."""
 
-import re
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -176,9 +175,6 @@ class Case(CodeKeys, BaseCase):
         if both := self.derived.keys() & functions.keys():
             raise wrong("is the name of a function", "take another name", "derived", min(both))
         for name, text in self.derived.items():
-            if "T" in functions and re.search(r"\bT\b", text):
-                fault = f"is the temperature in derived.{name}, {shown(text)}"
-                raise wrong(fault, "call the function otherwise", "functions", "T")
             try:
                 derived_quantity(text, tuple(functions))
             except NumberError as error:
