@@ -31,13 +31,18 @@ def said(spec):
     return f"{seconds}, {' '.join(memory)}", typical_ns(case.row(case.schemes[0]), case.model)
 
 
+def results(spec, **overrides):
+    """Of a run on one thread; nothing is stored."""
+    return spi.run(spec, out=None, threads=1, progress=False, **overrides)
+
+
 def run(spec):
-    """(ns of a step and path, processor seconds of all that `spi.run` does), on one thread; nothing is stored."""
+    """(ns of a step and path, processor seconds of all that `spi.run` does)."""
     began = time.process_time()
-    results = spi.run(spec, out=None, threads=1, progress=False)
+    found = results(spec)
     seconds = time.process_time() - began
-    (group,) = results.stored.groups
-    return group.attributes["ns_per_step"], seconds
+    (part,) = found.parts
+    return found[part].dataset.attrs["ns_per_step"], seconds
 
 
 def long_enough(spec, steps):
