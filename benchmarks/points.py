@@ -25,7 +25,7 @@ SPEC = {
     "steps": ["2^-4"],
     "reference_step": "2^-5",
 }
-FUNCTIONS = {"sin(2 pi y1)": "sin(2*pi*y1)", "y1^2": "y1^2"}
+FUNCTIONS = {"sine": "sin(2*pi*y1)", "square": "y1^2"}
 SCRAMBLES = 64  # of a run
 
 
