@@ -272,6 +272,6 @@ def trace(
         raise SpecError(f"{plans[0].case.name}: has no paths to trace, as its results are computed without")
     if not every:
         raise SpecError(
-            f"--path: is {path}; must be the number of a path: from 0 to samples - 1, or that of a trajectory"
+            f"--path: is {path}; must be the number of a path: from 0 to samples - 1, of a trajectory `path`"
         )
     return None if path is None else Trace.of(every[0], path, 0)

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import call as command
+from damage import refusal
 from helpers import loop_in_python
 
 import spi
@@ -151,7 +153,23 @@ def test_a_step_that_is_traced_is_the_step_of_the_run(text, scheme, flows):
                     assert np.array_equal(traced[-2].y, traced[-1].y)
 
 
-def test_a_lattice_in_parts_and_results_without_paths_are_refused():
-    with pytest.raises(SpecError, match="is one large lattice, whose flows are not traced"):
-        experiment = load(Path(__file__).parents[2] / "experiments" / "heisenberg_cubic.yaml", "quick")
-        trace(plans(experiment), 0, lambda done, total: None)
+def test_the_command_prints_a_line_for_each_flow_and_one_for_each_mistake(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("own.yaml").write_text(GROWTH)
+    with loop_in_python():
+        code, out, _ = command("trace", "own.yaml", "--path", "5")
+    step, flow = first_above(("noise 1", "drift 1"))[5]
+    assert (code, out.splitlines()[0]) == (
+        0,
+        f"main, splitting, h = 1: path 5 diverges in step {step + 1} of 16, t = {step} to {step + 1}",
+    )
+    assert flow == "noise 1" and [line.split("  ")[0] for line in out.splitlines()[2:]] == [
+        "before",
+        "noise 1",
+        "drift 1",
+        "after",
+    ]
+    assert "--path: is 8; must be the number of a path" in refusal("trace", "own.yaml", "--path", "8")
+    exact = ["rigid_body_weak", "--profile", "quick", "--set", "estimators=[kolmogorov]"]
+    assert "has no paths to trace" in refusal("trace", *exact)
+    assert "is one large lattice" in refusal("trace", "heisenberg_cubic", "--profile", "quick")
