@@ -12,12 +12,12 @@ import numpy as np
 from ..compiler.inlining import uncompiled
 from ..ensemble import protocol
 from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import PAIRS_REVERSED, Grid, grid, integrated, paths_of, states_at
+from ..ensemble.loop import PAIRS_REVERSED, Grid, for_kernels, grid, integrated, paths_of, states_at
 from ..ensemble.noise_of_step import noise_of_step
 from ..ensemble.observer import growth, invariants_of, state_recorder
 from ..ensemble.protocol import dimension, drift_angle, frozen, joint_angle, large, noise_angle
 from ..ensemble.random_states import RandomState, first_states
-from ..ensemble.scheme_protocol import advance, advance_large, of_arrays, report_row, work_size
+from ..ensemble.scheme_protocol import advance, advance_large, report_row, work_size
 from ..kinds.blocks import BATCH_BYTES, SamplesPlan, in_batches
 from ..kinds.plans import PathsPlan
 from ..kinds.work_precision.study import WorkPlan
@@ -158,11 +158,11 @@ def flows_of_step(paths: Paths, path: int, level: int, n: int) -> list[Flow]:
     plan, times, (block, lane) = paths.plan, paths.alone(level), divmod(path, LANES)
     size, d = 1 << int(times.doublings[0]), dimension(plan.model)
     scheme = times.reference_scheme if times.reference_scheme is not None and times.by_reference[0] else plan.scheme
-    step, scheme = (advance_large, of_arrays(scheme)) if large(plan.model) else (advance, scheme)
+    scheme, step = for_kernels(scheme, plan.model, None, times)[0], advance_large if large(plan.model) else advance
     dW, coins = noise_of_step(plan.scheme, plan.model, times, paths.stream, block, n)
-    before = times._replace(reference_steps=n * size, first_lane=0)
+    before, alone = times._replace(reference_steps=n * size, first_lane=lane), paths._replace(end=path + 1)
     begin = states_at(plan.initial, plan.scheme, plan.model, before, 1, paths.stream, block)
-    states = paths._integrated(before, block, 1) if n else begin
+    states = alone._integrated(before, block, 1) if n else begin
     # all lanes are this path, so that nothing is decided by another one
     y, dW, coins = (np.repeat(row.reshape(-1, LANES)[:, lane], LANES) for row in (states[0, 0], dW, coins))
     h = times.reference_step * size
