@@ -69,7 +69,7 @@ test-oldest: ## the same tests (or ROOM) with the oldest versions that pyproject
 	$(OLDEST)/bin/python -m pip install --quiet --no-compile --constraint $(OLDEST)/constraints.txt --editable '.[test]'
 	$(OLDEST)/bin/python -m pytest -n 2 --dist worksteal -W ignore::DeprecationWarning $(TESTS)
 
-# The package comes without its requirements, which bound numba.
+# The package comes without its requirements, which may bound some of these.
 NEXT = .venv-next
 test-next: ## the same tests (or ROOM) with the newest versions of the index, past the bounds of pyproject.toml
 	"$(PYTHON)" -m venv --clear $(NEXT)

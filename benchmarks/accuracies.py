@@ -3,7 +3,7 @@
     python benchmarks/accuracies.py [--accuracies 1e-2 1e-3 1e-4 1e-5 1e-6] [--seconds 3600]
 
 prints a table: processor seconds of each answer, and s where it is solved for, m where it is sampled, ! where the
-accuracy is not reached.  Compiling is left out.
+accuracy is not reached; in brackets the seconds that were predicted, where they were.  Compiling is left out.
 
 Supports: docs/answer.md, "How long a solution takes".
 
@@ -11,6 +11,7 @@ Short form: --accuracies 1e-2
 """
 
 import argparse
+import math
 
 import spi
 
@@ -33,7 +34,8 @@ def main():
             where = {"initial": [1, 2, 3], "final_time": 1, "seconds": asked.seconds, "progress": False}
             found = spi.answer(MODEL, function, accuracy=accuracy, **where)
             way = "s" if found.chosen is None else "m"
-            print(f" {found.cpu_seconds:.2g} {way}{'' if found.reached else '!'} |", end="", flush=True)
+            said = f" ({found.predicted_seconds:.2g})" if math.isfinite(found.predicted_seconds) else ""
+            print(f" {found.cpu_seconds:.2g} {way}{'' if found.reached else '!'}{said} |", end="", flush=True)
         print()
 
 

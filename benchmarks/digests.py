@@ -7,6 +7,8 @@
 prints a line per stored group: experiment, group, digest.  A change that is not meant to move numbers leaves all of
 them as they were.  Results files are read with h5py alone, so that the same script serves two versions of the program.
 
+Supports: no page; it is for comparing two versions.
+
 Short form: experiments/rigid_body_strong.yaml
 """
 

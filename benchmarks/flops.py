@@ -11,6 +11,8 @@ and so neither do the ten rounds of Philox.
 
 Angles are those of a step of 2^-16, hence tiny ones; an implicit scheme makes the iterations that it needs there.
 
+Supports: no page; it is for finding.
+
 Short form: lotka_volterra
 """
 

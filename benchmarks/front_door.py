@@ -14,7 +14,7 @@ of 32^3, so that nothing is compiled.  A line has
 
 Wall times are of a machine that does nothing else; processor times of the rest hold on a busy one, too.
 
-It supports the sentences about time and memory of large lattices in docs/spins.md.
+Supports: docs/spins.md, time and memory of large lattices.
 
 Short form: 8
 """

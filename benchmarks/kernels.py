@@ -7,7 +7,7 @@ Times are ns per step and path, the best of several interleaved repetitions, sin
 not counted.  Naive twins (naive.py where written by hand, otherwise generic.py) run on one thread.  What counts as a
 floating-point operation says flops.py; the random numbers of a step are included.
 
-Supports: no sentence: it is for finding. Times of steps on pages are those of steps.py, through `spi run`.
+Supports: no page; it is for finding. Times of steps on pages are those of steps.py, through `spi run`.
 
 Short form: lotka_volterra --schemes splitting euler_maruyama
 """

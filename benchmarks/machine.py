@@ -16,13 +16,13 @@ _CHAINED_LANES = 256  # so many that none waits for another
 
 
 def best_time(work, repeats=7):
-    """Seconds of the fastest of several repetitions; the first, which may compile, does not count."""
+    """Processor seconds of the fastest of several repetitions; the first, which may compile, does not count."""
     work()
     best = np.inf
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.process_time()
         work()
-        best = min(best, time.perf_counter() - began)
+        best = min(best, time.process_time() - began)
     return best
 
 

@@ -4,6 +4,8 @@
 
 Takes some seconds and little memory.  Exits with 1 if a number lies outside its bound.
 
+Supports: no page; it is for finding, and times the random numbers by themselves.
+
 Short form: --draws 100000
 """
 

@@ -1,9 +1,26 @@
-"""The schemes of diffrax and torchsde for ``peers.py``, in the fastest way found and as their documentation shows."""
+"""The problem of ``peers.py``, and the peers' schemes for it, in the fastest way found and as documentation shows."""
 
+import math
+from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
-from peer_problem import BATCH, INITIAL, MODEL, PATHS, Row
+
+BODY = {"name": "rigid_body", "inertia": [2, 1, 2 / 3], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
+INITIAL = [math.cos(1.1), 0.0, math.sin(1.1)]
+EXPONENTS = range(2, 11)  # the step sizes are 2^-k
+PATHS = 1024  # for the errors
+BATCH = {"diffrax": 1024, "torchsde": 4096}  # paths at once when timed: what is best for each
+
+
+class Scheme(NamedTuple):
+    """A scheme of a peer."""
+
+    program: str
+    scheme: str
+    final: Callable  #: final(dW): the last states (paths, 3) from increments (steps, 3, paths)
+    work: Callable  #: work(n): integrate a batch in n steps
 
 
 def diffrax_rows():
@@ -15,7 +32,7 @@ def diffrax_rows():
 
     jax.config.update("jax_enable_x64", True)
     initial, batch, key = jnp.array(INITIAL), BATCH["diffrax"], jax.random.key(1)
-    inverse, noise_inverse = (1.0 / jnp.array(i) for i in (MODEL.inertia, MODEL.noise_inertia))
+    inverse, noise_inverse = (1.0 / jnp.array(BODY[i], float) for i in ("inertia", "noise_inertia"))
 
     class Increments(dfx.AbstractPath):
         dW: jax.Array
@@ -64,8 +81,8 @@ def diffrax_rows():
     def plain_work(n):
         plain(n, jax.random.split(key, batch)).block_until_ready()
 
-    rows = [Row("diffrax", s, partial(final, s), partial(work, s)) for s in ("EulerHeun", "Heun", "Midpoint")]
-    return [*rows, Row("diffrax", "EulerHeun, plain", rows[0].final, plain_work)]
+    rows = [Scheme("diffrax", s, partial(final, s), partial(work, s)) for s in ("EulerHeun", "Heun", "Midpoint")]
+    return [*rows, Scheme("diffrax", "EulerHeun, plain", rows[0].final, plain_work)]
 
 
 def torchsde_rows():
@@ -77,7 +94,7 @@ def torchsde_rows():
 
     class Plain:
         noise_type, sde_type = "general", "stratonovich"
-        inverse, noise_inverse = (1.0 / torch.tensor(i, **real) for i in (MODEL.inertia, MODEL.noise_inertia))
+        inverse, noise_inverse = (1.0 / torch.tensor(BODY[i], **real) for i in ("inertia", "noise_inertia"))
 
         def f(self, t, y):
             return torch.linalg.cross(y, y * self.inverse)
@@ -117,5 +134,5 @@ def torchsde_rows():
     def plain_work(n):
         solve(Plain(), "euler_heun", n, batch)
 
-    rows = [Row("torchsde", s, partial(final, s), partial(work, s)) for s in ("euler_heun", "heun", "midpoint")]
-    return [*rows, Row("torchsde", "euler_heun, plain", rows[0].final, plain_work)]
+    rows = [Scheme("torchsde", s, partial(final, s), partial(work, s)) for s in ("euler_heun", "heun", "midpoint")]
+    return [*rows, Scheme("torchsde", "euler_heun, plain", rows[0].final, plain_work)]

@@ -1,24 +1,25 @@
-"""Our schemes beside other SDE solvers, in one run, on one problem: time per path at equal strong error.
-
-The peers are diffrax and torchsde, where they are installed; neither is a dependency.  The problem is the rigid body
-with three noises that do not commute.  All programs are fed the same Brownian paths, those of spi's generator, and
-their error is the root mean square distance at the final time from one reference, our scheme of the smallest error at a
-fine step.
-
-Times count all that a path needs, random numbers included, but not compilation; they are the best of several
-interleaved repetitions, since the machine is noisy, and on one thread time of the processor.  Each peer runs in double
-precision in the fastest way found, and once more as its documentation shows ("plain").  diffrax: one solve with a batch
-as its state, all increments drawn before it; plain: vmap over paths, UnsafeBrownianPath, a matrix of noise fields.
-torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, and its default, a BrownianInterval.
+"""`spi run` beside other SDE solvers on one problem: time per path at equal strong error.
 
     python benchmarks/peers.py [--reference 16] [--repeats 7] [error ...]
+
+The peers are diffrax and torchsde, where they are installed; neither is a dependency.  The problem is the rigid body
+with three noises that do not commute.  Errors of spi, at the final time, are those of a run of the kind `strong`: each
+scheme against itself at the smallest step.  The peers follow the same Brownian paths, the sums of `spi.increments`, and
+are compared with `spi.Integrator` by Munthe-Kaas with areas at the smallest step.
+
+Times count all that a path needs, random numbers included, but not compilation; they are processor time of one
+thread, the best of several repetitions.  Those of spi are `ns_per_step` of runs of the kind `statistics` that look at
+a path once; these are made before and after the peers, and the lesser count.  Each peer runs in double precision in
+the fastest way found, and once more as its documentation shows ("plain").  diffrax: one solve with a batch as its
+state, all increments drawn before it; plain: vmap over paths, UnsafeBrownianPath, a matrix of noise fields.
+torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, and its default, a BrownianInterval.
 
 A time at an error is interpolated between step sizes.  Where the smallest step does not reach the error, it follows
 from the order over the four smallest steps, and has a star; it goes as error^-2 for order 1/2, so that the errors'
 standard errors count twice in it.
 
-Supports: README.md and docs/why.md (4 to 19 and 8 to 21 times); docs/performance.md, "Peers at equal error" and
-"Peers at small errors". It times `integrated`, not `spi run`.
+Supports: README.md and docs/why.md (times at the same strong error); docs/performance.md, "Peers at equal error" and
+"Peers at small errors".
 
 Short form: --reference 11 --repeats 1 1e-2
 """
@@ -29,191 +30,169 @@ import os
 import sys
 import time
 from contextlib import suppress
-from functools import partial
 from importlib.metadata import version
+from typing import NamedTuple
 
-import numba
 import numpy as np
-from peer_problem import BATCH, EXPONENTS, INITIAL, MODEL, PATHS, REFERENCE, Row
-from peer_programs import diffrax_rows, torchsde_rows
+from peer_programs import BATCH, BODY, EXPONENTS, INITIAL, PATHS, diffrax_rows, torchsde_rows
+from through_spec import results, said
 
 import spi
-from spi.compiler.dispatch import kernel
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import grid, integrated, paths_of, use_threads
-from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
-from spi.schemes import SCHEMES
 
-NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))
 ERRORS = (0.05, 0.02, 1e-2, 1e-3, 1e-4)  # at which times are compared
-REPEATS, SECONDS = 7, 5.0  # at least
+REFERENCE, REPEATS = 16, 7
+PATH_STEPS = 2**25  # of a scheme of ours and a step size: some tenths of a second
+AREAS = "munthe_kaas_areas"
+SCHEMES = "splitting", "euler_maruyama", "munthe_kaas_euler", "munthe_kaas_midpoint", "splitting_areas", AREAS
+IMPLICIT = "midpoint", "isospectral_midpoint"
 
 
-@kernel
-def draw_block(noise, block, scale, dW):
-    """Fill `dW` (steps, 3, LANES) with the increments of the paths of a block."""
-    words = np.empty(STEPS_PER_DRAW * LANES, np.uint64)
-    for draw in range(len(dW) // STEPS_PER_DRAW):
-        rows = dW[draw * STEPS_PER_DRAW :].reshape(-1)
-        for k in range(3):
-            to, d, b = rows[k * LANES :], np.uint64(draw), np.uint64(block)
-            draw_increments(noise.seed, noise.stream, np.uint64(k), d, b, scale, words, to, 3 * LANES)
+COMMON = {
+    "model": BODY,
+    "initial": INITIAL,
+    "final_time": 1,
+    "cases": [
+        {"name": "explicit", "schemes": SCHEMES},
+        {"name": "implicit", "schemes": IMPLICIT, "truncate_noise": True},
+    ],
+}
 
 
-def our_increments(finest):
-    """Increments (steps, 3, PATHS) by exponent of the step size, added up as the ensemble does."""
-    blocks, fine = [], np.empty((2**finest, 3, LANES))
-    for block in range(PATHS // LANES):
-        draw_block(NOISE, block, 2.0 ** (-finest / 2), fine)
-        dW = fine
-        while len(dW) > 2 ** EXPONENTS[-1]:
-            dW = dW[::2] + dW[1::2]
-        blocks.append(dW)
-    increments = {EXPONENTS[-1]: np.concatenate(blocks, axis=-1)}
+def errors_spec(reference):
+    """Strong errors of each of our schemes against itself."""
+    steps = f"2^-{EXPONENTS[0]} .. 2^-{EXPONENTS[-1]}"
+    return {**COMMON, "kind": "strong", "steps": steps, "reference_step": f"2^-{reference}", "samples": PATHS}
+
+
+def times_spec(exponent):
+    """Paths of one step size, looked at once."""
+    look = {"times": [1], "statistics": ["mean"], "functions": {"y1": "y1"}}
+    samples = PATH_STEPS >> exponent
+    return {**COMMON, **look, "kind": "statistics", "step": f"2^-{exponent}", "samples": samples}
+
+
+class Row(NamedTuple):
+    """What was measured of a scheme of a program, by step size."""
+
+    program: str
+    scheme: str
+    error: np.ndarray
+    stderr: np.ndarray
+    microseconds: np.ndarray  # of a path
+
+
+def our_rows(reference):
+    """The rows of spi, by runs of both specs."""
+    found, times = results(errors_spec(reference)), our_times()
+    for part, us in zip(found.parts, times, strict=True):
+        of = found[part]
+        yield Row("spi", of.dataset.attrs["scheme_label"], of.error_final.values, of.error_final_stderr.values, us)
+
+
+def our_times():
+    """Microseconds per path (schemes, step sizes)."""
+    began, found = time.process_time(), []
+    for k in EXPONENTS:
+        run = results(times_spec(k))
+        found.append([run[part].dataset.attrs["ns_per_step"] * 2**k / 1e3 for part in run.parts])
+    taken = (time.process_time() - began) / len(EXPONENTS)
+    print(f"spi {spi.__version__}: times of 2^-{k}: said {said(times_spec(k))[0]}; took {taken:.1f} s, as the others")
+    return np.transpose(found)
+
+
+def increments(reference):
+    """Increments (steps, 3, PATHS) by exponent of the step size: sums of the finest, those of a run with seed 1."""
+    portion = 2 ** max(reference - 4, reference - EXPONENTS[-1])  # of the finest at a time
+    sums = []
+    for first in range(0, 2**reference, portion):
+        fine = spi.increments(1, PATHS, 2.0**-reference, portion, noises=3, first_step=first)
+        sums.append(fine.reshape(-1, 2 ** (reference - EXPONENTS[-1]), PATHS, 3).sum(axis=1))
+    found = {EXPONENTS[-1]: np.concatenate(sums).transpose(0, 2, 1)}
     for k in reversed(EXPONENTS[:-1]):
-        increments[k] = increments[k + 1][::2] + increments[k + 1][1::2]
-    return increments
+        found[k] = found[k + 1][::2] + found[k + 1][1::2]
+    return found
 
 
-def our_states(scheme, exponent, paths, doublings=(0,), areas_drawn=False):
-    """Last states (step sizes, paths, 3) at the steps 2^doublings 2^-exponent; areas are the path's, or drawn."""
-    row, steps = SCHEMES[scheme], 2**exponent
-    terms = fourier_terms(MODEL, [row.record], 1.0 / steps) if areas_drawn else 0
-    times = grid(1.0 / steps, steps, doublings, row.needs_truncation, area_terms=terms)
-    states, _ = integrated(row.record, MODEL, INITIAL, times, NOISE, 0, paths // LANES, paths)
-    return paths_of(states, 3).swapaxes(1, 2)
-
-
-def our_work(scheme, n):
-    our_states(scheme, round(math.log2(n)), BATCH["spi"], areas_drawn=True)
-
-
-def our_rows(finest):
-    """The rows of spi, and the last states of the reference."""
-    rows, reference = [], None
-    schemes = (
-        "splitting",
-        "euler_maruyama",
-        "midpoint",
-        "munthe_kaas_euler",
-        "munthe_kaas_midpoint",
-        "isospectral_midpoint",
-        "splitting_areas",
-        "munthe_kaas_areas",
-    )
-    for scheme in schemes:
-        *others, last = our_states(scheme, finest, PATHS, (*(finest - k for k in EXPONENTS), 0))
-        reference = last if scheme == "munthe_kaas_areas" else reference
-        states = dict(zip(EXPONENTS, others, strict=True))  # of the same increments, which need not be fed
-        final = lambda dW, states=states: states[round(math.log2(len(dW)))]  # noqa: E731
-        rows.append(Row("spi", SCHEMES[scheme].label, final, partial(our_work, scheme)))
-    return rows, reference
-
-
-def all_rows(finest):
-    """The rows of spi and of each peer that is installed, and the reference's last states."""
-    rows, reference = our_rows(finest)
-    print(f"spi {spi.__version__}: {BATCH['spi']} paths at once when timed")
+def peer_rows(reference, cpus, repeats):
+    """The rows of each peer that is installed."""
+    schemes = []
     for name, below, make in ("diffrax", "jax", diffrax_rows), ("torchsde", "torch", torchsde_rows):
         try:
-            rows += make()
+            schemes += make()
         except ImportError:
             print(f"{name} is not installed: skipped (pip install {name})")
         else:
             print(f"{name} {version(name)} on {below} {version(below)}: {BATCH[name]} paths at once when timed")
-    return rows, reference
+    if not schemes:
+        return []
+    exact = spi.Integrator(BODY, AREAS, 2.0**-reference, initial=INITIAL, threads=1)
+    last, dW = exact.sample(exact.start(PATHS), 2**reference, seed=1), increments(reference)
+    squares = [[((one.final(dW[k]) - last) ** 2).sum(axis=1) for k in EXPONENTS] for one in schemes]
+    error = np.sqrt(np.mean(squares, axis=2))
+    stderr = np.std(squares, axis=2) / math.sqrt(PATHS) / (2.0 * error)
+    times = best_times(schemes, cpus, repeats)
+    return [Row(one.program, one.scheme, *rest) for one, *rest in zip(schemes, error, stderr, times, strict=True)]
 
 
-def strong_errors(row, increments, reference):
-    """Root mean square distances at the final time and their standard errors, (2, step sizes)."""
-    squares = np.array([((row.final(increments[k]) - reference) ** 2).sum(axis=1) for k in EXPONENTS])
-    error = np.sqrt(squares.mean(axis=1))
-    return np.stack([error, squares.std(axis=1) / math.sqrt(PATHS) / (2.0 * error)])
-
-
-def limit_threads(threads, cpus):
-    """Confine all programs to so many threads; a running jax has no setting for it but keeps to its processors."""
-    use_threads(threads)
+def best_times(schemes, cpus, repeats):
+    """Microseconds per path (schemes, step sizes) on one thread, the best of interleaved repetitions."""
     if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(threads)
-    for task in os.listdir("/proc/self/task") if cpus else ():
+        sys.modules["torch"].set_num_threads(1)
+    for task in os.listdir("/proc/self/task") if cpus else ():  # jax has no setting, but keeps to its processors
         with suppress(ProcessLookupError):  # a thread may have ended meanwhile
-            os.sched_setaffinity(int(task), cpus[:threads])
-
-
-def best_times(rows, threads, cpus, least):
-    """Microseconds per path (rows, step sizes), the best of interleaved repetitions."""
-    limit_threads(threads, cpus)
-    clock = time.process_time if threads == 1 and cpus else time.perf_counter
-    best = np.full((len(rows), len(EXPONENTS)), np.inf)
-    repeats, until = 0, time.perf_counter() + (SECONDS if least > 1 else 0.0)
-    while (repeats := repeats + 1) <= least or time.perf_counter() < until:
-        for i, row in enumerate(rows):
+            os.sched_setaffinity(int(task), cpus[:1])
+    clock = time.process_time if cpus else time.perf_counter
+    best = np.full((len(schemes), len(EXPONENTS)), np.inf)
+    for repeat in range(repeats + 1):  # the first compiles
+        for i, one in enumerate(schemes):
             for j, k in enumerate(EXPONENTS):
                 began = clock()
-                row.work(2**k)
-                best[i, j] = min(best[i, j], 1e6 * (clock() - began) / BATCH[row.program])
+                one.work(2**k)
+                taken = 1e6 * (clock() - began) / BATCH[one.program]
+                best[i, j] = min(best[i, j], taken) if repeat else np.inf
     return best
 
 
-def print_table(rows, errors, times):
-    print(f"\n{'program':10}{'scheme':22}{'h':>5}{'error':>10}{'+-':>9}   us per path,", end="")
-    print(" ".join(f"{f'threads: {n}':>12}" for n in times))
-    for i, row in enumerate(rows):
-        for j, k in enumerate(EXPONENTS):
-            error, stderr = errors[i][:, j]
-            print(f"{row.program:10}{row.scheme:22}{f'2^-{k}':>5}{error:10.5f}{stderr:9.5f}{'':14}", end="")
-            print("".join(f"{t[i, j]:13.3f}" for t in times.values()))
-
-
-def at_error(target, errors, values):
+def at_error(target, row, values):
     """The value where the error is `target`, linear in logarithms between step sizes; by the order below, NaN above."""
-    x, y, at = np.log(errors[0, ::-1]), np.log(values[::-1]), math.log(target)
+    x, y, at = np.log(row.error[::-1]), np.log(values[::-1]), math.log(target)
     below = np.polyval(np.polyfit(x[:4], y[:4], 1), at) if at < x[0] else np.nan
     return math.exp(np.interp(at, x, y, left=below, right=np.nan))
 
 
-def print_ratios(target, rows, errors, times):
+def print_ratios(target, rows):
     """Times at one error, and their ratios to those of our splitting and of our cheapest scheme there."""
-    print(f"\n{f'at error {target:g}':32}{'h':>9} ", end="")
-    print("".join(f"{f'us, threads: {n}':>17}{'/ splitting':>13}{'/ cheapest':>12}" for n in times))
-    all_h = [at_error(target, e, 2.0 ** -np.array(EXPONENTS)) for e in errors]
-    values = [[at_error(target, e, t) for e, t in zip(errors, ts, strict=True)] for ts in times.values()]
-    cheapest = [np.fmin.reduce([v for v, row in zip(vs, rows, strict=True) if row.program == "spi"]) for vs in values]
-    for i, (row, h) in enumerate(zip(rows, all_h, strict=True)):
-        print(f"{row.program:10}{row.scheme:22}", end="")
-        if math.isnan(h):
-            print("not within these steps")
-            continue
-        print(f"{h:9.2g}{'*' if target < errors[i][0].min() else ' '}", end="")
-        ratios = ((vs[i], vs[i] / vs[0], vs[i] / best) for vs, best in zip(values, cheapest, strict=True))
-        print("".join(f"{us:17.3f}{first:13.2f}{best:12.2f}" for us, first, best in ratios))
+    print(f"\n{f'at error {target:g}':37}{'h':>9} {'us':>10}{'/ splitting':>13}{'/ cheapest':>12}")
+    times = [at_error(target, row, row.microseconds) for row in rows]
+    cheapest = np.nanmin([us for us, row in zip(times, rows, strict=True) if row.program == "spi"])
+    for row, us in zip(rows, times, strict=True):
+        h, star = at_error(target, row, 2.0 ** -np.array(EXPONENTS)), "*" if target < row.error.min() else " "
+        told = f"{h:9.2g}{star}{us:10.3f}{us / times[0]:13.2f}{us / cheapest:12.2f}"
+        print(f"{row.program:10}{row.scheme:27}{'not within these steps' if math.isnan(us) else told}")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("errors", type=float, nargs="*", default=ERRORS, help="at which times are compared")
     parser.add_argument("--reference", type=int, default=REFERENCE, help=f"has steps 2^-this; at least {EXPONENTS[-1]}")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="how often a time is taken, at least")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="how often a time of a peer is taken")
     chosen = parser.parse_args()
     cpus = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else []
-    print(f"rigid body, three noises, to time 1; errors over {PATHS} paths, the same for all programs, against our")
     print(
-        f"Munthe-Kaas with areas at h = 2^-{chosen.reference}; times are the best of {chosen.repeats} or more", end=", "
+        f"rigid body, three noises, {PATHS} paths, smallest step 2^-{chosen.reference}; load {os.getloadavg()[0]:.1f}"
     )
-    print("on one thread", end=" ")
-    print("time of the processor" if cpus else "wall clock, and jax always has all threads")
-    rows, reference = all_rows(chosen.reference)
-    increments = our_increments(chosen.reference)
-    errors = [strong_errors(row, increments, reference) for row in rows]
-    for row in rows:
-        for k in EXPONENTS:
-            row.work(2**k)  # compile
-    times = {n: best_times(rows, n, cpus, chosen.repeats) for n in sorted({1, numba.config.NUMBA_NUM_THREADS})}
-    print_table(rows, errors, times)
+    print("one thread,", "time of the processor" if cpus else "wall clock, and jax always has all threads")
+    before = [*our_rows(chosen.reference)]
+    peers = peer_rows(chosen.reference, cpus, chosen.repeats)
+    pairs = zip(before, our_times() if peers else [np.inf] * len(before), strict=True)
+    rows = [*(row._replace(microseconds=np.fmin(row.microseconds, again)) for row, again in pairs), *peers]
+    print(f"\n{'program':10}{'scheme':27}{'h':>5}{'error':>10}{'+-':>9}{'us per path':>13}{'ns per step':>13}")
+    for program, scheme, *columns in rows:
+        for k, error, stderr, us in zip(EXPONENTS, *columns, strict=True):
+            told = f"{error:10.5f}{stderr:9.5f}{us:13.3f}{1e3 * us / 2**k:13.1f}"
+            print(f"{program:10}{scheme:27}{f'2^-{k}':>5}{told}")
     for target in chosen.errors:
-        print_ratios(target, rows, errors, times)
+        print_ratios(target, rows)
 
 
 if __name__ == "__main__":

@@ -1,103 +1,91 @@
-"""What threads, worker processes and parts make of the same work, and what a chunk costs that another process computes.
+"""What threads, worker processes and shards make of one experiment: wall clock of whole runs, and of `spi merge`.
 
     python benchmarks/scaling.py [SAMPLES]
 
-Times are wall clock of paths alone (kernels are compiled and processes started before), the best of three, and ratios
-to one thread.  A machine with more processors than two takes larger SAMPLES (100000) to tell anything.
+Runs are `spi.run` and, for shards, `spi run --shard`, of the spec below, whose kernels are compiled before; starting
+processes counts.  Each is the least of three, and efficiencies are over one thread.  Beside the run on one thread
+stands what `spi check` says.  A machine with more processors than two takes larger SAMPLES (100000) to tell anything.
 
-Supports: docs/long_runs.md, "Cost". It times the workers of a run, not `spi run`.
+Supports: docs/long_runs.md, "Cost".
 
 Short form: 1000
 """
 
+import json
 import os
+import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-from spi.ensemble.loop import use_threads
-from spi.kinds.plans import State
-from spi.running import shards, workers
-from spi.running.checkpoint import Limits, Shard
-from spi.running.compiling import processors
-from spi.running.load import Source, load, plans
-from spi.statistics import tallies
+from through_spec import said
 
-SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_weak_methods.yaml"
+import spi
+
+SPEC = {
+    "kind": "weak",
+    "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
+    "initial": ["cos(1.1)", 0, "sin(1.1)"],
+    "final_time": 1,
+    "steps": "2^-2 .. 2^-4",
+    "reference_step": "2^-7",
+    "schemes": ["splitting_order2"],
+    "functions": "sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)",
+    "estimators": ["plain"],
+}
 REPEATS = 3
 
 
-def experiment(samples):
-    return load(SPEC, "quick", ["estimators=[plain]", "prefixes=[1]", f"samples={samples}"])
-
-
-def states(wanted):
-    return [State(plan) for plan in plans(wanted)]
-
-
-def ignore(number):
-    """Nobody is told."""
-
-
-def best(work):
+def seconds(work, repeats=REPEATS):
     """The least wall-clock time of several."""
     found = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         began = time.perf_counter()
         work()
         found.append(time.perf_counter() - began)
     return min(found)
 
 
-def in_parts(wanted, count):
-    """Wall clock of the longest of `count` parts, computed one after the other, and of merging them."""
+def in_shards(spec, count):
+    """Wall clock of the longest of `count` shards, computed one after the other, and of merging them."""
     with tempfile.TemporaryDirectory() as folder:
-        each = []
-        for number in range(1, count + 1):
-            began = time.perf_counter()
-            shards.run_shard(wanted, Shard(number, count), folder, limits=Limits(1e9))
-            each.append(time.perf_counter() - began)
-        began = time.perf_counter()
-        shards.merge(wanted, folder)
-        return max(each), time.perf_counter() - began
+        Path(folder, "spec.yaml").write_text(json.dumps(spec), encoding="utf-8")  # JSON is YAML
+
+        def command(*words):
+            subprocess.run(
+                [sys.executable, "-c", "from spi.cli import main; main()", *words],
+                cwd=folder,
+                check=True,
+                capture_output=True,
+            )
+
+        run = [
+            seconds(lambda n=n: command("run", "spec.yaml", "--shard", f"{n}/{count}", "--threads", "1"), 1)
+            for n in range(1, count + 1)
+        ]
+        return max(run), seconds(lambda: command("merge", "spec.yaml"), 1)
 
 
 def main():
-    samples = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    wanted = experiment(samples)
-    cores = processors()
-    use_threads(1)
-    workers.advance_here(states(experiment(64)), ignore)
-    one = best(lambda: workers.advance_here(states(wanted), ignore))
-    chunks = sum(len(state.missing()) for state in states(wanted))
-    print(f"{cores} processors, load {os.getloadavg()[0]:.1f}; {samples} paths in {chunks} chunks")
-    print(f"1 thread                {one:8.2f} s")
+    spec = {**SPEC, "samples": int(sys.argv[1]) if len(sys.argv) > 1 else 100_000}
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    quiet = {"out": None, "progress": False}
+    spi.run(spec, threads=1, samples=64, **quiet)
+    one = seconds(lambda: spi.run(spec, threads=1, **quiet))
+    print(f"{cores} processors, load {os.getloadavg()[0]:.1f}; {spec['samples']} paths")
+    print(f"1 thread                {one:8.2f} s; said {said(spec)[0]}")
     counts = [n for n in (2, 4, 8, 16) if n <= cores]
     for n in counts:
-        use_threads(n)
-        taken = best(lambda: workers.advance_here(states(wanted), ignore))
+        taken = seconds(lambda n=n: spi.run(spec, threads=n, **quiet))
         print(f"{n} threads               {taken:8.2f} s  efficiency {one / taken / n:.2f}")
-    use_threads(1)
     for n in (1, *counts):
-        with workers.processes(n) as pool:
-            pool.threads = 1
-            workers.advance_with(pool, Source.of(experiment(64 * n)), states(experiment(64 * n)), ignore)
-            taken = best(lambda: workers.advance_with(pool, Source.of(wanted), states(wanted), ignore))
-        print(f"{n} worker processes      {taken:8.2f} s  efficiency {one / taken / n:.2f}")
+        taken = seconds(lambda n=n: spi.run(spec, threads=1, workers=n, **quiet))
+        print(f"{n} worker processes      {taken:8.2f} s  efficiency {one / taken / n:.2f}", flush=True)
     for n in (1, 2, 4):
-        longest, merging = in_parts(wanted, n)
-        print(
-            f"{n} parts                 {longest:8.2f} s  efficiency {one / longest / n:.2f}, merging {merging:.2f} s"
-        )
-    size = tallies.CHUNK_WORK
-    tallies.CHUNK_WORK = size // 64
-    many = sum(len(state.missing()) for state in states(wanted))
-    with workers.processes(1) as pool:
-        pool.threads = 1
-        workers.advance_with(pool, Source.of(experiment(64)), states(experiment(64)), ignore)
-        taken = best(lambda: workers.advance_with(pool, Source.of(wanted), states(wanted), ignore))
-    print(f"{many} chunks in place of {chunks}: {taken:.2f} s, {1e3 * (taken - one) / many:.1f} ms for each")
+        longest, merging = in_shards(spec, n)
+        told = f"efficiency {one / longest / n:.2f}, merging {merging:.2f} s"
+        print(f"{n} shards                {longest:8.2f} s  {told}", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@
 
 The model is written out as a program would write it: straight-line code, one branch per piece or noise.
 
+Supports: no page; it is for finding, and times kernels by themselves.
+
 Short form: splitting --spins 4
 """
 

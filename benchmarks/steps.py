@@ -20,12 +20,11 @@ import statistics
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 from examples import TIMED, example, row, why_not
 from pairs import PATHS, naive_work
 from through_spec import LEAST, long_enough, run, said
-
-from spi.ensemble.loop import use_threads
 
 STEP, STEPS, REPEATS = "2^-16", 2048, 5
 SCHEMES = "splitting", "splitting_order2", "euler_maruyama", "euler_maruyama_renormalised", "midpoint"
@@ -58,7 +57,7 @@ def naive_loop(model, scheme):
     _, make = naive_work(model, scheme, row(scheme).record, record, initial)
     if make is None:
         return None
-    use_threads(1)
+    numba.set_num_threads(1)
     steps = 256
     make(4)()
     while seconds(make(steps)) < LEAST / 2:
@@ -68,7 +67,7 @@ def naive_loop(model, scheme):
 
 
 def seconds(work):
-    use_threads(1)
+    numba.set_num_threads(1)
     began = time.process_time()
     work()
     return time.process_time() - began

@@ -5,6 +5,8 @@
 Each line is the time of a step of `splitting`, random numbers included, of a system from YAML over that of a built-in
 model: of the same system, or per flow of the rigid body.  The least of several interleaved repetitions counts.
 
+Supports: no page; it is for finding, and times kernels by themselves.
+
 Short form: rigid_body
 """
 

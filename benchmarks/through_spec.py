@@ -7,6 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 from typer.testing import CliRunner
 
 import spi
@@ -15,29 +16,38 @@ from spi.running.load import load
 from spi.schemes import typical_ns
 
 LEAST = 0.5  # processor seconds of a run whose time of a step is stated
+MOST = 1000  # numbers of a state that stand in a spec
 _SAID = re.compile(r"about (.*?) once compiled.*?([\d.,]+) ([kMG]B)", re.DOTALL)
 
 
 def said(spec):
     """What `spi check` prints of time and memory, and the ns of a step that it counts with."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "spec.yaml")
+        path, initial = Path(folder, "spec.yaml"), spec["initial"]
+        if len(initial) > MOST:
+            np.save(Path(folder, "y.npy"), initial)
+            spec = {**spec, "initial": {"file": "y.npy"}}
         path.write_text(json.dumps(spec), encoding="utf-8")  # JSON is YAML
         answer = CliRunner().invoke(app, ["check", str(path)])
         if answer.exit_code:
-            raise SystemExit(answer.output)
+            raise SystemExit(answer.output or answer.exception)
         case = load(path).cases[0]
     seconds, *memory = (" ".join(part.split()) for part in _SAID.search(answer.output).groups())
     return f"{seconds}, {' '.join(memory)}", typical_ns(case.row(case.schemes[0]), case.model)
 
 
+def results(spec, **overrides):
+    """Of a run on one thread; nothing is stored."""
+    return spi.run(spec, out=None, threads=1, progress=False, **overrides)
+
+
 def run(spec):
-    """(ns of a step and path, processor seconds of all that `spi.run` does), on one thread; nothing is stored."""
+    """(ns of a step and path, processor seconds of all that `spi.run` does)."""
     began = time.process_time()
-    results = spi.run(spec, out=None, threads=1, progress=False)
+    found = results(spec)
     seconds = time.process_time() - began
-    (group,) = results.stored.groups
-    return group.attributes["ns_per_step"], seconds
+    (part,) = found.parts
+    return found[part].dataset.attrs["ns_per_step"], seconds
 
 
 def long_enough(spec, steps):

@@ -1,4 +1,4 @@
-"""A step of the model `zeitlin` beside the implicit midpoint rule with N x N matrices, the usual way, in one run.
+"""A step of the model `zeitlin` by `spi run` beside the implicit midpoint rule with N x N matrices, the usual way.
 
     python benchmarks/zeitlin.py [N ...] [--schemes splitting]
 
@@ -6,17 +6,19 @@ No noise, c = N / (2 pi) (the time is that of Euler's equations), a smooth rando
 same two steps h for both.  The rival is the isospectral midpoint rule (doi:10.1007/s10543-019-00792-1) by fixed-point
 iteration, as in the package quflow: two matrix products an iteration in one BLAS thread, one path.  Ours are steps of
 `splitting`, of order 1, and of `splitting_symmetric`, of order 2 as the rival: of one path alone, and per path of 64.
-A ratio above 1 is in favour of ours.
+Their times are `ns_per_step` of runs of the spec below, of the kind `statistics`, on one thread, the least of three;
+the last columns are what `spi check` says of the whole run and the seconds that it takes.  Their errors are those of
+`spi.trajectory`.  A ratio above 1 is in favour of ours.
 
 Operations, with 5 n log2 n for a complex Fourier transform of length n:
 
     rival    iterations (16 N^3 + 5 N (N + 1) log2 N)
     ours     those of our_flops: real matrices times complex numbers, without Fourier transforms of length N
 
-`error` is that of the vorticity at time 0.2, relative, in the root mean square; the last columns are the
-largest errors of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N, relative to tr |W|^k / N.
+`error` is that of the vorticity at time 0.2, relative, in the root mean square; the columns behind it are the largest
+of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N, relative to tr |W|^k / N.
 
-Supports: docs/fluids.md, "Cost". It times kernels, not `spi run`.
+Supports: docs/fluids.md, "Cost".
 
 Short form: 5 --schemes splitting
 """
@@ -32,14 +34,10 @@ from typing import NamedTuple
 
 import numpy as np
 from machine import arithmetic_peak, best_time
+from through_spec import run, said
 
-from spi.ensemble.increments import brownian
-from spi.ensemble.loop import grid, integrated
-from spi.ensemble.observer import state_recorder
-from spi.ensemble.protocol import in_kernels
-from spi.models.zeitlin import Zeitlin
+import spi
 from spi.models.zeitlin.tables import lines, modes, row_order
-from spi.schemes import SCHEMES
 
 SIZES = (3, 5, 7, 15, 31, 63, 127)
 STEPS = (0.02, 0.1)  # h
@@ -51,7 +49,7 @@ ERROR_TIME = 0.2
 REFERENCE_STEPS = 200  # up to there, and twice as many
 OURS = {"splitting": 1, "splitting_symmetric": 2}  # and how often a step goes through all lines
 PATHS = 64  # side by side
-MEASURED = 10**7  # a step of ours is measured over MEASURED / N^3 steps of a path
+MEASURED, MOST_STEPS, REPEATS = 10**8, 3 * 10**5, 3  # a run of ours has MEASURED / N^3 steps of paths
 FOURIER_FROM = 63  # from this N on np.fft is faster than products with a dense matrix
 
 
@@ -167,6 +165,7 @@ class Measured(NamedTuple):
     error: float  # of the vorticity
     casimirs: np.ndarray  # their errors
     iterations: float = 1.0
+    told: str = ""  # the seconds of a run that were said, and taken
 
 
 def midpoint_path(n, h, steps):
@@ -225,32 +224,29 @@ def our_flops(n, scheme):
     return flows * half * 2 * 2 * 2 * products
 
 
-def our_states(n, h, steps, scheme, paths=1, every=1):
-    """The states (steps / every + 1, N^2 - 1) of the first of `paths` paths from ``typical(n)``, without noise."""
-    model = in_kernels(Zeitlin(n, normalisation="zeitlin"))
+def our_model(n):
+    """The model, as in a spec, and the state of ``typical(n)``."""
     omega, (m1, m2) = typical(n), np.array(modes(n)).T
     initial = np.stack([omega[m1, m2].real, omega[m1, m2].imag], axis=1).ravel()
-    states, times = np.tile(initial, (steps // every + 1, 1)), grid(h, steps)
-    observer = state_recorder(times, states[np.newaxis], every)
-    integrated(SCHEMES[scheme].record, model, initial, times, brownian(1), 0, 1, paths, observer)
-    return states
+    return {"model": {"name": "zeitlin", "n": n, "normalisation": "zeitlin"}, "initial": initial.tolist()}
 
 
-def our_step_seconds(n, h, scheme="splitting", paths=1):
-    """Seconds of a step per path, without noise; what a run needs before its first step is left out."""
-    steps = max(8, MEASURED // (n**3 * paths))
-
-    def seconds(count):
-        return best_time(lambda: our_states(n, h, count, scheme, paths, count), 5)
-
-    return (seconds(steps + 1) - seconds(1)) / (steps * paths)
+@functools.cache
+def our_run(n, scheme, paths):
+    """(seconds of a step per path, what `spi check` says of the run, what it takes)."""
+    steps = min(MOST_STEPS, max(8, MEASURED // (n**3 * paths)))
+    look = {"times": [f"{steps}/10"], "statistics": ["mean"], "functions": {"y1": "y1"}}
+    grid = {"step": "1/10", "final_time": f"{steps}/10", "samples": paths, "schemes": [scheme]}
+    spec = {"kind": "statistics", **our_model(n), **grid, **look}
+    ns, seconds = np.min([run(spec) for _ in range(REPEATS)], axis=0)
+    return 1e-9 * ns, f"{said(spec)[0].partition(',')[0]}; {seconds:.1f} s"
 
 
 def our_path(n, h, steps, scheme="splitting"):
     """The matrices W of a path from ``typical(n)``, at 0 and after each step."""
-    m1, m2 = np.array(modes(n)).T
+    keys, (m1, m2) = our_model(n), np.array(modes(n)).T
     path = []
-    for y in our_states(n, h, steps, scheme):
+    for y in spi.trajectory(keys["model"], scheme, initial=keys["initial"], step=h, final_time=steps * h).y.values:
         omega = np.zeros((n, n), complex)
         omega[m1, m2] = y[::2] + 1j * y[1::2]
         omega[-m1, -m2] = omega[m1, m2].conj()
@@ -265,7 +261,9 @@ def measure_ours(n, h, scheme):
     """A splitting of the package, one path alone and PATHS paths side by side."""
     path = our_path(n, h, CHECKED_STEPS, scheme)
     found = our_flops(n, scheme), 8 * (n * n - 1), error(path, h), casimir_errors(path)
-    alone, many = (Measured(our_step_seconds(n, h, scheme, paths), *found) for paths in (1, PATHS))
+    alone, many = (
+        Measured(seconds, *found, told=told) for seconds, told in (our_run(n, scheme, k) for k in (1, PATHS))
+    )
     return {f"{scheme}, 1 path": alone, f"{scheme}, {PATHS} paths": many}
 
 
@@ -281,6 +279,7 @@ def rows(n, h, peak, schemes):
             f"{n:4} {name:30}{1e9 * side.seconds:12.0f}{rival.seconds / side.seconds:8.2f}{side.iterations:11.1f}"
             f"{side.flops:10.2e}{rate:9.2f}{rate / peak:8.1%}{side.bytes:8}{side.error:9.1e}"
             + "".join(f"{value:9.1e}" for value in side.casimirs)
+            + f"   {side.told}"
         )
 
 
@@ -291,7 +290,7 @@ def main():
     chosen, peak = parser.parse_args(), arithmetic_peak()
     print(f"one core: {peak:.1f} GFlop/s in multiply-adds; {CHECKED_STEPS} steps for the Casimirs")
     heading = f"{'ns per step':>12}{'ratio':>8}{'iterations':>11}{'flops':>10}{'GFlop/s':>9}{'of peak':>8}{'bytes':>8}"
-    heading += f"{'error':>9}" + "".join(f"{f'C_{k}':>9}" for k in DEGREES)
+    heading += f"{'error':>9}" + "".join(f"{f'C_{k}':>9}" for k in DEGREES) + "   said; took"
     for h in STEPS:
         print(f"\nh = {h}\n{'N':>4} {'':30}{heading}")
         for n in chosen.sizes or SIZES:

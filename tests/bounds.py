@@ -17,7 +17,7 @@ MATES = {"numba": "llvmlite", "pydantic": "pydantic-core", "matplotlib": "contou
 
 
 def named(requirement):
-    """(name, bounds) of a requirement, such as ("numba", ">=0.62,<0.69"); the name as package indices compare it."""
+    """(name, bounds) of a requirement, such as ("numpy", ">=2,<3"); the name as package indices compare it."""
     name, bounds = re.fullmatch(r"([\w.-]+)\s*(.*)", requirement).groups()
     return re.sub("[-_.]+", "-", name).lower(), bounds
 

@@ -113,6 +113,7 @@ _PANELS: dict[str, dict[str, Any]] = {
         "plot": showing.plot,
         "report": showing.report,
         "verify": running.verify,
+        "trace": running.trace,
     },
     "More": {"model": model, "schema": schema, "cache": starting.cache},
 }

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, scratch_folder, storage
 from ..checks.compilable import CompilationError
-from ..compiler import rounding
+from ..compiler import private, processor
 from ..ensemble.loop import thread_count
 from ..running.compiling import processors
 from ..running.run import NOBODY, Watch, load, run
@@ -59,16 +59,27 @@ def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
     yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
     yield Finding("packages", ", ".join(f"{name} {about[f'machine_{name}']}" for name in ("numba", "numpy", "h5py")))
     yield _vectors(about["machine_processor"])
+    yield from _parts()
     yield _threads()
     yield _cache()
     yield from _small_run(watch)
 
 
-def _vectors(processor: str) -> Finding:
+def _vectors(name: str) -> Finding:
     """The vectors for which kernels are compiled, and whether results are those of other processors."""
-    fact = f"{processor}, {rounding.instruction_set()}: vectors of {rounding.vector_bits()} bits"
-    remedy = "" if rounding.is_fused() else "it has no fused operations, so that last digits differ from other machines"
+    fact = f"{name}, {processor.instruction_set()}: {processor.vectors()}"
+    remedy = (
+        "" if processor.is_fused() else "it has no fused operations, so that last digits differ from other machines"
+    )
     return Finding("processor", fact, remedy)
+
+
+def _parts() -> Iterator[Finding]:
+    """The parts of Numba that are left out, each with what is lost."""
+    for part in private.left_out():
+        missing = ", ".join(private.missing(part))
+        fact = f"without {part}, " + (f"as Numba has no {missing}" if missing else f"by {private.VARIABLE}")
+        yield Finding("compiler", fact, private.LOST[part])
 
 
 def _threads() -> Finding:

@@ -119,6 +119,47 @@ def merge(
 
 
 @run_options()
+def trace(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SPEC|FILE",
+            help="An experiment file (YAML), a name listed by `spi list`, or a file of results.",
+            autocompletion=complete_spec,
+        ),
+    ],
+    path: Annotated[
+        int | None, typer.Option(help="Number of the path (default: the first that diverges).", min=0)
+    ] = None,
+    *,
+    options: RunOptions,
+) -> None:
+    """Print the flows of the step in which a path became NaN or infinite.
+
+    The paths are those of a run with this spec and these options.  A line for each flow has its time and angle, and by
+    how much H and the Casimir functions have changed since the beginning of the step.  A path given by --path may stay
+    finite: then the step is the one that changes a Casimir function most.
+    """
+    (experiment,) = load([source], options)
+    from ..printing import print_safely
+    from ..running import tracing
+    from ..running.compiling import compile_missing
+    from ..running.run import kernel_calls, plans
+    from .progress import ProgressLine
+
+    with ProgressLine(experiment.name) as line:
+        found = tracing.trace(
+            plans(experiment),
+            path,
+            lambda done, total: line.report_work(done + 1, total, "looking for a path that diverges"),
+            lambda plan: compile_missing(kernel_calls([plan]), line.watch.report_compiling),
+        )
+        lines = [f"{experiment.called}: all paths stay finite; --path looks at one"] if found is None else found.lines()
+        lines = list(lines)
+    print_safely(lines)
+
+
+@run_options()
 def verify(
     source: Stored,
     results: ResultsFolder = RESULTS,

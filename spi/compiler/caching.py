@@ -23,7 +23,7 @@ from numba.core.caching import (
 )
 
 from .. import kernels_folder
-from . import modules, rounding
+from . import modules, processor
 from .private import VARIABLE, left_out
 from .records import record_classes
 
@@ -127,8 +127,8 @@ class SharedCache(FunctionCache):
         things = {self._py_func}.union(*map(record_classes, types))
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}
-        if rounding.WISH != rounding.USUAL:
-            foreign.add((rounding.VARIABLE, rounding.WISH))
+        if processor.WISH != processor.USUAL:
+            foreign.add((processor.VARIABLE, processor.WISH))
         if config.BOUNDSCHECK:
             foreign.add(("NUMBA_BOUNDSCHECK", "1"))  # Numba's own key does not have it
         if not foreign:

@@ -5,13 +5,15 @@ from contextvars import ContextVar
 
 from numba import config, njit, typeof
 from numba.core.errors import NumbaError
-from numba.core.registry import cpu_target
 
 from .private import uses
-from .rounding import RoundedCompiler
 
 #: Options for a function that is compiled by itself, for one that exists only to be inlined, and for a kernel.
-ALONE = {"pipeline_class": RoundedCompiler}
+ALONE: dict = {}
+if uses("rounding"):
+    from .rounding import RoundedCompiler
+
+    ALONE["pipeline_class"] = RoundedCompiler
 TO_INLINE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **ALONE}
 TO_RUN = {"no_cfunc_wrapper": True, **ALONE}
 if uses("libraries"):
@@ -75,8 +77,10 @@ def is_compiling():
 
 def is_known_to_the_compiler(value):
     """Whether compiled code may use a value by the name of a global; without a compiler, anything."""
-    if not is_compiling():
+    if not is_compiling() or not uses("names"):
         return True
+    from numba.core.registry import cpu_target
+
     cpu_target.typing_context.refresh()
     try:
         return cpu_target.typing_context.resolve_value_type(value) is not None

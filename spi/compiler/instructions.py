@@ -40,7 +40,10 @@ def part_of(context, builder, record, pointer, name):
     pointer = _inside(builder, pointer, place)
     if record_class(record.types[place]):
         return pointer
-    without = (0, 1) if isinstance(record.types[place], types.Array) else ()  # the counter and the object in Python
+    without = ()
+    if isinstance(record.types[place], types.Array):  # the counter and the object in Python
+        model = context.data_model_manager.lookup(record.types[place])
+        without = tuple(map(model.get_field_position, ("meminfo", "parent")))
     return _loaded(builder, pointer, without)
 
 

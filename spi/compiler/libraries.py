@@ -10,15 +10,20 @@ import dis
 import gc
 
 from numba.core import event
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
-from .rounding import RoundedLibrary, parts_of
+from .private import parts_of, uses
+
+Library = JITCodeLibrary
+if uses("rounding"):
+    from .rounding import RoundedLibrary as Library  # type: ignore[assignment]
 
 #: Thresholds of the garbage collector while Numba compiles: most of its objects stay, and are searched in vain.
 COLLECTIONS = (50_000, 20, 20)
 
 
-class InlinedLibrary(RoundedLibrary):
+class InlinedLibrary(Library):
     """The code of one function, to be linked into its callers and never run by itself."""
 
     def __init__(self, codegen, function, *, once):
@@ -94,7 +99,7 @@ class LinkedLibrary(InlinedLibrary):
     """The code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
 
     def __init__(self, codegen, name):
-        RoundedLibrary.__init__(self, codegen, name)
+        Library.__init__(self, codegen, name)
         self._has_loop = False
 
 
@@ -107,7 +112,7 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, function):
         codegen = self.state.targetctx.codegen()
-        self.state.library = RoundedLibrary(codegen, function.__qualname__)
+        self.state.library = Library(codegen, function.__qualname__)
         self.state.library.enable_object_caching()
         with parts_of(codegen, LinkedLibrary), unhindered():
             result = super().compile_extra(function)

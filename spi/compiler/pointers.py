@@ -7,14 +7,14 @@ What is loaded from it is said not to change, so that loads leave loops as argum
 
 from llvmlite import ir
 from numba.core import cgutils
-from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import models, register_model
+from numba.core.imputils import impl_ret_borrowed
 
 from .dispatch import intrinsic
 from .instructions import part_of, store_parts
 from .private import uses
 from .records import InMemory, record_class
+
+_IS_USED = uses("pointers") and uses("refcounts")
 
 
 def in_memory(record):
@@ -25,28 +25,9 @@ def in_memory(record):
     return record
 
 
-@register_model(InMemory)
-class _InMemoryModel(models.PrimitiveModel):
-    def __init__(self, manager, numba_type):
-        super().__init__(manager, numba_type, manager.lookup(numba_type.record).get_value_type().as_pointer())
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):
-    key = InMemory
-
-    def generic_resolve(self, record, name):
-        return record.part(name) if name in record.fields else None
-
-
-@lower_getattr_generic(InMemory)
-def _field(context, builder, record, pointer, name):
-    return part_of(context, builder, record, pointer, name)
-
-
 @intrinsic(in_memory)
 def _(record):
-    if not uses("refcounts") or isinstance(record, InMemory) or not getattr(record_class(record), "large", False):
+    if not _IS_USED or isinstance(record, InMemory) or not getattr(record_class(record), "large", False):
         return record(record), lambda context, builder, signature, arguments: impl_ret_borrowed(
             context, builder, record, arguments[0]
         )
@@ -59,3 +40,25 @@ def _(record):
         return builder.call(hidden, [place])
 
     return InMemory(record)(record), code
+
+
+if _IS_USED:
+    from numba.core.imputils import lower_getattr_generic
+    from numba.core.typing.templates import AttributeTemplate, infer_getattr
+    from numba.extending import models, register_model
+
+    @register_model(InMemory)
+    class _InMemoryModel(models.PrimitiveModel):
+        def __init__(self, manager, numba_type):
+            super().__init__(manager, numba_type, manager.lookup(numba_type.record).get_value_type().as_pointer())
+
+    @infer_getattr
+    class _Fields(AttributeTemplate):
+        key = InMemory
+
+        def generic_resolve(self, record, name):
+            return record.part(name) if name in record.fields else None
+
+    @lower_getattr_generic(InMemory)
+    def _field(context, builder, record, pointer, name):
+        return part_of(context, builder, record, pointer, name)

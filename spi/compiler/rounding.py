@@ -16,47 +16,16 @@ and so each function carries the width that we want; SPI_VECTOR_BITS=128, 256 or
 """
 
 import collections
-import contextlib
-import functools
-import os
 
-from llvmlite import binding, ir
+from llvmlite import ir
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.registry import cpu_target
 
-VARIABLE = "SPI_VECTOR_BITS"
-WIDTHS = (128, 256, 512)
+from .private import parts_of
+from .processor import is_fused, vector_bits
+
 ALLOWED = "contract"  # the flag of LLVM by which a product and a sum may become one operation
-
-USUAL = "512"
-WISH = os.environ.get(VARIABLE) or USUAL
-if WISH not in map(str, WIDTHS):
-    raise SystemExit(f"spi: {VARIABLE} is {WISH!r}, which is not 128, 256 or 512")
-
-
-@functools.cache
-def _features():
-    """The features of the processor that Numba passes to LLVM: {"avx2", "fma", ...}."""
-    features = cpu_target.target_context.codegen()._get_host_cpu_features().split(",")
-    always = {"neon"} if binding.get_process_triple().startswith(("aarch64", "arm64")) else set()
-    return always.union(name.removeprefix("+") for name in features if name.startswith("+"))
-
-
-def instruction_set():
-    """The vector instructions for which kernels are compiled: the processor's, or those of Numba's settings."""
-    return next((name for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon") if name in _features()), "unknown")
-
-
-def is_fused():
-    """Whether there are fused operations, without which results differ from those of other processors."""
-    return not _features().isdisjoint(("fma", "neon"))
-
-
-def vector_bits():
-    """The width of vectors: the largest of the processor, or less by SPI_VECTOR_BITS."""
-    return min(int(WISH), {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128))
 
 
 def round_explicitly(module):
@@ -142,13 +111,3 @@ class RoundedCompiler(Compiler):
         self.state.library.enable_object_caching()
         with parts_of(codegen, RoundedLibrary):
             return super().compile_extra(function)
-
-
-@contextlib.contextmanager
-def parts_of(codegen, library):
-    """Within the block Numba puts other code of a function, such as the body of a parallel loop, into `library`."""
-    usual, codegen._library_class = codegen._library_class, library
-    try:
-        yield
-    finally:
-        codegen._library_class = usual

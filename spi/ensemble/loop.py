@@ -156,24 +156,19 @@ def largest_sizes(reference_scheme, scheme, model):
 
 
 @device(by_type=True)
-def _advance(scheme, model, h, dW, coins, y, work, report):
-    """One step of at least the lanes in use."""
-    return advance_large if large(model) else advance
-
-
-@device(by_type=True)
 def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
-    """One step of the scheme, or by the reference scheme if there is one."""
+    """One step, of at least the lanes in use, by the scheme, or by the reference scheme if there is one."""
+    step = advance_large if large(model) else advance
     if is_none(reference_scheme):
-        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: _advance(
+        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: step(
             scheme, model, h, dW, coins, y, work, report
         )
 
     def either(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
         if by_reference:
-            _advance(reference_scheme, model, h, dW, coins, y, work, report)
+            step(reference_scheme, model, h, dW, coins, y, work, report)
         else:
-            _advance(scheme, model, h, dW, coins, y, work, report)
+            step(scheme, model, h, dW, coins, y, work, report)
 
     return either
 

@@ -190,6 +190,7 @@ _PROVENANCE = {
     "machine_numpy": "NumPy",
     "machine_numba": "Numba",
     "machine_h5py": "h5py",
+    "machine_without": "parts of Numba that are left out",
 }
 
 

@@ -29,6 +29,7 @@ CAUSES = {
     "stream_version": "version of the random numbers",
     "machine_instruction_set": "instruction set",
     "machine_fused_operations": "fused operations",
+    "machine_without": "parts of Numba that are left out",
     "machine_processor": "processor",
     "machine_numba": "version of Numba",
     "machine_numpy": "version of NumPy",
@@ -192,9 +193,9 @@ def _causes(results: Results) -> tuple[str, ...]:
     others = [machine for machine in machines if machine != storage.machine()] if len(machines) > 1 else []
     return (
         *(
-            f"{label}: {then.get(name)} then, {now[name]} now"
+            f"{label}: {then.get(name)} then, {now.get(name)} now"
             for name, label in CAUSES.items()
-            if then.get(name) != now[name]
+            if then.get(name) != now.get(name)
         ),
         *(f"one of {len(machines)} machines: {machine}" for machine in others),
     )

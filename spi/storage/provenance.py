@@ -15,29 +15,32 @@ from .results import StorageError, read_root
 
 def provenance() -> dict[str, Any]:
     """Root attributes with the time, the versions and the machine of a computation."""
-    from ..compiler import rounding  # here, since results are read without the compiler
+    from ..compiler import private, processor  # here, since results are read without the compiler
 
+    left_out = private.left_out()
     return {
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "spi_version": __version__,
         "machine_processor": _processor(),
-        "machine_instruction_set": rounding.instruction_set(),
-        "machine_vector_bits": rounding.vector_bits(),
-        "machine_fused_operations": rounding.is_fused(),
+        "machine_instruction_set": processor.instruction_set(),
+        "machine_vector_bits": processor.vector_bits(),
+        "machine_fused_operations": processor.is_fused(),
         "machine_cpu_count": os.cpu_count() or 1,
         "machine_platform": platform.platform(),
         "machine_python": platform.python_version(),
         **{f"machine_{name}": _version_of(name) for name in ("numpy", "numba", "h5py")},
+        **({"machine_without": ", ".join(left_out)} if left_out else {}),
     }
 
 
 def machine() -> str:
     """This machine in a line: all that the last digits of results could depend on."""
-    from ..compiler import rounding
+    from ..compiler import private, processor
 
-    compiled = f"{rounding.instruction_set()}, vectors of {rounding.vector_bits()} bits"
+    compiled = f"{processor.instruction_set()}, {processor.vectors()}"
     versions = ", ".join(f"{name} {_version_of(name)}" for name in ("numba", "numpy"))
-    return f"{_processor()}; {compiled}; {versions}"
+    without = "".join(f"; without {part}" for part in private.left_out())
+    return f"{_processor()}; {compiled}; {versions}{without}"
 
 
 def _version_of(package: str) -> str:

@@ -9,6 +9,7 @@ from helpers import COMPILED
 
 from spi.cli import doctor
 from spi.cli.doctor import Finding
+from spi.compiler import private
 from spi.storage import Group, StorageError
 
 NO_RUN = Finding("numbers", "as known")
@@ -71,7 +72,7 @@ def test_a_run_that_fails_is_one_line_and_exit_code_1(monkeypatch, error):
 def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run):
     monkeypatch.setattr(doctor, "CACHE_PROBLEM", "/nowhere: Permission denied")
     monkeypatch.setattr(doctor, "processors", lambda: 1000)
-    monkeypatch.setattr(doctor.rounding, "is_fused", lambda: False)
+    monkeypatch.setattr(doctor.processor, "is_fused", lambda: False)
     code, out, err = without_run()
     assert (code, err) == (0, "")
     for name, words in (
@@ -80,6 +81,20 @@ def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run)
         ("processor", "fused operations"),
     ):
         assert re.search(rf"^warning  {name} .*{words}", out, re.MULTILINE), name
+
+
+def test_parts_of_numba_that_are_left_out_are_said_with_what_is_lost(without_run, monkeypatch):
+    monkeypatch.setenv("SPI_WITHOUT", "rounding,names")
+    monkeypatch.setattr(doctor.private, "missing", lambda part: ("numba.core.x",) if part == "cache" else ())
+    code, out, _ = without_run()
+    lost = private.LOST
+    assert code == 0
+    assert [line for line in out.splitlines() if line.startswith("warning  compiler")] == [
+        f"warning  compiler  without cache, as Numba has no numba.core.x: {lost['cache']}",
+        f"warning  compiler  without rounding, by SPI_WITHOUT: {lost['rounding']}",
+        f"warning  compiler  without names, by SPI_WITHOUT: {lost['names']}",
+    ]
+    assert "vectors as LLVM chooses" in out
 
 
 def test_the_room_for_kernels_and_the_speed(monkeypatch):
@@ -94,6 +109,6 @@ def test_the_room_for_kernels_and_the_speed(monkeypatch):
     ("features", "bits"), [({"avx2", "sse2", "fma"}, 256), ({"neon"}, 128), ({"avx512f", "avx2", "fma"}, 512)]
 )
 def test_the_width_of_vectors(monkeypatch, features, bits):
-    monkeypatch.setattr(doctor.rounding, "WISH", "512")
-    monkeypatch.setattr(doctor.rounding, "_features", lambda: features)
+    monkeypatch.setattr(doctor.processor, "WISH", "512")
+    monkeypatch.setattr(doctor.processor, "_features", lambda: features)
     assert str(doctor._vectors("some processor")).endswith(f": vectors of {bits} bits")

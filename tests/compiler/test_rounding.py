@@ -11,7 +11,7 @@ import pytest
 from helpers import COMPILED
 from llvmlite import ir
 
-from spi.compiler import private, rounding
+from spi.compiler import private, processor, rounding
 from spi.compiler.dispatch import device
 
 PROJECT = Path(__file__).parents[2]
@@ -61,7 +61,7 @@ def exactly(text, **values):
     ],
 )
 def test_one_product_is_fused_and_the_first_of_two(function, text, rest):
-    if not rounding.is_fused():
+    if not processor.is_fused():
         pytest.skip("this processor has no fused operations")
     generator = np.random.default_rng(1)
     points = generator.normal(size=(100, 4))
@@ -96,7 +96,7 @@ print("zmm", any("zmm" in text for text in loop.integrate.inspect_asm().values()
 
 def outcome(bits, words):
     """What the program prints with vectors of so many bits."""
-    environment = {**os.environ, rounding.VARIABLE: str(bits), private.VARIABLE: "cache"}
+    environment = {**os.environ, processor.VARIABLE: str(bits), private.VARIABLE: "cache"}
     command = [sys.executable, "-c", PROGRAM, *words]
     answer = subprocess.run(
         command, env=environment, cwd=PROJECT, capture_output=True, text=True, check=False, timeout=900
@@ -106,7 +106,7 @@ def outcome(bits, words):
 
 
 def assert_equal_bits(words):
-    widths = [bits for bits in rounding.WIDTHS if bits <= rounding.vector_bits()]
+    widths = [bits for bits in processor.WIDTHS if bits <= processor.vector_bits()]
     found = {bits: outcome(bits, words) for bits in (widths[0], widths[-1])}
     (narrow, _), (wide, _) = found[widths[0]], found[widths[-1]]
     assert len(wide) == len(words), found
@@ -124,8 +124,8 @@ def test_nothing_is_left_for_llvm_to_choose():
     products = [builder.fmul(*pair, flags=["contract"]) for pair in ((a, b), (c, d))]
     builder.ret(builder.fadd(*products, flags=["contract"]))
     rounding.round_explicitly(module)
-    assert "contract" not in str(module) and f'"prefer-vector-width"="{rounding.vector_bits()}"' in str(module)
-    assert ("@llvm.fma.f64" in str(module).replace('"', "")) == rounding.is_fused()
+    assert "contract" not in str(module) and f'"prefer-vector-width"="{processor.vector_bits()}"' in str(module)
+    assert ("@llvm.fma.f64" in str(module).replace('"', "")) == processor.is_fused()
 
 
 ANY = ("splitting", "splitting_order2", "splitting_symmetric", "euler_maruyama")
@@ -147,4 +147,4 @@ def test_bits_do_not_depend_on_the_width_of_vectors_for_any_model(experiment):
 
 
 def test_what_is_not_a_width_is_refused():
-    assert outcome(511, []) == ([], f"spi: {rounding.VARIABLE} is '511', which is not 128, 256 or 512")
+    assert outcome(511, []) == ([], f"spi: {processor.VARIABLE} is '511', which is not 128, 256 or 512")

@@ -86,18 +86,55 @@ def test_tables_of_measurements_name_machine_date_and_command(page):
     assert not wrong, f"{page.name}: {wrong}; say [machine X](machines.md), the date and the command before the table"
 
 
-def scripts_of(page):
-    """The scripts that a page names."""
-    return {*re.findall(r"benchmarks/\w+\.py", page.read_text(encoding="utf-8"))}
+#: The programs of benchmarks/, and what of the package a program behind a page has besides what users are offered.
+PROGRAMS = {path.name: path.read_text(encoding="utf-8") for path in sorted(ROOT.glob("benchmarks/*.py"))}
+PROGRAMS = {name: text for name, text in PROGRAMS.items() if "__main__" in text}
+BESIDES = {
+    "euler.py": "fields of the states of results, and the style of pictures",
+    "fluid_equilibrium.py": "the modes of the states of results",
+    "front_door.py": "a clock around the kernel within `spi run`",
+    "intervals.py": "intervals of records, and quadrature",
+    "questions.py": "the work of the best fixed choice, by what an answer measured",
+    "spins.py": "vector instructions for the peak of the processor",
+    "weak_differences.py": "levels that runs have in place of differences where these do not help",
+    "zeitlin.py": "the modes of a state, and the counts of operations",
+}
 
 
-@pytest.mark.parametrize("script", sorted({script for page in PAGES for script in scripts_of(page)}))
-def test_a_script_that_a_page_names_says_what_it_supports(script):
-    """The pages that name it, or that it is for finding."""
-    supports = re.search(r"^Supports: .*?(?=\n\n)", ROOT.joinpath(script).read_text(encoding="utf-8"), re.M | re.S)
-    assert supports, f"{script}: its docstring needs a paragraph `Supports: docs/PAGE.md, which sentence or table`"
-    pages = {*re.findall(r"(?:docs/\w+|README)\.md", supports[0])}
-    assert all(ROOT.joinpath(page).is_file() for page in pages) and (pages or "no sentence" in supports[0])
+def inner(text):
+    """The modules of the package that a program imports."""
+    return {*re.findall(r"^\s*(?:from|import) (spi\.[\w.]+)", text, re.MULTILINE)}
+
+
+def supported(text):
+    """The pages that the docstring of a program names, or None where it says neither pages nor that there is none."""
+    supports = re.search(r"^Supports: .*?(?=\n\n)", text, re.MULTILINE | re.DOTALL)
+    pages = {*re.findall(r"(?:docs/\w+|README)\.md", supports[0])} if supports else ()
+    return pages if pages or (supports and "no page" in supports[0]) else None
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_says_which_pages_it_supports(name):
+    pages = supported(PROGRAMS[name])
+    assert pages is not None, "its docstring needs `Supports: docs/PAGE.md, which sentence or table`, or `no page`"
+    assert all(ROOT.joinpath(page).is_file() for page in pages)
+    named = {page for page in PAGES if f"benchmarks/{name}" in page.read_text(encoding="utf-8")}
+    assert not named or pages or name == "kernels.py", f"{[*map(page_name, named)]} name it"
+
+
+@pytest.mark.parametrize("name", [name for name, text in PROGRAMS.items() if supported(text)])
+def test_a_number_of_a_page_is_measured_where_a_person_stands(name):
+    """By runs of specs, and by what `import spi` offers, so that nothing of the engine is imported."""
+    beside = inner(PROGRAMS[name])
+    assert bool(beside) == (name in BESIDES), f"{name}: imports {sorted(beside)}; runs of specs have times and errors"
+
+
+def test_an_import_of_the_engine_is_noticed():
+    assert inner("import spi\nfrom through_spec import run\n") == set()
+    assert inner("import spi\n    from spi.ensemble.loop import grid\n") == {"spi.ensemble.loop"}
+    assert supported('"""Times.\n\nSupports: docs/joint.md, x.\n\nShort form: a\n"""') == {"docs/joint.md"}
+    assert supported('"""Times.\n\nShort form: a\n"""') is None
+    assert supported('"""Times.\n\nSupports: no page.\n\nShort form: a\n"""') == set()
 
 
 def test_a_table_without_them_is_noticed():
