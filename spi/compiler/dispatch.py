@@ -5,8 +5,8 @@ it by a method of that name.  Called from Python, the declared function looks it
 kernel, Numba picks it by the type of the record while compiling, and inlines it.  Kernels built this way contain no
 closures and take no functions as arguments, so that Numba finds them in its disk cache.
 
-There are seven decorators: :func:`kernel`, :func:`device`, :func:`intrinsic`, :func:`method`, :func:`trait`,
-:func:`unrolled` and :func:`looped`.
+There are eight decorators: :func:`kernel`, :func:`device`, :func:`only_where`, :func:`intrinsic`, :func:`method`,
+:func:`trait`, :func:`unrolled` and :func:`looped`.
 """
 
 import collections
