@@ -395,12 +395,14 @@ def block_friction_times(array_state_model, t, width, y, times, work):
     """
 
 
-@method(optional=True)
-def block_friction_flow(array_state_model, backwards, t, width, y, work):
-    """The flows of friction for the time t, in place, of a model whose friction is not along its noises.
+@trait(int, default=0)
+def frictions(array_state_model):
+    """The number of flows of friction of a model whose friction is not along its noises."""
 
-    One after the other, `backwards` in reversed order.
-    """
+
+@method(optional=True)
+def block_friction_flow(array_state_model, k, t, width, y, work):
+    """The flow number k of these for the time t, in place."""
 
 
 @method(optional=True)

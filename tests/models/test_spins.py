@@ -16,6 +16,7 @@ from spi.ensemble.protocol import (
     block_drift_flow,
     block_friction_flow,
     block_work,
+    frictions,
     hamiltonian,
     in_kernels,
     one_path,
@@ -74,8 +75,8 @@ def stepped(record, t: float, s: np.ndarray) -> np.ndarray:
     y, work = s.ravel().copy(), np.zeros(block_work(record))
     for k in range(pieces(record)):
         block_drift_flow(record, k, t / 2, LANES, y, work)
-    for backwards in (False, True):
-        block_friction_flow(record, backwards, t / 2, LANES, y, work)
+    for k in [*range(frictions(record)), *range(frictions(record))[::-1]]:
+        block_friction_flow(record, k, t / 2, LANES, y, work)
     for k in range(pieces(record) - 1, -1, -1):
         block_drift_flow(record, k, t / 2, LANES, y, work)
     return y.reshape(s.shape)
