@@ -120,12 +120,6 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
 
 
 @device
-def draw_normals(seed, stream, channel, draw, block, words, normals):
-    """:func:`draw_increments` with scale 1, the four steps one after the other."""
-    draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)
-
-
-@device
 def draw_words(seed, stream, channel, draw, block, words):
     """The four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
     for lane in range(LANES):

@@ -108,13 +108,13 @@ def run_flow(model, flow, h, dW, lanes, width, states, times, work):
     if kind == DRIFT:
         return block_drift_flow(model, k, t, width, states, work)
     if kind == FRICTION and not is_along_noises(model):
-        run_friction(model, k, t, width, states, work)
+        block_friction_flow(model, k, t, width, states, work)
         return 0.0
     if flow["takes"]:
         if kind == NOISE:
             take_times(model, dW, lanes, width, flow["first"], flow["stop"], flow["n"], flow["share"], times)
         else:
-            take_friction_times(model, t, width, states, times, work)
+            block_friction_times(model, t, width, states, times, work)
     return block_noise_flow(model, k, times, width, states, work)
 
 
@@ -123,17 +123,3 @@ def is_along_noises(model):
     """Whether flows of the noises replace friction."""
     along = answers(block_friction_times, class_of(model))
     return (lambda model: True) if along else (lambda model: False)
-
-
-@device(by_type=True)
-def take_friction_times(model, t, width, states, times, work):
-    """Their times."""
-    return block_friction_times if answers(block_friction_times, class_of(model)) else None
-
-
-@device(by_type=True)
-def run_friction(model, k, t, width, states, work):
-    """A flow of friction of a model that has flows of its own for it."""
-    if answers(block_friction_times, class_of(model)):  # the record hands on what its model need not answer
-        return None
-    return block_friction_flow if answers(block_friction_flow, class_of(model)) else None

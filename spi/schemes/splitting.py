@@ -35,6 +35,7 @@ from .stages import (
     Symmetric,
     Together,
     flows,
+    has_joint,
     has_loops,
     is_reversed_by_coin,
     needs_coins,
@@ -62,7 +63,8 @@ class Splitting(NamedTuple):
         return stages_work(model)
 
     def of_arrays(scheme, model):
-        return LargeComposition.of(scheme.stages, model)
+        within = not (has_loops(scheme.stages) or has_joint(scheme.stages))
+        return LargeComposition.of(scheme.stages, model) if within else scheme
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_stages(scheme.stages, model, h, dW, coins, y, work, report)
@@ -165,10 +167,11 @@ def _step(sweeps, inexact, most, linear=()):
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
     scales = dict(_scales(sweeps, linear))
-    for n, (stage, part, k, share, coin, time) in enumerate(sweeps):
+    for n, of in enumerate(sweeps):
+        part, k, coin, time = of.part, of.k, of.coin, of.time
         lines += scales.get(n, [])
         scale = f"scale_{k} * " if n in scales else ""
-        drift = _DRIFT_TIME.format(stage=stage, share=share)
+        drift = _DRIFT_TIME.format(stage=of.stage, share=of.share)
         if part == "friction":
             lines.append(f"friction_times(index_{k}, model, {drift}, y, work)")
             if _are_one_flow(*sweeps[n : n + 2]):

@@ -283,8 +283,19 @@ def indices_of(model):
     }
 
 
+class Sweep(NamedTuple):
+    """A flow of a step."""
+
+    stage: int  #: the number of its stage
+    part: str
+    k: int
+    share: float  #: of the fraction of the stage
+    coin: int = 0  #: that of the lanes on which it acts, 0 for all
+    time: object = None  #: as :func:`sweeps` says
+
+
 def flows_in_order(stages, indices, coin=1):
-    """((stage, part, k, share of the stage's fraction), ...) of a path with this coin, the first flow to act first.
+    """The :class:`Sweep` of each flow of a path with this coin, without times, the first flow to act first.
 
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "joint": those of both with
     their parts, "loops" and "areas": pairs of noises}, and k is one of them.
@@ -294,7 +305,7 @@ def flows_in_order(stages, indices, coin=1):
         acting = indices[stage.part] if stage.part == "joint" else [(stage.part, k) for k in indices[stage.part]]
         arranged = stage.order.arranged(tuple(acting))
         reverse = stage.coin and coin == -1
-        ordered += [(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
+        ordered += [Sweep(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
     return tuple(ordered)
 
 
@@ -338,7 +349,7 @@ def compositions(stages, model):
 
 def acting_flows(stages, indices, coin=1):
     """((part, k, share of the step), ...) of a path with this coin, whatever the increments; see `flows_in_order`."""
-    return tuple((part, k, share * stages[i].fraction) for i, part, k, share in flows_in_order(stages, indices, coin))
+    return tuple((of.part, of.k, of.share * stages[of.stage].fraction) for of in flows_in_order(stages, indices, coin))
 
 
 def apart(flows, model):
@@ -434,34 +445,23 @@ class ShareOfWhole(NamedTuple):
     share: float
 
 
-class Sweep(NamedTuple):
-    """A flow on the lanes; the first four fields are those of :func:`flows_in_order`."""
-
-    stage: int
-    part: str
-    k: int
-    share: float  #: of the fraction of the stage
-    coin: int = 0  #: that of the lanes on which it acts, 0 for all
-    time: object = None  #: see :func:`sweeps`
-
-
 def with_times(flows, stages, model=None):
-    """The flows of :func:`flows_in_order` as sweeps of all lanes; without joint flows they need no model."""
+    """The flows of :func:`flows_in_order` with their times; without joint flows they need no model."""
     by_number = stages_known(stages)
     used = Counter()  # sub-steps of each Wiener process
 
-    def time(i, k, share):
-        length = share * by_number[i].length
-        if by_number[i].shared:
+    def time(of, k):
+        length = of.share * by_number[of.stage].length
+        if by_number[of.stage].shared:
             return ShareOfWhole(length / FINEST)
         first, end = used[k], used[k] + int(length)
         used[k], common = end, math.gcd(FINEST, first, end)
         return first // common, end // common, FINEST // common
 
     timed = []
-    for i, part, k, share in flows:
-        times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
-        timed.append(Sweep(i, part, k, share, 0, times if part == "joint" else times[0][1] if times else None))
+    for of in flows:
+        times = tuple(None if j is None else (j, time(of, j)) for j in noises_moving(of.part, of.k, model))
+        timed.append(of._replace(time=times if of.part == "joint" else times[0][1] if times else None))
     return timed
 
 

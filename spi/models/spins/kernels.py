@@ -110,7 +110,8 @@ class SpinTables(NamedTuple):
         for i in range(len(model.moment)):
             s, added = spin_of(y, i), spin_of(out, i)
             add_field(model, i, y, work)
-            add_own_field(model, s, work)
+            if model.uniaxial != 0.0 or model.cubic != 0.0:
+                add_own_field(model, s, work)
             inverse = t / model.moment[i]
             for lane in range(LANES):
                 bx, by, bz = work[lane], work[LANES + lane], work[2 * LANES + lane]
@@ -271,36 +272,36 @@ def coupled(model, row, ax, ay, az, x, y, z):
 
 
 @device
+def with_own_field(model, x, y, z, bx, by, bz):
+    """The field b and that of the anisotropies, 2 K (a . s) a + 2 K_4 (s_x^3, s_y^3, s_z^3)."""
+    a, b, c = model.axes[0, 0], model.axes[0, 1], model.axes[0, 2]
+    u = a * x + b * y + c * z
+    own, cubic = 2.0 * model.uniaxial * u, 2.0 * model.cubic
+    bx += own * a + cubic * x * x * x
+    by += own * b + cubic * y * y * y
+    bz += own * c + cubic * z * z * z
+    return bx, by, bz
+
+
+@device
 def add_own_field(model, s, b):
-    """Add the field of the anisotropies to `b`: 2 K (a . s) a, and 2 K (a . s)^3 a of the cubic one."""
-    for a in range(4):
-        strength = model.uniaxial if a == 0 else model.cubic
-        if strength != 0.0:
-            x, y, z = model.axes[a, 0], model.axes[a, 1], model.axes[a, 2]
-            for lane in range(LANES):
-                u = x * s[lane] + y * s[LANES + lane] + z * s[2 * LANES + lane]
-                size = 2.0 * strength * (u if a == 0 else u * u * u)
-                b[lane] += size * x
-                b[LANES + lane] += size * y
-                b[2 * LANES + lane] += size * z
+    """The same in all lanes."""
+    for lane in range(LANES):
+        x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
+        x, y, z = with_own_field(model, x, y, z, b[lane], b[LANES + lane], b[2 * LANES + lane])
+        b[lane], b[LANES + lane], b[2 * LANES + lane] = x, y, z
 
 
 @device
-def take_other(model, lanes, s, copy):
-    """Copy a spin as the lanes of its neighbours see it."""
+def copy_other(model, lanes, s, copy, back):
+    """Copy a spin as the lanes of its neighbours see it, or that copy `back`."""
     places = model.lane_table[lanes * LANES : (lanes + 1) * LANES]
     for lane in range(LANES):
-        place = places[lane]
-        copy[lane], copy[LANES + lane], copy[2 * LANES + lane] = s[place], s[LANES + place], s[2 * LANES + place]
-
-
-@device
-def put_other(model, lanes, s, copy):
-    """Copy it back."""
-    places = model.lane_table[lanes * LANES : (lanes + 1) * LANES]
-    for lane in range(LANES):
-        place = places[lane]
-        s[place], s[LANES + place], s[2 * LANES + place] = copy[lane], copy[LANES + lane], copy[2 * LANES + lane]
+        i = places[lane]
+        if back:
+            s[i], s[LANES + i], s[2 * LANES + i] = copy[lane], copy[LANES + lane], copy[2 * LANES + lane]
+        else:
+            copy[lane], copy[LANES + lane], copy[2 * LANES + lane] = s[i], s[LANES + i], s[2 * LANES + i]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -313,16 +314,18 @@ def move_members(model, k, t, alpha, begin, end, y, work):
     """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
     near = abs(alpha * t) * model.fastest[k] <= NEAR
-    if form in (Form.PAIRS, Form.TURNED_PAIRS, Form.PRODUCTS):
+    if form in (Form.PAIRS, Form.TURNED_PAIRS):
         if small:
-            move_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
+            turn_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
         else:
-            move_pairs(REDUCED_ANGLES, model, k, t, begin, end, y, work)
+            turn_pairs(REDUCED_ANGLES, model, k, t, begin, end, y, work)
     elif form == Form.SITES:
         if small:
             turn_sites(SMALL_ANGLES, model, t, alpha, near, begin, end, y, work)
         else:
             turn_sites(REDUCED_ANGLES, model, t, alpha, near, begin, end, y, work)
+    elif form == Form.PRODUCTS:
+        turn_products(model, t, begin, end, y, work)
     elif form == Form.DAMPED_SITES:
         damp_sites(model, alpha * t, near, begin, end, y, work)
     elif form in (Form.DAMPED_AXES, Form.DAMPED_CUBES):
@@ -342,27 +345,22 @@ def largest_angle(model, k, t, y):
 
 
 @device(inline=False)
-def move_pairs(angles, model, k, t, begin, end, y, work):
-    """Pairs with the energy -K s . R s': s and R s' turn about mu s + mu' R s' at the rate K / (mu mu').
-
-    Those with the energy -K (a . s)(c . s'): s turns about a by the angle K (c . s') t / mu, s' likewise.
-    """
-    form = model.form[k]
+def turn_pairs(angles, model, k, t, begin, end, y, work):
+    """Pairs with the energy -K s . R s': s and R s' turn about mu s + mu' R s' at the rate K / (mu mu')."""
     for e in range(begin, end):
-        i, j, lanes, f = model.member[e, 0], model.member[e, 1], model.member_lanes[e], model.frames[model.frame[e]]
+        i, j, lanes = model.member[e, 0], model.member[e, 1], model.member_lanes[e]
         mu, other, rate = model.moment[i], model.moment[j], t * model.rate[e]
-        first, second = spin_of(y, i), (spin_of(y, j) if lanes == 0 else work[:SPIN])
+        second = spin_of(y, j) if lanes == 0 else work[:SPIN]
         if lanes > 0:
-            take_other(model, lanes, spin_of(y, j), second)
-        if form == Form.PAIRS:
-            turn_pair(angles, rate, mu, other, None, first, second)
-        elif form == Form.TURNED_PAIRS:
-            frame = f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]
-            turn_pair(angles, rate, mu, other, frame, first, second)
+            copy_other(model, lanes, spin_of(y, j), second, False)
+        if model.form[k] == Form.PAIRS:
+            turn_pair(angles, rate, mu, other, None, spin_of(y, i), second)
         else:
-            turn_product(rate / mu, rate / other, f, first, second)
+            f = model.frames[model.frame[e]]
+            frame = f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]
+            turn_pair(angles, rate, mu, other, frame, spin_of(y, i), second)
         if lanes > 0:
-            put_other(model, lanes, spin_of(y, j), second)
+            copy_other(model, lanes, spin_of(y, j), second, True)
 
 
 @device
@@ -376,30 +374,35 @@ def turn_pair(angles, rate, mu, other, frame, s, z):
         wx, wy, wz = rate * (mu * ax + other * cx), rate * (mu * ay + other * cy), rate * (mu * az + other * cz)
         dx, dy, dz = change_by_turn(angles, wx, wy, wz, ax, ay, az)
         s[lane], s[LANES + lane], s[2 * LANES + lane] = ax + dx, ay + dy, az + dz
-        dx, dy, dz = turned_back(frame, ratio * dx, ratio * dy, ratio * dz)
-        z[lane], z[LANES + lane], z[2 * LANES + lane] = bx - dx, by - dy, bz - dz
+        z[lane], z[LANES + lane], z[2 * LANES + lane] = less(frame, ratio, dx, dy, dz, bx, by, bz)
 
 
 @device(by_type=True)
 def turned(frame, x, y, z):
-    """R s for the entries of R, s itself for None."""
-    return (lambda frame, x, y, z: (x, y, z)) if is_none(frame) else rows_times
-
-
-@device(by_type=True)
-def turned_back(frame, x, y, z):
-    """The same with the transposed matrix."""
-    return (lambda frame, x, y, z: (x, y, z)) if is_none(frame) else columns_times
+    """R s for the entries of R, s for None."""
+    return (lambda frame, x, y, z: (x, y, z)) if is_none(frame) else rotated
 
 
 @device
-def rows_times(r, x, y, z):
+def rotated(r, x, y, z):
     return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
 
 
+@device(by_type=True)
+def less(frame, ratio, x, y, z, bx, by, bz):
+    """b - ratio R^T s, or b - ratio s, where products and differences are rounded together."""
+    return less_vector if is_none(frame) else less_rotated
+
+
 @device
-def columns_times(r, x, y, z):
-    return r[0] * x + r[3] * y + r[6] * z, r[1] * x + r[4] * y + r[7] * z, r[2] * x + r[5] * y + r[8] * z
+def less_vector(frame, ratio, x, y, z, bx, by, bz):
+    return bx - ratio * x, by - ratio * y, bz - ratio * z
+
+
+@device
+def less_rotated(r, ratio, x, y, z, bx, by, bz):
+    x, y, z = rotated((r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]), ratio * x, ratio * y, ratio * z)
+    return bx - x, by - y, bz - z
 
 
 @device
@@ -411,6 +414,20 @@ def turn_about(s, v, x, y, z, ax, ay, az):
 
 
 @device(inline=False)
+def turn_products(model, t, begin, end, y, work):
+    """Pairs with the energy -K (a . s)(c . s'): s turns about a by the angle K (c . s') t / mu, s' likewise."""
+    for e in range(begin, end):
+        i, j, f, lanes = model.member[e, 0], model.member[e, 1], model.frames[model.frame[e]], model.member_lanes[e]
+        first, second = t * model.rate[e] / model.moment[i], t * model.rate[e] / model.moment[j]
+        other = spin_of(y, j) if lanes == 0 else work[:SPIN]
+        if lanes > 0:
+            copy_other(model, lanes, spin_of(y, j), other, False)
+        turn_product(first, second, f, spin_of(y, i), other)
+        if lanes > 0:
+            copy_other(model, lanes, spin_of(y, j), other, True)
+
+
+@device
 def turn_product(first, second, f, a, b):
     x, y, z, p, q, r = f[0], f[1], f[2], f[3], f[4], f[5]
     for lane in range(LANES):
@@ -647,16 +664,12 @@ def friction_turn(model, a, c, h, bx, by, bz, x, y, z):
     """
     dx, dy, dz = turned_about(a, 1.0, 0.0, x, y, z)  # s + e_a x s
     dx, dy, dz = dx - x, dy - y, dz - z
-    u = model.axes[0, 0] * x + model.axes[0, 1] * y + model.axes[0, 2] * z
     du = model.axes[0, 0] * dx + model.axes[0, 1] * dy + model.axes[0, 2] * dz
-    own, cubic = 2.0 * model.uniaxial * u, 2.0 * model.cubic
-    bx += own * model.axes[0, 0] + cubic * x * x * x
-    by += own * model.axes[0, 1] + cubic * y * y * y
-    bz += own * model.axes[0, 2] + cubic * z * z * z
+    bx, by, bz = with_own_field(model, x, y, z, bx, by, bz)
     ex, ey, ez = (0.0 if a == 0 else -x), (0.0 if a == 1 else -y), (0.0 if a == 2 else -z)
     slope = -(bx * dx + by * dy + bz * dz)
     bend = -(bx * ex + by * ey + bz * ez) - 2.0 * model.uniaxial * du * du
-    bend -= 3.0 * cubic * (x * x * dx * dx + y * y * dy * dy + z * z * dz * dz)
+    bend -= 6.0 * model.cubic * (x * x * dx * dx + y * y * dy * dy + z * z * dz * dz)
     return friction_after(c, h, slope, bend)
 
 

@@ -47,8 +47,7 @@ _MOST_SHARES = 64  # into which sites are divided among threads
 class Program(NamedTuple):
     """The flows of a step, one after the other."""
 
-    flows: np.ndarray  #: of type FLOW; k is the number of the piece, or of the draw of noise, share that of the step
-    h: float
+    flows: np.ndarray  #: of type FLOW; k is the piece, or the number of the draw of noise, and the share the time
     draws: int  #: evaluations of the generator for each site and step
     alpha: float  #: the damping of flows, 0 where noise is judged with its friction
     joined: bool  #: whether the last flow of a step and the first of the next one are one flow
@@ -225,13 +224,9 @@ def program_of(scheme: Any, record: Any, h: float) -> Program | None:
     """
     if judges(scheme):
         conserves = (record.form[: record.p] == Form.SITES).all() and record.m > 0
-        first, last = [*range(record.p - 1)], record.p - 1
-        rows = [_flow(JUDGED, k) for k in (*first, last)]
-        rows += [
-            *(_flow(DRIFT, k, 0.5) for k in first),
-            _flow(DRIFT, last),
-            *(_flow(DRIFT, k, 0.5) for k in first[::-1]),
-        ]
+        there, back = range(record.p), range(record.p - 1)[::-1]
+        rows = [_flow(JUDGED, k) for k in there]
+        rows += [_flow(DRIFT, k, 1.0 if k == record.p - 1 else 0.5) for k in (*there, *back)]
         return _program(np.array(rows, FLOW), h, 2, 0.0) if conserves else None
     flows = getattr(of_arrays(scheme, record), "program", ())
     if len(flows) != 1 or (flows["share"][flows["kind"] == NOISE] != 1).any():
@@ -271,7 +266,8 @@ def _program(flows: np.ndarray, h: float, draws: int, alpha: float) -> Program:
         flows = np.append(flows, np.array([_flow(ROUNDINGS, 0)], FLOW))
     first, last = flows[["kind", "k"]][[0, -1]].tolist()
     joined = len(flows) > 1 and first == last and first[0] in (DRIFT, FRICTION)
-    return Program(flows, h, draws, alpha, joined)
+    flows["share"] *= h
+    return Program(flows, draws, alpha, joined)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -293,9 +289,9 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
         begins = not program.joined or n % STEPS_PER_TOSS == 0 or n == first
         for row in range(rows if ends else rows - 1):
             flow = program.flows[row]
-            t = flow["share"] * program.h
+            t = flow["share"]
             if row == 0 and not begins:
-                t = t + program.flows[rows - 1]["share"] * program.h
+                t = t + program.flows[rows - 1]["share"]
             for share in prange(shares):
                 of_share, its_program = records[0]  # Numba's prange cannot take nested tuples, but a list
                 count, angle = _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
@@ -314,8 +310,7 @@ def move_blocks(model, program, y, steps, seed, paths):
         of_block, its_program = records[0]
         for n in range(steps):
             for row in range(len(its_program.flows)):
-                t = its_program.flows[row]["share"] * its_program.h
-                _run_share(of_block, its_program, row, t, 0, 1, y[b], n, seed, paths[b])
+                _run_share(of_block, its_program, row, its_program.flows[row]["share"], 0, 1, y[b], n, seed, paths[b])
 
 
 @device(inline=False)
