@@ -135,7 +135,7 @@ class Blockwise(Plan):
         return pieces
 
 
-def moved(model: Any, samples: int) -> int:
+def paths_moved(model: Any, samples: int) -> int:
     """The number of paths that make steps so that `samples` do: whole blocks, of array states only those wanted."""
     return samples if large(model) else -(-samples // LANES) * LANES
 
@@ -160,7 +160,7 @@ class BlocksPlan(PathsPlan, Blockwise):
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
-        steps = int(self.steps.sum()) * moved(self.model, self.samples)
+        steps = int(self.steps.sum()) * paths_moved(self.model, self.samples)
         sums = sum(np.asarray(values).nbytes for values in self.empty(0))
         ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
         return Cost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
