@@ -31,6 +31,7 @@ from .text import (
     print_whole,
     room,
     short,
+    with_interval,
 )
 
 if TYPE_CHECKING:
@@ -397,8 +398,12 @@ def came_out(one: Verdict) -> str:
 def _number(quantity: Quantity) -> str:
     value, low, high = quantity.value, quantity.low, quantity.high
     form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"
-    interval = "" if low == value == high else f" [{short(low, form)}, {short(high, form)}]"
-    return f"{short(value, form if interval else '.3g')}{interval}"
+    if low == value == high:
+        return short(value, ".3g")
+    ends = short(low, form), short(high, form)
+    if ends[0] == ends[1]:  # closer than these digits tell
+        return with_interval(value, max(value - low, high - value))
+    return f"{short(value, form)} [{ends[0]}, {ends[1]}]"
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:

@@ -35,6 +35,7 @@ from spi.statistics.claims import (
     INCONCLUSIVE,
     Claim,
     Quantity,
+    Verdict,
     judge,
 )
 from spi.storage import Order, Results
@@ -54,6 +55,14 @@ def came_out(value, half=0.0, **others):
 # ---------------------------------------------------------------------------------------------------------------------
 # The verdict
 # ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "text"),
+    [(0.52, 0.03, "0.520 [0.490, 0.550]"), (0.25, 2.3e-5, "0.25000 ± 0.00003"), (0.25, 0.0, "0.25")],
+)
+def test_what_came_out_is_told_with_digits_in_which_the_ends_differ(value, half, text):
+    assert tables.came_out(Verdict(claim(0.5), came_out(value, half), CONSISTENT)) == text
 
 
 @pytest.mark.parametrize(
