@@ -136,7 +136,8 @@ def with_interval(value: float, half: float) -> str:
         return f"{short(value, '.6e')} ± {short(float(up), '.1e' if leading else '.0e')}"
     if not _FIXED[0] <= 10.0**scale < _FIXED[1]:
         digits = max(scale - place, 0)
-        return f"{value / 10.0**scale:z.{digits}f}e{scale} ± {up.scaleb(-scale):.{digits}f}e{scale}"
+        shown = f"{value / 10.0**scale:z.{digits}f}e{scale}"
+        return f"{shown if float(shown) else '0'} ± {up.scaleb(-scale):.{digits}f}e{scale}"
     digits = max(-place, 0)
     return f"{round(value, -place):z.{digits}f} ± {up:.{digits}f}"
 
