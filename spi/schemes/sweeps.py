@@ -30,13 +30,7 @@ from ..ensemble.scheme_protocol import REPORT, lanes_in_use
 from ..numerics.angles import by_size
 from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
-from .stages import (
-    Drift,
-    Noise,
-    Together,
-    angle,
-    flow,
-)
+from .stages import Drift, Noise, Together, angle, flow
 
 # ---------------------------------------------------------------------------------------------------------------------
 # What steps add to the report of :data:`~spi.ensemble.scheme_protocol.REPORT`.
