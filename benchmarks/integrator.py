@@ -55,7 +55,7 @@ def main(paths=10_000, steps=100, *schemes):
         (ns, sample, given), told = compared(scheme, paths, steps)
         multiples = f"sample {sample:6.2f} ({sample / ns:.2f})   steps {given:6.2f} ({given / ns:.2f})"
         print(f"{scheme:24} run {ns:6.2f}   {multiples}   {told}", flush=True)
-    one = spi.Integrator(BODY, "splitting", H, initial=INITIAL)
+    one = spi.Integrator(BODY, "splitting", H, initial=INITIAL, threads=1)
     y, (dW, _, _) = one.start(64), one.noise(64, 1)
     least = min(seconds(lambda: [one.step(y, dW[0]) for _ in range(100)]) for _ in range(REPEATS))
     print(f"one step of 64 paths: {1e4 * least:.1f} µs")

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from spi.compiler.dispatch import kernel
-from spi.numerics.rng import LANES, STEPS_PER_DRAW, draw_normals
+from spi.numerics.rng import LANES, STEPS_PER_DRAW, draw_increments
 
 _WIDTHS = {"zmm": 512, "ymm": 256, "xmm": 128}
 _PACKED = re.compile(r"\bv?(?:f?n?m(?:add|sub)\d*|add|sub|mul|div|sqrt)pd\s[^\n]*?%([xyz]mm)")
@@ -47,7 +47,7 @@ def arithmetic_peak():
 def draw(draws, words, normals):
     zero = np.uint64(0)
     for n in range(draws):
-        draw_normals(zero, zero, zero, np.uint64(n), zero, words, normals)
+        draw_increments(zero, zero, zero, np.uint64(n), zero, 1.0, words, normals, LANES)
 
 
 def ns_per_normal():

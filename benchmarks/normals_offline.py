@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from spi.compiler.dispatch import kernel
-from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 
 BOUND = 4.5  # standard errors
 POWERS = 8
@@ -31,7 +31,9 @@ def survey(seed, draws, first_block, blocks, words, normals, powers, tails, abov
     """Add the normals of some blocks to the sums of powers, the tail counts and the histogram."""
     for block in range(first_block, first_block + blocks):
         for draw in range(draws):
-            draw_normals(seed, np.uint64(BROWNIAN), np.uint64(0), np.uint64(draw), np.uint64(block), words, normals)
+            draw_increments(
+                seed, np.uint64(BROWNIAN), np.uint64(0), np.uint64(draw), np.uint64(block), 1.0, words, normals, LANES
+            )
             for x in normals:
                 y = 1.0
                 for k in range(powers.size):
@@ -49,7 +51,9 @@ def only_draw(seed, draws, blocks, words, normals):
     total = 0.0
     for block in range(blocks):
         for draw in range(draws):
-            draw_normals(seed, np.uint64(BROWNIAN), np.uint64(0), np.uint64(draw), np.uint64(block), words, normals)
+            draw_increments(
+                seed, np.uint64(BROWNIAN), np.uint64(0), np.uint64(draw), np.uint64(block), 1.0, words, normals, LANES
+            )
             total += normals[0]
     return total
 

@@ -8,7 +8,8 @@ predicts: the ns of a step that `spi check` counts with, and its seconds and mem
 the whole of `spi.run` takes.  All times are those of the processor; those of a busy machine are up to a third longer.
 
 Supports: README.md ("Speed, and when not to use it"), docs/performance.md (table of steps), docs/why.md (naive loop),
-docs/own_schemes.md (Heun beside the splitting, by `heun`), docs/statistics.md (--every 1 and 4).
+docs/own_schemes.md (Heun beside the splitting, by `heun`), docs/statistics.md (--every 1 and 4),
+docs/literature_schemes.md (--schemes roessler_rs2 splitting_order2 splitting_symmetric, and those with areas).
 
 Short form: rigid_body --schemes splitting
 """

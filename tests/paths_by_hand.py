@@ -10,13 +10,13 @@ import numpy as np
 from helpers import turned
 
 from spi.compiler.dispatch import kernel
-from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 
 
 @kernel
 def draw(seed, stream, channel, draws, block, words, normals):
     for n in range(draws):
-        draw_normals(seed, stream, channel, np.uint64(n), block, words, normals[n])
+        draw_increments(seed, stream, channel, np.uint64(n), block, 1.0, words, normals[n], LANES)
 
 
 def fine_increments(case):

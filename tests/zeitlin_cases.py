@@ -131,23 +131,39 @@ def _of_block(model, what, k, t, states):
     if what in (NOISE_FLOW, NOISE_FIELDS):
         times, t = np.array(np.broadcast_to(np.reshape(t, (of.m, -1)), (of.m, width))).reshape(1, -1), 0.0
     work = np.full(block_work(of), np.nan)
-    largest = _ask(what, _SCHEMES, of, k, t, width, times, _NO_COINS, y, out, work)
+    largest = _ask(what, _schemes(of), of, k, t, width, times, _NO_COINS, y, out, work)
     return y.reshape(d, width).T, out.reshape(d, width).T, largest
 
 
 def casimirs_of(model, y):
     """(C_2, C_3, ...) by the kernel."""
     out = np.zeros(len(y))
-    _ask(CASIMIRS, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), out, np.zeros(1))
+    _ask(
+        CASIMIRS, _schemes(tables(model)), tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), out, np.zeros(1)
+    )
     return out[: tables(model).c]
 
 
 def energy_of(model, y):
     """H by the kernel."""
-    return _ask(ENERGY, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), np.zeros(1), np.zeros(1))
+    return _ask(
+        ENERGY,
+        _schemes(tables(model)),
+        tables(model),
+        0,
+        0.0,
+        1,
+        _NO_TIMES,
+        _NO_COINS,
+        np.array(y),
+        np.zeros(1),
+        np.zeros(1),
+    )
 
 
-_SCHEMES = tuple(map(of_arrays, STEPPERS.values()))
+def _schemes(of):
+    """The records of all schemes for a model."""
+    return tuple(of_arrays(scheme, of) for scheme in STEPPERS.values())
 
 
 class Taken(NamedTuple):
@@ -173,8 +189,8 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     tossed[:, :paths] = coins
     y = np.full((of.d, LANES), np.nan)
     y[:, :paths] = np.transpose(states)
-    y, report, work = y.ravel(), report_row(end=paths), np.full(work_size(of_arrays(scheme), of), np.nan)
+    y, report, work = y.ravel(), report_row(end=paths), np.full(work_size(of_arrays(scheme, of), of), np.nan)
     number = list(STEPPERS).index(name)
     asked = _ask.py_func if in_python else _ask
-    asked(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, len(rows) * m * LANES), tossed, y, report, work)
+    asked(STEPS, _schemes(of), of, number, h, paths, dW.reshape(steps, len(rows) * m * LANES), tossed, y, report, work)
     return Taken(y.reshape(of.d, LANES)[:, :paths].T, report[: len(REPORT)])

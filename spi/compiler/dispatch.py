@@ -5,8 +5,8 @@ it by a method of that name.  Called from Python, the declared function looks it
 kernel, Numba picks it by the type of the record while compiling, and inlines it.  Kernels built this way contain no
 closures and take no functions as arguments, so that Numba finds them in its disk cache.
 
-There are six decorators: :func:`kernel`, :func:`device`, :func:`intrinsic`, :func:`method`, :func:`trait` and
-:func:`unrolled`.
+There are eight decorators: :func:`kernel`, :func:`device`, :func:`only_where`, :func:`intrinsic`, :func:`method`,
+:func:`trait`, :func:`unrolled` and :func:`looped`.
 """
 
 import collections
@@ -112,6 +112,19 @@ def device(function=None, *, inline=True, by_type=False):
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
     overload(from_python, jit_options=options, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
     return from_python
+
+
+def only_where(condition):
+    """Decorator for a device function that does nothing where `condition`, of its first argument or its type, is false.
+
+    There compiled code contains nothing of it, not even a branch.
+    """
+
+    def decorate(body):
+        chosen = functools.wraps(body)(lambda *arguments: body if condition(arguments[0]) else None)
+        return device(chosen, by_type=True)
+
+    return decorate
 
 
 def intrinsic(function):
@@ -335,3 +348,21 @@ def _of_tuples(expression, total, declaration):
         return of_tuples(len(arguments[a_tuple]))
 
     return chosen
+
+
+def looped(loops, *statements, inline=True, **names):
+    """Decorator for a device function that is a loop, or one in another, around one or two statements.
+
+    ``@looped(("for n in range(LANES)",), "b[n] = c * a[n]")`` above ``def scale(b, c, a): ...`` writes that loop, in
+    the names of the arguments, of what stands in the file before, and of what is passed by name.
+    """
+
+    def decorate(declaration):
+        lines = [f"def {declaration.__name__}{inspect.signature(declaration)}:"]
+        lines += ["    " * depth + f"{loop}:" for depth, loop in enumerate(loops)]
+        lines += ["    " * len(loops) + statement for statement in statements]
+        function = function_of(lines, declaration.__globals__ | names)
+        function.__doc__ = declaration.__doc__ or "; ".join(statements)
+        return device(function, inline=inline)
+
+    return decorate

@@ -58,6 +58,11 @@ def is_none(value):
     return value is None or isinstance(value, types.NoneType)
 
 
+def is_some(value):
+    """Whether a value, or one of a Numba type, is not None."""
+    return not is_none(value)
+
+
 def record_classes(numba_type):
     """The classes of all records in a type of Numba: its own, and those of the elements of a tuple, list or array."""
     classes = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()

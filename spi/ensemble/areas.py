@@ -15,17 +15,18 @@ increments, see :func:`draw_fourier_areas`.
 In a row of increments the areas of ``protocol.area_pairs`` are the last floats, LANES of each pair.
 """
 
+import functools
 import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, number, trait, unrolled
-from ..compiler.records import is_none
+from ..compiler.dispatch import device, looped, only_where, trait
+from ..compiler.records import is_none, is_some
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
-from .lanes import aligned
+from .lanes import aligned, over_lanes
 from .protocol import area_pairs, large, noise_indices, noises
 from .scheme_protocol import needs_areas
 
@@ -147,48 +148,33 @@ def areas_length(areas, model):
     return (lambda areas, model: 0) if is_none(areas) else (lambda areas, model: area_count(model) * LANES)
 
 
-@device(by_type=True)
+@only_where(is_some)
 def draw_areas(areas, model, increments, noise, draw, block, h, terms, words):
     """Draw the areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
-    return None if is_none(areas) else _draw_areas
-
-
-def _draw_areas(areas, model, increments, noise, draw, block, h, terms, words):
     if terms != 0:
         draw_fourier_areas(model, increments, noise, draw, block, h, terms, words)
     else:
         increments[:STEPS_PER_DRAW, increments.shape[1] - area_count(model) * LANES :] = 0.0
 
 
-@device(by_type=True)
+@only_where(is_some)
 def join_areas(areas, model, dW, first):
     """Put the areas of the step of which `dW` holds the second half and `first` the first into `dW`."""
-    return None if is_none(areas) else (lambda areas, model, dW, first: join_area(model, dW, first))
+    pairs = area_channels(model)
+    for p in range(area_count(model)):
+        i, j = pairs[2 * p] * LANES, pairs[2 * p + 1] * LANES
+        add_up(area_of(model, dW, p), area_of(model, first, p), first[i:], dW[j:], first[j:], dW[i:])
 
 
-@unrolled(area_indices)
-def join_area(index, model, dW, first):
-    p = number(index)
-    i, j = area_channels(model)[2 * p] * LANES, area_channels(model)[2 * p + 1] * LANES
-    late, early = area_of(model, dW, p), area_of(model, first, p)
-    for lane in range(LANES):
-        turned = first[i + lane] * dW[j + lane] - first[j + lane] * dW[i + lane]
-        late[lane] = early[lane] + late[lane] + 0.5 * turned
-    return dW
+@over_lanes("late[n] = early[n] + late[n] + 0.5 * (a[n] * b[n] - c[n] * d[n])")
+def add_up(late, early, a, b, c, d):
+    """Chen's relation."""
 
 
-@device(by_type=True)
+@only_where(is_some)
+@looped(("for n in range(len(dW) - area_count(model) * LANES, len(dW))",), "copied[n] = dW[n]")
 def copy_areas(areas, model, dW, copied):
     """Copy the areas of `dW` to `copied`."""
-    return None if is_none(areas) else (lambda areas, model, dW, copied: copy_area(model, dW, copied))
-
-
-@unrolled(area_indices)
-def copy_area(index, model, dW, copied):
-    source, target = area_of(model, dW, number(index)), area_of(model, copied, number(index))
-    for lane in range(LANES):
-        target[lane] = source[lane]
-    return dW
 
 
 @device
@@ -241,7 +227,7 @@ def draw_fourier_areas(model, increments, noise, draw, block, h, terms, words):
         for k in channels(model):
             draw_coefficients(noise, (2 * r - 1) * m + k, draw, block, words, x[k])
             draw_coefficients(noise, 2 * r * m + k, draw, block, words, y[k])
-            subtract(y[k], w[k])
+            add_scaled_to(y[k], -1.0, w[k])
         for p in range(count):
             i, j = pairs[2 * p], pairs[2 * p + 1]
             add_turned(area[p], weight, x[i], y[j], x[j], y[i])
@@ -298,62 +284,30 @@ def draw_coefficients(noise, channel, draw, block, words, normals):
     draw_increments(noise.seed, stream, np.uint64(channel), draw, block, 1.0, words, normals, LANES)
 
 
-@device(inline=False)
-def clear(a):
-    for n in range(_SIZE):
-        a[n] = 0.0
+# Each is a loop over the n of the lanes of STEPS_PER_DRAW steps, or of one step.
+_over_steps = functools.partial(looped, ("for n in range(_SIZE)",), inline=False)
 
 
-@device(inline=False)
-def set_scaled(b, factor, a):
-    """b = factor a, for the lanes of a step."""
-    for lane in range(LANES):
-        b[lane] = factor * a[lane]
-
-
-@device(inline=False)
-def add_scaled_to(b, factor, a):
-    """b += factor a."""
-    for n in range(_SIZE):
-        b[n] += factor * a[n]
-
-
-@device(inline=False)
-def subtract(y, w):
-    for n in range(_SIZE):
-        y[n] -= w[n]
-
-
-@device(inline=False)
-def add_turned(area, factor, a, b, c, d):
-    """area += factor (a b - c d)."""
-    for n in range(_SIZE):
-        area[n] += factor * (a[n] * b[n] - c[n] * d[n])
-
-
-@device(inline=False)
-def add_square(total, w):
-    for n in range(_SIZE):
-        total[n] += w[n] * w[n]
-
-
-@device(inline=False)
+@_over_steps("a[n] = 0.0")
+def clear(a): ...
+@over_lanes("b[n] = factor * a[n]", inline=False)
+def set_scaled(b, factor, a): ...
+@_over_steps("b[n] += factor * a[n]")
+def add_scaled_to(b, factor, a): ...
+@_over_steps("area[n] += factor * (a[n] * b[n] - c[n] * d[n])")
+def add_turned(area, factor, a, b, c, d): ...
+@_over_steps("total[n] += w[n] * w[n]")
+def add_square(total, w): ...
+@_over_steps("y[n] = 0.5 / (1.0 + np.sqrt(1.0 + 0.5 * y[n]))")
 def set_factor(y):
     """1 / (2 (1 + sqrt(1 + |W|^2))) in the place of 2 |W|^2."""
-    for n in range(_SIZE):
-        y[n] = 0.5 / (1.0 + np.sqrt(1.0 + 0.5 * y[n]))
 
 
-@device(inline=False)
+@_over_steps("q_i[n] -= w_j[n] * g[n]", "q_j[n] += w_i[n] * g[n]")
 def add_pair(q_i, q_j, w_i, w_j, g):
     """Add the terms of the pair (i, j) to q_i and q_j, times sqrt(2)."""
-    for n in range(_SIZE):
-        q_i[n] -= w_j[n] * g[n]
-        q_j[n] += w_i[n] * g[n]
 
 
-@device(inline=False)
+@_over_steps("area[n] += deviation * (g[n] + factor[n] * (w_i[n] * q_j[n] - w_j[n] * q_i[n]))")
 def add_stretched(area, deviation, g, w_i, w_j, q_i, q_j, factor):
     """area += deviation (G_ij + 2 factor (W_i q_j - W_j q_i)), with w = sqrt(2) W and likewise q."""
-    for n in range(_SIZE):
-        area[n] += deviation * (g[n] + factor[n] * (w_i[n] * q_j[n] - w_j[n] * q_i[n]))

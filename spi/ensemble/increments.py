@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, FieldOf, device, kernel, number
-from ..compiler.records import class_of, field, is_integer, is_none
+from ..compiler.dispatch import INDICES, FieldOf, device, kernel, looped, number, only_where
+from ..compiler.records import class_of, field, is_integer, is_none, is_some
 from ..numerics.elementary import log
 from ..numerics.rng import (
     BRIDGES,
@@ -32,8 +32,8 @@ from ..numerics.rng import (
     toss,
 )
 from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
-from .areas import Areas, areas_length, channels, copy_areas, draw_areas, join_areas
-from .lanes import aligned
+from .areas import Areas, area_count, area_of, areas_length, channels, copy_areas, draw_areas, join_areas
+from .lanes import aligned, over_lanes
 from .protocol import area_pairs, noise_indices, noises
 from .scheme_protocol import judges, needs_areas, substeps, tosses
 
@@ -113,24 +113,16 @@ def toss_and_draw(layout, noise, n, block, bits, coins, row):
     draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
 
 
-@device(by_type=True)
+@only_where(is_some)
 def copy_coins(layout, coins, source, target):
     """Copy the coins of row `source` to row `target`."""
-    return None if is_none(layout) else _copy_coins
-
-
-def _copy_coins(layout, coins, source, target):
     for i in range(coins.shape[1]):
         coins[target, i] = coins[source, i]
 
 
-@device(by_type=True)
+@only_where(is_some)
 def turn_coins(layout, coins, source, target):
     """Put the opposite coins of row `source` into row `target`; uniform numbers are copied."""
-    return None if is_none(layout) else _turn_coins
-
-
-def _turn_coins(layout, coins, source, target):
     for i in range(coins.shape[1]):
         coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]
 
@@ -183,17 +175,6 @@ def is_divided(layout):
     return is_integer(finest) or number(finest) > 1
 
 
-def _where_divided(body):
-    """Decorator: ``body(layout, ...)``, or nothing where there are no sub-steps, without a branch."""
-
-    @device(by_type=True)
-    @functools.wraps(body)
-    def chosen(layout, *arguments):
-        return body if is_divided(layout) else None
-
-    return chosen
-
-
 @device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
@@ -217,138 +198,87 @@ def clipped_variance(h):
 
 
 @device
-def first_lane(model, k, n, part):
-    """The place in a row of the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ..."""
-    return ((n - 1 + part) * noises(model) + k) * LANES
+def node(model, j):
+    """The place in a row of the increments over sub-step number j: the step itself, its halves, quarters, ..., in turn.
+
+    Sub-step `part` of n has the number j = n - 1 + part, and the halves 2 j + 1 and 2 j + 2.
+    """
+    return j * noises(model) * LANES
 
 
 @device
-def draw_channels(model, increments, noise, draw, block, scale, words, stride):
-    """Draw the increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
-
-    `stride` is the length of a row.
-    """
-    rows = increments.ravel()
-    for k in channels(model):
-        draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride)
+def first_lane(model, k, n, part):
+    """The place in a row of the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ..."""
+    return node(model, n - 1 + part) + k * LANES
 
 
-@_where_divided
+@device
+def nodes(layout):
+    """The number of the sub-steps of all sizes."""
+    return 2 * number(layout.substeps) - 1
+
+
+@device
+def halvings(j):
+    """By how many halvings of a step its sub-step number j comes about."""
+    i = 0
+    while 2 << i <= j + 1:
+        i += 1
+    return i
+
+
+# Loops over the lanes n of the increments over a sub-step, of the noises that are on, of all, or of one.  They get
+# places in a row, since a slice of it takes as long as the loop.
+_over_noises = functools.partial(looped, ("for k in channels(model)", "for n in range(k * LANES, (k + 1) * LANES)"))
+
+
+@looped(("for n in range(noises(model) * LANES)",), "turned[to + n] = dW[at + n]")
+def move(model, dW, at, turned, to): ...
+@_over_noises("dW[late + n] = dW[at + n]", "dW[early + n] = first[at + n]")
+def join_nodes(model, dW, first, at, early, late): ...
+@_over_noises("dW[n] = first[n] + dW[n]")
+def add(model, first, dW): ...
+@_over_noises("row[whole + n] = row[half + n] + row[other + n]")
+def add_halves_of(model, row, whole, half, other): ...
+@over_lanes("row[half + n] = 0.5 * row[whole + n] + bridge[n]", "row[other + n] = row[whole + n] - row[half + n]")
+def halve(row, whole, half, other, bridge): ...
+@_over_noises("clipped[at + n] = stretch * min(max(dW[at + n], -bound), bound)")
+def clip(model, dW, at, bound, stretch, clipped): ...
+
+
+@only_where(is_divided)
 def draw_bridges(layout, model, increments, noise, draw, block, scale, words):
     """Draw increments over the halves, quarters, ..., the finest sub-steps at last, given those over whole steps.
 
     Lévy's construction: given the increment dW over a time t, that over its first half is dW/2 + sqrt(t)/2 Z with a
-    standard normal Z.  Bridge number n + part, of a stream of its own, halves sub-step `part` of n.
+    standard normal Z.  Bridge number j + 1, of a stream of its own, halves sub-step number j.
     """
-    normals, finest = aligned(STEPS_PER_DRAW * LANES), number(layout.substeps)
-    for k in channels(model):
-        stream = noise.stream + np.uint64(BRIDGES)
-        n = 1
-        while n < finest:
-            deviation = 0.5 * scale / np.sqrt(n)
-            for part in range(n):
-                channel = np.uint64((n + part) * MOST_NOISES + k)
-                draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
-                whole, half = first_lane(model, k, n, part), first_lane(model, k, 2 * n, 2 * part)
-                other = first_lane(model, k, 2 * n, 2 * part + 1)
-                for step in range(STEPS_PER_DRAW):
-                    row, bridge = increments[step], normals[step * LANES :]
-                    for lane in range(LANES):
-                        row[half + lane] = 0.5 * row[whole + lane] + bridge[lane]
-                        row[other + lane] = row[whole + lane] - row[half + lane]
-            n = 2 * n
-
-
-@device
-def keep_first_half(model, dW, first):
-    for k in channels(model):
-        for lane in range(k * LANES, (k + 1) * LANES):
-            first[lane] = dW[lane]
-
-
-@device
-def add_first_half(model, dW, first):
-    """dW = first half + second half, where dW holds the second."""
-    for k in channels(model):
-        for lane in range(k * LANES, (k + 1) * LANES):
-            dW[lane] = first[lane] + dW[lane]
-
-
-@_where_divided
-def join_halves(layout, model, dW, first):
-    """The sub-steps of a step from those of its halves, of which dW holds the second: half as many of each half.
-
-    Increments over the whole step stay those of the second half; :func:`add_first_half` comes after.
-    """
-    for k in channels(model):
-        n = number(layout.substeps)
-        while n > 1:
-            for part in range(n // 2):
-                source = first_lane(model, k, n // 2, part)
-                early, late = first_lane(model, k, n, part), first_lane(model, k, n, n // 2 + part)
-                for lane in range(LANES):
-                    dW[late + lane] = dW[source + lane]
-                    dW[early + lane] = first[source + lane]
-            n = n // 2
-
-
-@device
-def turn_around(layout, model, dW, turned):
-    """The increments of the path run through backwards: sub-steps in reversed order."""
-    for k in channels(model):
-        n = 1
-        while n <= number(layout.substeps):
-            for part in range(n):
-                source, target = first_lane(model, k, n, part), first_lane(model, k, n, n - 1 - part)
-                for lane in range(LANES):
-                    turned[target + lane] = dW[source + lane]
-            n = 2 * n
-
-
-@device
-def clip(model, dW, clipped, bound, stretch):
-    for k in channels(model):
-        for lane in range(k * LANES, (k + 1) * LANES):
-            clipped[lane] = stretch * min(max(dW[lane], -bound), bound)
-
-
-@_where_divided
-def clip_substeps(layout, model, dW, clipped, bounds, stretch):
-    """Clip the increments over sub-steps, each by the bound for its own length."""
-    for k in channels(model):
-        n, i = 2, HALVINGS
-        while n <= number(layout.substeps):
-            i = i - 1
-            bound = bounds[i]
-            for part in range(n):
-                begin = first_lane(model, k, n, part)
-                for lane in range(begin, begin + LANES):
-                    clipped[lane] = stretch[i] * min(max(dW[lane], -bound), bound)
-            n = 2 * n
+    normals, stream = aligned(STEPS_PER_DRAW * LANES), noise.stream + np.uint64(BRIDGES)
+    for j in range(nodes(layout) // 2):
+        deviation = 0.5 * scale / np.sqrt(1 << halvings(j))
+        for k in channels(model):
+            channel = np.uint64((j + 1) * MOST_NOISES + k)
+            draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
+            whole, half, other = node(model, j), node(model, 2 * j + 1), node(model, 2 * j + 2)
+            for step in range(STEPS_PER_DRAW):
+                halve(increments[step, k * LANES :], whole, half, other, normals[step * LANES :])
 
 
 @device
 def draw_steps(layout, model, increments, noise, draw, block, h, terms, words):
     """Draw increments of the next STEPS_PER_DRAW steps of size h and of their sub-steps, and areas of `terms` terms."""
-    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(layout, model))
+    for k in channels(model):
+        channel, rows = np.uint64(k), increments.ravel()[k * LANES :]
+        draw_increments(noise.seed, noise.stream, channel, draw, block, np.sqrt(h), words, rows, increments.shape[1])
     draw_areas(layout.areas, model, increments, noise, draw, block, h, terms, words)
     draw_bridges(layout, model, increments, noise, draw, block, np.sqrt(h), words)
 
 
-@device(by_type=True)
+@device
 def keep(layout, model, dW, first):
     """Store a step as the first half of a larger one."""
-    return _keep_row if is_divided(layout) else _keep_first_half
-
-
-def _keep_row(layout, model, dW, first):
-    for i in range(len(dW)):  # an assignment of slices takes half a second to compile
-        first[i] = dW[i]
-
-
-def _keep_first_half(layout, model, dW, first):
-    keep_first_half(model, dW, first)
-    copy_areas(layout.areas, model, dW, first)
+    for n in range(len(dW)):  # an assignment of slices takes half a second to compile
+        first[n] = dW[n]
 
 
 @device
@@ -356,7 +286,15 @@ def join(layout, model, dW, first):
     """Put the step of which `dW` holds the second half and `first` the first into `dW`."""
     join_areas(layout.areas, model, dW, first)
     join_halves(layout, model, dW, first)
-    add_first_half(model, dW, first)
+    add(model, first, dW)
+
+
+@only_where(is_divided)
+def join_halves(layout, model, dW, first):
+    """The sub-steps of a step are those of its halves, half as many of each."""
+    for j in range(nodes(layout) // 2 - 1, -1, -1):
+        n = 1 << halvings(j)
+        join_nodes(model, dW, first, node(model, j), node(model, j + n), node(model, j + 2 * n))
 
 
 @device(by_type=True)
@@ -365,8 +303,12 @@ def reversed_row(layout, model, dW, row, turned):
     return _reversed_row if is_divided(layout) else (lambda layout, model, dW, row, turned: row)
 
 
+@device(inline=False)  # most steps do without, and go 5 % slower where its code stands among theirs
 def _reversed_row(layout, model, dW, row, turned):
-    turn_around(layout, model, dW[row], dW[turned])
+    source, target = dW[row], dW[turned]
+    for j in range(nodes(layout)):
+        n = 1 << halvings(j)
+        move(model, source, node(model, j), target, node(model, 3 * (n - 1) - j))
     return turned
 
 
@@ -376,9 +318,10 @@ def truncate(layout, model, dW, clipped, bounds, stretch):
 
     Those over 2^-i h are clipped to +-``bounds[HALVINGS - i]`` and then multiplied by ``stretch[HALVINGS - i]``.
     """
-    clip(model, dW, clipped, bounds[HALVINGS], stretch[HALVINGS])
+    for j in range(nodes(layout)):
+        i = HALVINGS - halvings(j)
+        clip(model, dW, node(model, j), bounds[i], stretch[i], clipped)
     copy_areas(layout.areas, model, dW, clipped)
-    clip_substeps(layout, model, dW, clipped, bounds, stretch)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -426,6 +369,13 @@ def coins_of_step(layout, noise, n, block, bits, coins, row):
     return None if is_none(layout) else toss_and_draw
 
 
+@device
+def put_lanes(row, first, values):
+    """Put the lanes of a row where they belong in `values`, of which lane 0 is path number `first`."""
+    for path in range(max(first, 0), min(first + LANES, len(values))):
+        values[path] = row[path - first]
+
+
 @device(inline=False)
 def copy_steps(layout, model, rows, noise, draw, block, h, terms, words):
     """Copy the increments and areas of STEPS_PER_DRAW steps; lanes without a path get those of the last one."""
@@ -443,15 +393,14 @@ def copy_steps(layout, model, rows, noise, draw, block, h, terms, words):
             if len(noise.areas) > 0:
                 for p in range(noise.areas.shape[2]):
                     row[len(row) - (noise.areas.shape[2] - p) * LANES + lane] = noise.areas[n, path, p]
-        if finest > 1:
-            _add_up_substeps(model, row, finest)
+        add_halves(layout, model, row)
 
 
 @device(by_type=True)
 def words_length(noise):
-    """The words of scratch for noise; with points, the normals of a block come behind the words all noises need."""
+    """The words of scratch for noise; with points, there are also the normals of a block and what makes them."""
     if class_of(noise) is Points:
-        return lambda noise: STEPS_PER_DRAW * LANES + scratch_of_points(noise)
+        return lambda noise: STEPS_PER_DRAW * LANES + noise.increments * (LANES + 4 * PARTS)
     return lambda noise: STEPS_PER_DRAW * LANES
 
 
@@ -459,10 +408,10 @@ def words_length(noise):
 def place_points(layout, model, rows, noise, draw, block, h, terms, words):
     """Put the increments of STEPS_PER_DRAW steps of paths along points into `rows`, and keyed areas."""
     finest, count = number(layout.substeps), noise.increments // (len(noise.starts) - 1)
-    room = words[STEPS_PER_DRAW * LANES :]
+    room, size = words[STEPS_PER_DRAW * LANES :], noise.increments * LANES
+    normals = room.view(np.float64)  # of all dimensions, LANES for each
     if draw == 0:
-        draw_block(noise, np.int64(block), words, room)
-    normals = room.view(np.float64)
+        net_normals(noise.directions, noise.shifts, noise.increments, np.int64(block), words, room[size:], normals)
     for drawn in range(STEPS_PER_DRAW):
         n, row = (STEPS_PER_DRAW * np.int64(draw) + drawn) * finest, rows[drawn]
         if n + 1 >= len(noise.starts):
@@ -470,23 +419,15 @@ def place_points(layout, model, rows, noise, draw, block, h, terms, words):
         for place, k in enumerate(channels(model)):
             for part in range(finest):
                 increments_of_points(noise, n + part, place, count, normals, row[first_lane(model, k, finest, part) :])
-        if finest > 1:
-            _add_up_substeps(model, row, finest)
+        add_halves(layout, model, row)
     draw_areas(layout.areas, model, rows, noise, draw, block, h, terms, words)
 
 
-@device
-def _add_up_substeps(model, row, finest):
+@only_where(is_divided)
+def add_halves(layout, model, row):
     """Add up the increments over larger sub-steps and over the step from those over the finest ones."""
-    size = finest // 2
-    while size > 0:
-        for part in range(size):
-            for k in channels(model):
-                whole, half = first_lane(model, k, size, part), first_lane(model, k, 2 * size, 2 * part)
-                other = first_lane(model, k, 2 * size, 2 * part + 1)
-                for lane in range(LANES):
-                    row[whole + lane] = row[half + lane] + row[other + lane]
-        size = size // 2
+    for j in range(nodes(layout) // 2 - 1, -1, -1):
+        add_halves_of(model, row, node(model, j), node(model, 2 * j + 1), node(model, 2 * j + 2))
 
 
 @device(inline=False)
@@ -505,35 +446,27 @@ def draw_noise(scheme, model, noise, h, terms, first_step, first_path, given):
     finest = number(layout.substeps)
     steps, paths = given.dW.shape[0] // finest, given.dW.shape[1]
     rows = aligned(STEPS_PER_DRAW * row_length(layout, model)).reshape(STEPS_PER_DRAW, -1)
-    coins = aligned(LANES).reshape(1, LANES)
-    words, bits = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
+    words = aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
-        for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
-            coins_of_step(layout.coins, noise, n, np.uint64(block), bits, coins, 0)
-            if n < first_step // STEPS_PER_DRAW * STEPS_PER_DRAW:
-                continue  # only the coins come in so many at a time
-            if n % STEPS_PER_DRAW == 0:
-                draw = np.uint64(n // STEPS_PER_DRAW)
-                draw_steps(layout, model, rows, noise, draw, np.uint64(block), h, terms, words)
-            if n >= first_step:
-                first = block * LANES - first_path
-                _copy_out(model, rows[n % STEPS_PER_DRAW], coins[0], finest, n - first_step, first, given)
+        first = block * LANES - first_path
+        for draw in range(first_step // STEPS_PER_DRAW, (first_step + steps - 1) // STEPS_PER_DRAW + 1):
+            draw_steps(layout, model, rows, noise, np.uint64(draw), np.uint64(block), h, terms, words)
+            begin = draw * STEPS_PER_DRAW - first_step
+            for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
+                _copy_out(model, rows[n - begin], finest, n, first, given)
+    if len(given.coins) > 0:
+        draw_all_coins(noise, first_step, first_path, given.coins)
 
 
 @device(inline=False)
-def _copy_out(model, row, coins, finest, n, first, given):
-    """Copy the noise of a step of a block, whose first path is number `first` of the arrays, into these."""
-    for path in range(max(first, 0), min(first + LANES, given.dW.shape[1])):
-        lane = path - first
+def _copy_out(model, row, finest, n, first, given):
+    """Copy the increments and areas of step n of a block into arrays, of which lane 0 is path number `first`."""
+    for part in range(finest):
         for k in channels(model):
-            for part in range(finest):
-                given.dW[n * finest + part, path, k] = row[first_lane(model, k, finest, part) + lane]
-        if len(given.areas) > 0:
-            pairs = given.areas.shape[2]
-            for p in range(pairs):
-                given.areas[n, path, p] = row[len(row) - (pairs - p) * LANES + lane]
-        if len(given.coins) > 0:
-            given.coins[n, path] = coins[lane]
+            put_lanes(row[first_lane(model, k, finest, part) :], first, given.dW[n * finest + part, :, k])
+    if len(given.areas) > 0:
+        for p in range(area_count(model)):
+            put_lanes(area_of(model, row, p), first, given.areas[n, :, p])
 
 
 @kernel
@@ -542,15 +475,13 @@ def draw_paths(noise, h, first_step, first_path, dW):
     steps, paths, noises = dW.shape
     rows, words = aligned(STEPS_PER_DRAW * LANES), aligned(STEPS_PER_DRAW * LANES).view(np.uint64)
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
-        first = block * LANES - first_path
         for draw in range(first_step // STEPS_PER_DRAW, (first_step + steps - 1) // STEPS_PER_DRAW + 1):
             begin = draw * STEPS_PER_DRAW - first_step
             for k in range(noises):
                 where = np.uint64(k), np.uint64(draw), np.uint64(block)
                 draw_increments(noise.seed, noise.stream, *where, np.sqrt(h), words, rows, LANES)
                 for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
-                    for path in range(max(first, 0), min(first + LANES, paths)):
-                        dW[n, path, k] = rows[(n - begin) * LANES + path - first]
+                    put_lanes(rows[(n - begin) * LANES :], block * LANES - first_path, dW[n, :, k])
 
 
 @kernel
@@ -559,12 +490,10 @@ def draw_all_coins(noise, first_step, first_path, coins):
     steps, paths = coins.shape
     bits, row = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(LANES).reshape(1, LANES)
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
-        first = block * LANES - first_path
         for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
             toss_and_read(None, noise, n, np.uint64(block), bits, row, 0)
             if n >= first_step:
-                for path in range(max(first, 0), min(first + LANES, paths)):
-                    coins[n - first_step, path] = row[0, path - first]
+                put_lanes(row[0], block * LANES - first_path, coins[n - first_step])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -660,19 +589,6 @@ def _points(seed, stream, increments, dimensions, steps, length):
 
 
 @device
-def scratch_of_points(noise):
-    """The number of words that the normals of a block and the scratch for making them take."""
-    return noise.increments * (LANES + 4 * PARTS)
-
-
-@device
-def draw_block(noise, block, words, room):
-    """Put the normals of all dimensions of a block, LANES for each, at the beginning of `room`."""
-    ends, normals = room[noise.increments * LANES :], room.view(np.float64)
-    net_normals(noise.directions, noise.shifts, noise.increments, block, words, ends, normals)
-
-
-@device
 def increments_of_points(noise, n, place, count, normals, increment):
     """Increment number n of the noise at `place` of `count`, for the lanes of a block."""
     first = noise.starts[n]
@@ -682,16 +598,10 @@ def increments_of_points(noise, n, place, count, normals, increment):
         add_weighted(increment, noise.weights[i], normals[here:], noise.weights[i + 1], normals[there:])
 
 
-@device
-def set_weighted(increment, weight, normals):
-    for lane in range(LANES):
-        increment[lane] = weight * normals[lane]
-
-
-@device
-def add_weighted(increment, weight, normals, other_weight, others):
-    for lane in range(LANES):
-        increment[lane] = increment[lane] + weight * normals[lane] + other_weight * others[lane]
+@over_lanes("increment[n] = weight * normals[n]")
+def set_weighted(increment, weight, normals): ...
+@over_lanes("increment[n] = increment[n] + weight * normals[n] + other_weight * others[n]")
+def add_weighted(increment, weight, normals, other_weight, others): ...
 
 
 @device(inline=False)

@@ -3,15 +3,20 @@
 Loops over lanes that load a tuple, compute and store it become vector instructions.
 """
 
+import functools
+
 import numpy as np
 
-from ..compiler.dispatch import device, intrinsic
+from ..compiler.dispatch import device, intrinsic, looped
 from ..compiler.instructions import load_strided, store_strided
 from ..compiler.records import is_array
 from ..numerics.rng import LANES
 from .protocol import dimension, large
 
 LINE = 8  #: floats in a line of the cache
+
+#: ``@over_lanes("b[n] = c * a[n]")``: a function of arrays that does so for the lanes n of a block.
+over_lanes = functools.partial(looped, ("for n in range(LANES)",), LANES=LANES)
 
 
 @device

@@ -319,8 +319,8 @@ def for_kernels(scheme, model, states, times):
     """The first arguments of :func:`integrate`: with the records of schemes that serve states that are arrays."""
     if not large(model):
         return scheme, model, states, times
-    reference = None if times.reference_scheme is None else of_arrays(times.reference_scheme)
-    return of_arrays(scheme), model, states, times._replace(reference_scheme=reference)
+    reference = None if times.reference_scheme is None else of_arrays(times.reference_scheme, model)
+    return of_arrays(scheme, model), model, states, times._replace(reference_scheme=reference)
 
 
 def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):

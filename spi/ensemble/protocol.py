@@ -386,7 +386,7 @@ def block_noise_slopes(array_state_model, width, y, slopes, work):
     """(X_k H)(y) with X_k = B grad Ĥ_k, of noise k and state j in slopes[k * width + j]; for friction."""
 
 
-@method(optional=True)
+@method(default=True)
 def block_friction_times(array_state_model, t, width, y, times, work):
     """The times of the noise flows that replace friction over the time t, as ``block_noise_flow`` takes them.
 
@@ -395,12 +395,14 @@ def block_friction_times(array_state_model, t, width, y, times, work):
     """
 
 
-@method(optional=True)
-def block_friction_flow(array_state_model, backwards, t, width, y, work):
-    """The flows of friction for the time t, in place, of a model whose friction is not along its noises.
+@trait(int, default=0)
+def frictions(array_state_model):
+    """The number of flows of friction of a model whose friction is not along its noises."""
 
-    One after the other, `backwards` in reversed order.
-    """
+
+@method(default=True)
+def block_friction_flow(array_state_model, k, t, width, y, work):
+    """The flow number k of these for the time t, in place."""
 
 
 @method(optional=True)

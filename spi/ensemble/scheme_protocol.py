@@ -25,9 +25,22 @@ def advance_large(scheme, model, h, dW, coins, y, work, report):
 
 
 @method(default=True)
-def of_arrays(scheme):
-    """The record that kernels get in place of the scheme where states are arrays.  Called in Python only."""
+def of_arrays(scheme, array_state_model):
+    """The record that kernels get in place of the scheme where states are arrays.  Called in Python only.
+
+    That of a composition of flows has a field `program` (1 or 2, flows) of :data:`FLOW`, the first flow to act first:
+    those of every path, or of paths with the coin 1 and of those with the coin -1.
+    """
     return scheme
+
+
+#: The kinds of flows: of a piece of H, of a group of noises, of friction.
+DRIFT, NOISE, FRICTION = range(3)
+#: A flow of a program: its kind and its number; the share of the step, of noise that of its increment; the increment
+#: of noise, that over the sub-steps from `first` to before `stop` where a step has n of them; and 1 where times of
+#: noises are to be taken, 0 where those of the flow before are still right.
+_INTEGERS = "kind", "k", "first", "stop", "n", "takes"
+FLOW = np.dtype([*((name, np.int64) for name in _INTEGERS), ("share", np.float64)])
 
 
 @trait(bool, default=False)

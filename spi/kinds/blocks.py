@@ -13,7 +13,7 @@ from spi.compiler.timing import compiling
 from spi.ensemble import loop
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
-from spi.ensemble.protocol import dimension
+from spi.ensemble.protocol import dimension, large
 from spi.ensemble.random_states import RandomState, block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
@@ -135,6 +135,11 @@ class Blockwise(Plan):
         return pieces
 
 
+def paths_moved(model: Any, samples: int) -> int:
+    """The number of paths that make steps so that `samples` do: whole blocks, of array states only those wanted."""
+    return samples if large(model) else -(-samples // LANES) * LANES
+
+
 @dataclass(frozen=True, kw_only=True)
 class BlocksPlan(PathsPlan, Blockwise):
     """The base of all plans with one set of paths, on one grid, that are summed up block after block."""
@@ -155,7 +160,7 @@ class BlocksPlan(PathsPlan, Blockwise):
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
-        steps = int(self.steps.sum()) * self.blocks * LANES
+        steps = int(self.steps.sum()) * paths_moved(self.model, self.samples)
         sums = sum(np.asarray(values).nbytes for values in self.empty(0))
         ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
         return Cost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)

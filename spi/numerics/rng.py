@@ -9,7 +9,7 @@ are in use; a noise that is off costs nothing.
 import numpy as np
 
 from ..compiler.dispatch import device
-from .elementary import log_normal, sin_versine_small, whole_float
+from .elementary import expm1, log_normal, sin_versine_small, whole_float
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
 STREAM_VERSION = 7
@@ -64,9 +64,22 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 
 @device
+def words_of(seed, stream, channel, draw, block, lane):
+    """The four words of a lane of a block; all but the lane are uint64."""
+    c2 = ((block << np.uint64(6)) & _LOW) + np.uint64(lane)
+    return philox(draw, (stream << np.uint64(16)) | channel, c2, block >> np.uint64(26), seed & _LOW, seed >> _32)
+
+
+@device
 def uniform(word):
     """The number (word + 1/2) / 2^32 of (0, 1) of a 32-bit word."""
     return whole_float(np.int64(word)) * 2.0**-32 + 2.0**-33
+
+
+@device
+def accepts(uniform_number, log_ratio):
+    """Whether something of the probability min(1, exp(log_ratio)) happens; False for NaN."""
+    return uniform_number - 1.0 < expm1(log_ratio)
 
 
 @device
@@ -98,12 +111,7 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
     `increments` receives step 4 draw + r of lane l, `scale` times a standard normal, at [r * stride + l]; `words`
     (4 * LANES uint64) is scratch.  `seed`, `stream`, `channel`, `draw` and `block` are uint64.
     """
-    k0, k1 = seed & _LOW, seed >> _32
-    c1 = (stream << np.uint64(16)) | channel
-    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
-    for lane in range(LANES):
-        w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
-        words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+    draw_words(seed, stream, channel, draw, block, words)
     for half in range(2):
         first, second = increments[half * stride :], increments[(half + 2) * stride :]
         for lane in range(LANES):
@@ -112,19 +120,10 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
 
 
 @device
-def draw_normals(seed, stream, channel, draw, block, words, normals):
-    """:func:`draw_increments` with scale 1, the four steps one after the other."""
-    draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)
-
-
-@device
 def draw_words(seed, stream, channel, draw, block, words):
     """The four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
-    k0, k1 = seed & _LOW, seed >> _32
-    c1 = (stream << np.uint64(16)) | channel
-    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
     for lane in range(LANES):
-        w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
+        w = words_of(seed, stream, channel, draw, block, lane)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
 
 
@@ -140,13 +139,10 @@ def draw_uniforms(seed, stream, step, block, uniforms):
 
     There are as many as there is room for, a multiple of 4; each has 32 bits, (word + 1/2) / 2^32.
     """
-    k0, k1 = seed & _LOW, seed >> _32
-    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
     for first in range(0, len(uniforms) // LANES, 4):
-        c1 = (stream << np.uint64(16)) | np.uint64(first + step % 4)
-        rows = uniforms[first * LANES :]
+        channel, rows = np.uint64(first + step % 4), uniforms[first * LANES :]
         for lane in range(LANES):
-            w0, w1, w2, w3 = philox(np.uint64(step // 4), c1, c2 + np.uint64(lane), c3, k0, k1)
+            w0, w1, w2, w3 = words_of(seed, stream, channel, np.uint64(step // 4), block, lane)
             rows[lane] = uniform(w0)
             rows[LANES + lane] = uniform(w1)
             rows[2 * LANES + lane] = uniform(w2)

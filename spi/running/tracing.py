@@ -77,14 +77,15 @@ class Paths(NamedTuple):
 
     def lost(self, tick: Tick) -> tuple[int, int] | None:
         """(path, level) of the first path that is not finite at the end, None if there is none."""
-        plan, d, levels = self.plan, dimension(self.plan.model), len(self.times.doublings)
-        room = min(BATCH_BYTES / (8 * LANES * levels * d), self.stream.most_blocks(plan.model, self.times))
+        d, levels, is_one = dimension(self.plan.model), len(self.times.doublings), self.end - self.first == 1
+        room = min(BATCH_BYTES / (8 * LANES * levels * d), self.stream.most_blocks(self.plan.model, self.times))
+        times = self.times._replace(first_lane=self.first % LANES if is_one else 0)
 
         def advanced(state: Any, blocks: int) -> Any:
             tick(state[0] * LANES, self.end)
-            states = self._integrated(self.times, state[0], blocks)
+            states = self._integrated(times, state[0], blocks)
             finite = np.isfinite(paths_of(states, d)).all(axis=1)
-            finite[self.times.reversals == PAIRS_REVERSED] = True  # as the others of their samples make them
+            finite[times.reversals == PAIRS_REVERSED] = True  # as the others of their samples make them
             lost = [(int(path) + state[0] * LANES, int(level)) for path, level in np.argwhere(~finite.T)]
             return state[0] + blocks, next((at for at in lost if self.first <= at[0] < self.end), None)
 
@@ -118,8 +119,8 @@ class Paths(NamedTuple):
         rows = np.empty((1, steps + 1, d))
         initial = first_states(self.plan.initial, self.stream, block, 1)
         rows[0, 0] = initial[:, lane if isinstance(self.plan.initial, RandomState) else 0]
-        end = self._replace(end=path + 1)
-        end._integrated(times._replace(first_lane=lane), block, 1, state_recorder(times, rows, 1, lane))
+        mine = self._replace(end=path + 1)
+        mine._integrated(times._replace(first_lane=lane), block, 1, state_recorder(times, rows, 1, lane))
         return rows[0]
 
 
@@ -211,8 +212,9 @@ class Trace(NamedTuple):
         times = paths.alone(level)
         t = times.start + times.reference_step * 2.0 ** times.doublings[0] * np.arange(len(y))
         _, casimirs = invariants_of(paths.plan.model, y, t)
-        change = np.abs(np.diff(casimirs * growth(paths.plan.model, t), axis=0))
-        return cls(paths, path, level, int(np.argmax(change.max(axis=1, initial=0.0))), False)
+        with np.errstate(all="ignore"):
+            change = np.abs(np.diff(casimirs * growth(paths.plan.model, t), axis=0)).max(axis=1, initial=0.0)
+        return cls(paths, path, level, int(np.argmax(change)), False)
 
     def lines(self) -> Iterator[str]:
         """What is looked at, and a line for each flow."""

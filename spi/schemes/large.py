@@ -30,8 +30,8 @@ from ..ensemble.protocol import (
     strengths,
 )
 from ..ensemble.scheme_protocol import REPORT, lanes_in_use
-from ..numerics.elementary import bits, expm1, from_bits
-from ..numerics.rng import LANES
+from ..numerics.elementary import bits, from_bits
+from ..numerics.rng import LANES, accepts
 from .sweeps import lanes_of, report_each_solve, report_judged
 
 _ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
@@ -356,7 +356,7 @@ def _judged_in_place(model, h, dW, uniforms, y, work, report):
                 largest = max(largest, block_energy_flow(model, k, share, LANES, proposed, scratch))
             block_energies(model, proposed, after, scratch)
             for lane in range(LANES):  # where it is not accepted the next drift goes the other way
-                yes = uniforms[m * LANES + lane] - 1.0 < expm1((before[lane] - after[lane]) / model.temperature)
+                yes = accepts(uniforms[m * LANES + lane], (before[lane] - after[lane]) / model.temperature)
                 mine = turned[lane] == side
                 backwards[lane] = 1.0 - side if mine and not yes else backwards[lane]
                 after[lane] = 1.0 if mine and yes else 0.0
@@ -374,7 +374,7 @@ def judge_states(model, uniforms, lanes, width, states, energies, proposed, refu
     count, d = 0, dimension(model)
     for j in range(len(lanes)):
         energy = hamiltonian(model, proposed[j : d * width : width])
-        accepted = uniforms[lanes[j]] - 1.0 < expm1((energies[j] - energy) / model.temperature)  # False for NaN
+        accepted = accepts(uniforms[lanes[j]], (energies[j] - energy) / model.temperature)
         refused[j] = 0.0 if accepted else 1.0
         if accepted:
             count += 1

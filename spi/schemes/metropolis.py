@@ -31,8 +31,7 @@ from ..ensemble.protocol import (
     strengths,
 )
 from ..ensemble.scheme_protocol import lanes_in_use
-from ..numerics.elementary import expm1
-from ..numerics.rng import LANES
+from ..numerics.rng import LANES, accepts
 from .large import judged_step_of_large, judged_work, size_or
 from .splitting import sweep
 from .stages import Drift, Noise
@@ -58,7 +57,7 @@ def judged(model, uniforms, y, energies, proposed, refused, report):
     for lane in range(LANES):
         energy = hamiltonian(model, load_lane(model, proposed, lane))
         ratio = (energies[lane] - energy) / model.temperature + refused[lane]
-        accepted = uniforms[lane] - 1.0 < expm1(ratio)  # False for NaN
+        accepted = accepts(uniforms[lane], ratio)
         energies[lane] = energy if accepted else energies[lane]
         refused[lane] = 0.0 if accepted else 1.0
         count += 1 if accepted and first <= lane and lane < end else 0

@@ -35,6 +35,7 @@ from .stages import (
     Symmetric,
     Together,
     flows,
+    has_joint,
     has_loops,
     is_reversed_by_coin,
     needs_coins,
@@ -61,8 +62,9 @@ class Splitting(NamedTuple):
     def work_size(scheme, model):
         return stages_work(model)
 
-    def of_arrays(scheme):
-        return LargeComposition.of(scheme.stages)
+    def of_arrays(scheme, model):
+        within = not (has_loops(scheme.stages) or has_joint(scheme.stages))
+        return LargeComposition.of(scheme.stages, model) if within else scheme
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_stages(scheme.stages, model, h, dW, coins, y, work, report)
@@ -165,10 +167,11 @@ def _step(sweeps, inexact, most, linear=()):
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
     scales = dict(_scales(sweeps, linear))
-    for n, (stage, part, k, share, coin, time) in enumerate(sweeps):
+    for n, of in enumerate(sweeps):
+        part, k, coin, time = of.part, of.k, of.coin, of.time
         lines += scales.get(n, [])
         scale = f"scale_{k} * " if n in scales else ""
-        drift = _DRIFT_TIME.format(stage=stage, share=share)
+        drift = _DRIFT_TIME.format(stage=of.stage, share=of.share)
         if part == "friction":
             lines.append(f"friction_times(index_{k}, model, {drift}, y, work)")
             if _are_one_flow(*sweeps[n : n + 2]):
@@ -217,10 +220,9 @@ def _step(sweeps, inexact, most, linear=()):
 
 def _are_one_flow(sweep, after=None):
     """Whether friction and the flow after it move along the field of one noise, so that their times add up."""
-    if sweep[1] != "friction" or after is None:
+    if sweep.part != "friction" or after is None:
         return False
-    _, part, k, _, coin, time = after
-    return (part, k, coin) == ("noise", sweep[2], 0) and not isinstance(time, LoopTime)
+    return (after.part, after.k, after.coin) == ("noise", sweep.k, 0) and not isinstance(after.time, LoopTime)
 
 
 def _scales(sweeps, linear):
@@ -231,17 +233,17 @@ def _scales(sweeps, linear):
     over a share a of the step have lost exp(-c g'' a h) by the end, so that their increments, of the shares w of the
     step, are multiplied by the root of (f (1 - exp(-2 q)) / (2 q)) / sum w exp(-2 q a/f).
     """
-    acting = [n for n, (_, part, _, _, _, time) in enumerate(sweeps) if part in ("noise", "friction")]
+    acting = [n for n, of in enumerate(sweeps) if of.part in ("noise", "friction")]
     runs = [[n for _, n in run] for _, run in itertools.groupby(enumerate(acting), lambda pair: pair[1] - pair[0])]
     for run, k in itertools.product(runs, linear):
-        own = [n for n in run if sweeps[n][2] == k]
-        moving = [n for n in own if sweeps[n][1] == "noise"]
-        friction = {n: f"{sweeps[n][3]} * stages[{sweeps[n][0]}].fraction" for n in own if sweeps[n][1] == "friction"}
-        if not (friction and moving) or any(isinstance(sweeps[n][5], LoopTime | ShareOfWhole) for n in moving):
+        own = {n: sweeps[n] for n in run if sweeps[n].k == k}
+        moving = [n for n, of in own.items() if of.part == "noise"]
+        friction = {n: f"{of.share} * stages[{of.stage}].fraction" for n, of in own.items() if of.part == "friction"}
+        if not (friction and moving) or any(isinstance(own[n].time, LoopTime | ShareOfWhole) for n in moving):
             continue
         left = []
-        for n in (n for n in moving if sweeps[n][4] >= 0):
-            first, end, parts = sweeps[n][5]
+        for n in (n for n in moving if own[n].coin >= 0):
+            first, end, parts = own[n].time
             after = " + ".join(text for m, text in friction.items() if m > n) or "0.0"
             left.append(((end - first) / parts, after))
         total, share = " + ".join(friction.values()), sum(w for w, _ in left)

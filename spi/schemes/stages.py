@@ -267,8 +267,19 @@ def indices_of(model):
     }
 
 
+class Sweep(NamedTuple):
+    """A flow of a step."""
+
+    stage: int  #: the number of its stage
+    part: str
+    k: int
+    share: float  #: of the fraction of the stage
+    coin: int = 0  #: that of the lanes on which it acts, 0 for all
+    time: object = None  #: as :func:`sweeps` says
+
+
 def flows_in_order(stages, indices, coin=1):
-    """((stage, part, k, share of the stage's fraction), ...) of a path with this coin, the first flow to act first.
+    """The :class:`Sweep` of each flow of a path with this coin, without times, the first flow to act first.
 
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "joint": those of both with
     their parts, "loops" and "areas": pairs of noises}, and k is one of them.
@@ -278,7 +289,7 @@ def flows_in_order(stages, indices, coin=1):
         acting = indices[stage.part] if stage.part == "joint" else [(stage.part, k) for k in indices[stage.part]]
         arranged = stage.order.arranged(tuple(acting))
         reverse = stage.coin and coin == -1
-        ordered += [(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
+        ordered += [Sweep(i, *flow, share) for flow, share in (arranged[::-1] if reverse else arranged)]
     return tuple(ordered)
 
 
@@ -322,7 +333,7 @@ def compositions(stages, model):
 
 def acting_flows(stages, indices, coin=1):
     """((part, k, share of the step), ...) of a path with this coin, whatever the increments; see `flows_in_order`."""
-    return tuple((part, k, share * stages[i].fraction) for i, part, k, share in flows_in_order(stages, indices, coin))
+    return tuple((of.part, of.k, of.share * stages[of.stage].fraction) for of in flows_in_order(stages, indices, coin))
 
 
 def apart(flows, model):
@@ -418,23 +429,23 @@ class ShareOfWhole(NamedTuple):
     share: float
 
 
-def _with_times(flows, stages, model):
-    """The flows of :func:`flows_in_order`, each with its time as in :func:`sweeps`."""
+def with_times(flows, stages, model=None):
+    """The flows of :func:`flows_in_order` with their times; without joint flows they need no model."""
     by_number = stages_known(stages)
     used = Counter()  # sub-steps of each Wiener process
 
-    def time(i, k, share):
-        length = share * by_number[i].length
-        if by_number[i].shared:
+    def time(of, k):
+        length = of.share * by_number[of.stage].length
+        if by_number[of.stage].shared:
             return ShareOfWhole(length / FINEST)
         first, end = used[k], used[k] + int(length)
         used[k], common = end, math.gcd(FINEST, first, end)
         return first // common, end // common, FINEST // common
 
     timed = []
-    for i, part, k, share in flows:
-        times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
-        timed.append((i, part, k, share, times if part == "joint" else times[0][1] if times else None))
+    for of in flows:
+        times = tuple(None if j is None else (j, time(of, j)) for j in noises_moving(of.part, of.k, model))
+        timed.append(of._replace(time=times if of.part == "joint" else times[0][1] if times else None))
     return timed
 
 
@@ -456,7 +467,7 @@ class LoopTime(NamedTuple):
 
 
 def sweeps(stages, model):
-    """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
+    """The :class:`Sweep` of each flow of a step, those of a coin on the lanes with it.
 
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
@@ -467,20 +478,17 @@ def sweeps(stages, model):
     Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
     """
-    swept, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
+    swept, every = [], with_times(flows_in_order(stages, indices_of(model)), stages, model)
     for i, stage in enumerate(stages_known(stages)):
-        acting = [flow for flow in every if flow[0] == i]
+        acting = [flow for flow in every if flow.stage == i]
         if stage.part in ("loops", "areas"):
-            lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
+            lacking = _lacking([flow.k for flow in acting], _shares(every), model)
             is_one = stage.part == "areas" and len(lacking) > 1 and answers(bracket_factors, class_of(model))
             swept += _loops(i, [tuple(lacking)] if is_one else [(pair,) for pair in lacking])
             continue
-        if stage.coin:
-            first, last = acting[:-1], acting[-1:]
-            placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
-        else:
-            placed = [(f, 0) for f in acting]
-        swept += [(*flow, coin, time) for (*flow, time), coin in placed]
+        first = acting[:-1] if stage.coin else []
+        of_heads, of_tails = ([flow._replace(coin=coin) for flow in first] for coin in (1, -1))
+        swept += [*of_heads, *acting[len(first) :], *of_tails[::-1]]
     return tuple(swept)
 
 
@@ -493,7 +501,7 @@ def _lacking(pairs, shares, model):
 def _loops(i, groups):
     """The flows of the loops of stage i, one loop for each group of lacking areas."""
     return [
-        (i, "noise", k, 1.0, 0, LoopTime(group, place))
+        Sweep(i, "noise", k, 1.0, 0, LoopTime(group, place))
         for group in groups
         for place, k in enumerate(2 * group[0].noises)
     ]
@@ -502,8 +510,8 @@ def _loops(i, groups):
 def _shares(every):
     """[(noise, its share of the increment of the step), ...] of all flows with their times."""
     shares = []
-    for _, part, k, _, time in every:
-        times = time if part == "joint" else ((k, time),) if time else ()
+    for of in every:
+        times = of.time if of.part == "joint" else ((of.k, of.time),) if of.time else ()
         shares += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
     return shares
 

@@ -63,8 +63,7 @@ def _flows(stages, model):
         return sum(count * (1 if part == "drift" else together) for part, count in flow_counts(stages, model))
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
     return sum(
-        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
-        for _, part, k, *_ in sweeps(stages, model)
+        _INNER_FLOWS * dimension(model) / 3 if of.k in inexact.get(of.part, ()) else 1 for of in sweeps(stages, model)
     )
 
 
@@ -124,7 +123,7 @@ class Scheme(NamedTuple):
         stages = self.composition or ()
         if has_loops(stages) or has_joint(stages):
             return False
-        return answers(advance_large, of_arrays(self.record))
+        return answers(of_arrays, self.record) or answers(advance_large, self.record)
 
 
 SCHEMES: dict[str, Scheme] = {}

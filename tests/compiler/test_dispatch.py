@@ -2,12 +2,14 @@
 
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from helpers import ONE_NOISE, RIGID_BODY, compiled_only
 from numba import TypingError, njit
 
-from spi.compiler.dispatch import INDICES, OPTIONS, answers, method, number, trait, unrolled
-from spi.compiler.records import class_of
+from spi.compiler.dispatch import INDICES, OPTIONS, answers, looped, method, number, only_where, trait, unrolled
+from spi.compiler.inlining import uncompiled
+from spi.compiler.records import class_of, is_none
 from spi.ensemble.protocol import (
     component_indices,
     dimension,
@@ -228,3 +230,46 @@ def test_tuplewise(n):
     expected = tuple(x - 2.0 * y for x, y in zip(a, b, strict=True)), sum(2.0 - x * x for x in a)
     assert (difference(a, 2.0, b), total(2.0, a)) == expected
     assert tuplewise_compiled(a, 2.0, b) == expected
+
+
+# --- looped and only_where --------------------------------------------------------------------------------------------
+
+BLOCKS, SHIFT = (0, 20), 7.0
+
+
+@looped(("for k in places", "for n in range(k, k + 3)"), "a[n] = c * b[n] + SHIFT", "b[n] = 0.0", places=BLOCKS)
+def moved(a, c, b): ...
+@only_where(lambda wish: not is_none(wish))
+@looped(("for n in range(len(a))",), "a[n] += 1.0")
+def raised(wish, a):
+    """Add 1."""
+
+
+@compiled
+def looped_compiled(a, c, b):
+    moved(a, c, b)
+    raised(None, a)
+    raised(1, b)
+
+
+def looped_in_python(a, c, b):
+    with uncompiled():
+        moved(a, c, b)
+        raised(None, a)
+        raised(1, b)
+
+
+@pytest.mark.parametrize("run", [looped_compiled, looped_in_python])
+def test_looped_writes_loops_and_only_where_leaves_out(run):
+    a, b = np.zeros(24), np.arange(24.0)
+    run(a, 2.0, b)
+    on = [0, 1, 2, 20, 21, 22]
+    assert np.flatnonzero(a).tolist() == on
+    assert a[on].tolist() == [7.0, 9.0, 11.0, 47.0, 49.0, 51.0]  # 2 n + 7, not raised
+    assert np.delete(b, on).tolist() == np.delete(np.arange(1.0, 25.0), on).tolist()
+    assert b[on].tolist() == [1.0] * 6
+
+
+def test_looped_functions_have_a_formula_for_a_docstring():
+    assert (moved.__doc__, raised.__doc__) == ("a[n] = c * b[n] + SHIFT; b[n] = 0.0", "Add 1.")
+    assert moved.__module__ == __name__

@@ -134,7 +134,7 @@ def test_a_large_lattice_may_move_for_fewer_steps_than_blocks_of_paths(tmp_path)
     assert np.isnan(found.growth).all() and not any("correlations last" in line for line in found.remarks())
     for number, every in enumerate((1, 2)):
         moves = one_path.moved(plan.one_path[number], one_path.start_of(plan), 0, 10 * every, every, 1, 0)
-        values = _known(np.array([y.copy() for _, y in moves]))[:, -8:]
+        values = _known(np.array([y.copy() for _, y, *_ in moves]))[:, -8:]
         names = [("m", "e").index(name) for name in found.averages.functions]
         np.testing.assert_allclose(found.averages.average[number], values.mean(axis=1)[names], rtol=1e-11)
     with pytest.raises(SpecError, match=r"final_time: is 0\.625, fewer than 128 steps of 2\^-4; must be at least"):

@@ -7,7 +7,8 @@ from model_cases import MODELS_UNDER_TEST
 from spi import systems
 from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.protocol import area_pairs
-from spi.models import MODELS, register_model
+from spi.models import MODELS, Zeitlin, register_model
+from spi.running.load import plans
 from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError
 
@@ -67,3 +68,24 @@ def test_more_pairs_of_noises_than_there_are_indices_are_refused_with_areas(spec
 def test_the_rule_says_about_what_the_models_state(model):
     unstated = type("Unstated", (type(model),), {"flow_ns": 0.0})(*model)
     assert 1 / 2 < typical_ns(SCHEMES["splitting"], unstated) / typical_ns(SCHEMES["splitting"], model) < 2
+
+
+@pytest.mark.parametrize(("n", "one", "of_64"), [(15, 15.5, 4.1), (31, 57, 29), (63, 930, 570), (127, 4740, 3920)])
+def test_a_step_of_a_fluid_takes_about_what_its_page_says(n, one, of_64):
+    """Within a factor of 4 of the microseconds of docs/fluids.md, for one path and for each of 64."""
+    assert of_64 / 4 < typical_ns(SCHEMES["splitting"], Zeitlin(n)) / 1000 < 4 * one
+
+
+MODEL = {
+    5: "{name: zeitlin, n: 5}\ninitial: {vorticity: cos(x1)}",
+    1: "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}\ninitial: [1, 0, 1]",
+}
+
+
+@pytest.mark.parametrize("kind", ["statistics\nstep: 1/4", "equilibrium\nsteps: [1/4]\nburn_in: 0"])
+@pytest.mark.parametrize("ratio", MODEL)
+def test_only_the_paths_of_array_states_that_are_wanted_cost(spec, kind, ratio):
+    """Of other models whole blocks of 64 paths make steps."""
+    about = f"kind: {kind}\nmodel: {MODEL[ratio]}\nfinal_time: 64\nfunctions: {{e: H}}\nschemes: [splitting]\n"
+    five, one = (plans(spec(f"{about}samples: {n}\n"))[0].cost()[0] for n in (5, 1))
+    assert five / one == ratio

@@ -16,6 +16,7 @@ from spi.ensemble.protocol import (
     block_drift_flow,
     block_friction_flow,
     block_work,
+    frictions,
     hamiltonian,
     in_kernels,
     one_path,
@@ -28,9 +29,11 @@ from spi.models.spins import Anisotropy, Spins, Terms, Transport
 from spi.models.spins.flows import NEAR, towards, towards_near, versines_of_noise
 from spi.models.spins.lattices import LATTICES, lattice
 from spi.models.spins.tables import moves
-from spi.numerics.rng import LANES, draw_normals
+from spi.numerics.rng import LANES, draw_increments
 from spi.running.load import load
 from spi.schemes import SCHEMES, of_model
+from spi.schemes.splitting import splitting
+from spi.schemes.stages import flows
 
 pytestmark = pytest.mark.xdist_group("spins")
 
@@ -74,8 +77,8 @@ def stepped(record, t: float, s: np.ndarray) -> np.ndarray:
     y, work = s.ravel().copy(), np.zeros(block_work(record))
     for k in range(pieces(record)):
         block_drift_flow(record, k, t / 2, LANES, y, work)
-    for backwards in (False, True):
-        block_friction_flow(record, backwards, t / 2, LANES, y, work)
+    for k in [*range(frictions(record)), *range(frictions(record))[::-1]]:
+        block_friction_flow(record, k, t / 2, LANES, y, work)
     for k in range(pieces(record) - 1, -1, -1):
         block_drift_flow(record, k, t / 2, LANES, y, work)
     return y.reshape(s.shape)
@@ -259,10 +262,15 @@ def test_one_large_lattice(by, scheme):
     """
     model = Spins("cubic", (8, 8, 8), (Terms(1.0, 0.2),), field=(0.0, 0.1, 0.2), by=by)
     s = spins_of(5, 512, 1)[:, :, 0]
-    entry = of_model(SCHEMES["splitting_symmetric"], model)
-    _, last, _ = one_path(model, entry.record, 0.125).moved(s.ravel(), 0, 16, 0, 1, 0)
-    whole = paths(model, np.inf, "splitting_symmetric", 0.125, 16, 1, s)[:, :, 0]
-    assert abs(last - whole.ravel()).max() < 1e-13
+    lasts = []
+    for alpha in (0.0, 0.3):
+        damped = model._replace(alpha=alpha)
+        entry = of_model(SCHEMES["splitting_symmetric"], damped)
+        _, last, _ = one_path(damped, entry.record, 0.125).moved(s.ravel(), 0, 16, 0, 1, 0)
+        whole = paths(damped, np.inf, "splitting_symmetric", 0.125, 16, 1, s)[:, :, 0]
+        assert abs(last - whole.ravel()).max() < 1e-13
+        lasts.append(last)
+    assert abs(lasts[0] - lasts[1]).max() > 0.1
     at = at_temperature(model._replace(alpha=0.3), 0.8)
     mover = one_path(at, of_model(SCHEMES[scheme], at).record, 0.25)
     if mover is None:
@@ -280,6 +288,16 @@ def test_one_large_lattice(by, scheme):
     assert all(np.array_equal(results[0], other) for other in results[1:])
     assert not np.array_equal(results[0], mover.moved(s.ravel(), 0, 256, 0, 8, 0)[1])
     assert abs(np.linalg.norm(results[0].reshape(-1, 3), axis=1) - 1).max() < 1e-14
+
+
+def test_schemes_that_one_lattice_does_not_have():
+    """Coins, loops, shared increments and judged drift are for paths."""
+    model = at_temperature(Spins("ring", (128,), (Terms(1.0),), alpha=0.3), 0.8)
+    half = flows("noise", fraction=1 / 2, shared=True)
+    names = "splitting_order2", "splitting_joint", "splitting_areas", "splitting_metropolis", "midpoint"
+    records = [SCHEMES[name].record for name in names] + [splitting(half, flows("drift"), half)]
+    assert [one_path(model, record, 0.1) for record in records] == [None] * 6
+    assert one_path(model, splitting(flows("noise", shared=True), flows("drift")), 0.1) is not None
 
 
 def report_of_one(model, scheme, h, steps, state):
@@ -410,9 +428,8 @@ def test_steps_of_other_programs(scheme):
     last = paths(model.model, 0.5, scheme, h, 1, 1, first, 5)
     w = np.empty((18, 4, LANES))
     for k in range(18):
-        draw_normals(
-            np.uint64(5), np.uint64(0), np.uint64(k), np.uint64(0), np.uint64(0), np.empty(256, np.uint64), w[k].ravel()
-        )
+        where = np.uint64(5), np.uint64(0), np.uint64(k), np.uint64(0), np.uint64(0)
+        draw_increments(*where, 1.0, np.empty(256, np.uint64), w[k].ravel(), LANES)
     dW = (np.sqrt(2 * 0.3 * 0.5 * h) * w[:, 0]).reshape(6, 3, LANES)
     for lane in (0, 63):
         z, noise = last[:, :, lane], dW[:, :, lane]

@@ -223,8 +223,8 @@ def test_noise_that_shares_the_increments_of_a_step():
     model, h, y = ITS_TWIN, 0.3, states(3, 2)
     halves = increments(model, h, 1, 2)[0]
     around = flows("drift", fraction=1 / 2), flows("drift", "backwards", 1 / 2)
-    shared = of_arrays(splitting(around[0], flows("noise", "symmetric", shared=True), around[1]))
     of, block, report = tables(model), np.zeros((8, LANES)), report_row(end=2)
+    shared = of_arrays(splitting(around[0], flows("noise", "symmetric", shared=True), around[1]), of)
     block[:, :2], dW = y.T, np.zeros((of.m, LANES))
     dW[:, :2] = halves.sum(axis=0)
     block = block.ravel()

@@ -28,7 +28,7 @@ from spi.numerics.rng import (
     STREAM_VERSION,
     TANGENTS,
     UNIFORMS,
-    draw_normals,
+    draw_increments,
     normal_pair,
     philox,
     read_coins,
@@ -46,7 +46,7 @@ SEED = 20240229
 def fill(seed, stream, channel, draws, blocks, words, out):
     for b in range(blocks.size):
         for d in range(draws.size):
-            draw_normals(seed, stream, channel, draws[d], blocks[b], words, out[b, d])
+            draw_increments(seed, stream, channel, draws[d], blocks[b], 1.0, words, out[b, d], LANES)
 
 
 def normals(seed=SEED, stream=BROWNIAN, channel=0, draws=range(DRAWS), blocks=range(BLOCKS)):

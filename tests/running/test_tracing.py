@@ -34,8 +34,10 @@ def paths_of(text, *overrides):
 
 
 def found(text, path=None, *overrides):
+    """The step, and what the command prints of it; the pages of the documentation run it compiled."""
     with loop_in_python():
-        return trace(plans(load("own.yaml", text=text, overrides=overrides)), path, lambda done, total: None)
+        found = trace(plans(load("own.yaml", text=text, overrides=overrides)), path, lambda done, total: None)
+        return found, found and [*found.lines()]
 
 
 def first_above(order):
@@ -60,10 +62,9 @@ def first_above(order):
 def test_the_flow_that_makes_a_path_infinite_is_that_of_the_closed_form(scheme, order, path):
     expected = first_above(order)
     number = next(p for p, place in enumerate(expected) if place) if path is None else path
-    result = found(GROWTH, path, f"schemes=[{scheme}]")
+    result, (head, names, before, *lines) = found(GROWTH, path, f"schemes=[{scheme}]")
     step, flow = expected[number]
     assert (result.path, result.n, result.lost) == (number, step, True)
-    head, names, before, *lines = result.lines()
     assert head.startswith(f"main, {scheme}, h = 1: path {number} diverges in step {step + 1} of {STEPS}, ")
     assert names.split() == ["time", "angle", "H", "C1"] and before.startswith("before")
     assert [line.split("  ")[0] for line in lines] == [*order, "after"]
@@ -77,9 +78,9 @@ def test_both_flows_of_a_step_are_found():
 
 
 def test_all_finite_and_numbers_that_are_none():
-    assert found(GROWTH, None, "final_time=2") is None
-    result = found(GROWTH, 0, "final_time=2")
-    assert not result.lost and next(result.lines()).startswith("main, splitting, h = 1: path 0 stays finite; a Casimir")
+    assert found(GROWTH, None, "final_time=2") == (None, None)
+    result, lines = found(GROWTH, 0, "final_time=2")
+    assert not result.lost and lines[0].startswith("main, splitting, h = 1: path 0 stays finite; a Casimir")
     with pytest.raises(SpecError, match="--path: is 8; must be the number of a path: from 0 to samples - 1"):
         found(GROWTH, SAMPLES)
 

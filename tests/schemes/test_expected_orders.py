@@ -88,7 +88,7 @@ def test_judged_noises_without_friction(model, scale):
             coins = np.concatenate([np.ones(LANES), generator.random((noises(record) + 1) * LANES)])
             ends = []
             for name in ("splitting_metropolis", "splitting"):
-                scheme = of_arrays(of_model(ALL_SCHEMES[name], model).record)
+                scheme = of_arrays(of_model(ALL_SCHEMES[name], model).record, record)
                 y = np.append(np.repeat(scale * np.array(VORTICITY), LANES), np.zeros(memory_size(scheme, record)))
                 with uncompiled():
                     advance = (scheme, record, h, dW, coins, y)

@@ -1,4 +1,4 @@
-"""Compositions of flows of array states as data: their rows are the flows of the stages, and all have one type."""
+"""Compositions of flows of array states as data: their flows are those of the stages, and all have one type."""
 
 import itertools
 import math
@@ -11,13 +11,14 @@ from spi.compiler.inlining import types_of
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, integrated, paths_of
 from spi.ensemble.protocol import in_kernels
+from spi.ensemble.scheme_protocol import DRIFT, FRICTION, NOISE
 from spi.models import RigidBody, Spins, Zeitlin
 from spi.models.delegation import thermal
 from spi.models.spins import Terms, Transport
 from spi.models.zeitlin import Noise
 from spi.schemes import SCHEMES, of_model
-from spi.schemes.program import BUT_LAST, DRIFT, FRICTION, LAST, NOISE, program_of
-from spi.schemes.stages import ShareOfWhole, flows, has_shared, sweeps, with_friction
+from spi.schemes.program import program_of
+from spi.schemes.stages import ShareOfWhole, flows, has_shared, needs_coins, sweeps, with_friction
 
 STAGES = {name: entry.composition for name, entry in SCHEMES.items() if entry.composition and entry.for_large_models}
 STAGES |= {
@@ -29,30 +30,38 @@ STAGES |= {
 MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))  # three pieces and three noises
 
 
-def in_order(program, coin, shared, count=3):
-    """((kind, k, time), ...) of the flows of a program for `count` pieces and noises, by this reading of its rows."""
-    found = []
-    for row in program:
-        which = {BUT_LAST: range(count - 1), LAST: [count - 1]}.get(row["piece"], range(count))
-        reverse = (row["order"] < 0) != (row["coin"] and coin < 0)
-        time = (int(row["first"]), int(row["stop"]), int(row["n"])) if row["kind"] == NOISE else float(row["share"])
-        if row["kind"] == NOISE and (row["share"] != 1.0 or shared):
-            time = ShareOfWhole(float(row["share"]))
-        found += [(int(row["kind"]), k, time) for k in (reversed(which) if reverse else which)]
-    return found
-
-
 @pytest.mark.parametrize("name", STAGES)
-def test_rows_are_the_flows_of_the_stages(name):
-    """Beside the sweeps of paths in registers, which are made by other code."""
+def test_flows_are_those_of_the_stages(name):
+    """Beside the sweeps of paths in registers, in which the lanes of either coin stand together."""
     stages = STAGES[name]
-    for coin in (1, -1):
+    program = program_of(stages, (3, 3, 3 * (name == "friction")))
+    assert len(program) == 1 + needs_coins(stages)
+    for coin, rows in zip((1, -1), (program[0], program[-1]), strict=True):
         expected = []
-        for stage, part, k, share, side, time in sweeps(stages, _Thermal if name == "friction" else MODEL):
-            if side in (0, coin):
-                kind = {"drift": DRIFT, "noise": NOISE, "friction": FRICTION}[part]
-                expected.append((kind, k, share * stages[stage].fraction if part != "noise" else time))
-        assert in_order(program_of(stages), coin, has_shared(stages)) == expected
+        for of in sweeps(stages, _Thermal if name == "friction" else MODEL):
+            if of.coin in (0, coin):
+                time = of.share * stages[of.stage].fraction if of.part != "noise" else of.time
+                expected.append(({"drift": DRIFT, "noise": NOISE, "friction": FRICTION}[of.part], of.k, time))
+        found = []
+        for row in rows:
+            time = (int(row["first"]), int(row["stop"]), int(row["n"])) if row["kind"] == NOISE else float(row["share"])
+            if row["kind"] == NOISE and (row["share"] != 1.0 or has_shared(stages)):
+                time = ShareOfWhole(float(row["share"]))
+            found.append((int(row["kind"]), int(row["k"]), time))
+        assert found == expected
+
+
+def test_a_program_written_out():
+    """Two pieces and two groups of noises: times are taken once for all flows over one share, also of friction."""
+    stages = flows("drift", "symmetric"), flows("friction", "symmetric"), flows("noise", "backwards", 1 / 2)
+    rows = [tuple(row) for row in program_of((*stages, flows("noise", "symmetric", 1 / 2)), (2, 2, 2))[0].tolist()]
+    assert rows == [
+        *((DRIFT, 0, 0, 1, 1, 0, 0.5), (DRIFT, 1, 0, 1, 1, 0, 1.0), (DRIFT, 0, 0, 1, 1, 0, 0.5)),
+        *((FRICTION, 0, 0, 1, 1, 1, 0.5), (FRICTION, 1, 0, 1, 1, 0, 0.5)),
+        *((FRICTION, 1, 0, 1, 1, 1, 0.5), (FRICTION, 0, 0, 1, 1, 0, 0.5)),
+        *((NOISE, 1, 0, 1, 2, 1, 1.0), (NOISE, 0, 0, 1, 2, 0, 1.0)),
+        *((NOISE, 0, 2, 3, 4, 1, 1.0), (NOISE, 1, 1, 2, 2, 1, 1.0), (NOISE, 0, 3, 4, 4, 1, 1.0)),
+    ]
 
 
 class _Thermal(RigidBody):

@@ -23,7 +23,7 @@ from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs, conserved, one_path
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds import one_path as alone
-from spi.kinds.blocks import reported
+from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, origin_of, path_function
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
 from spi.models.delegation import undamped
@@ -125,7 +125,7 @@ class EquilibriumPlan(Plan):
         if self.one_path:
             return self._cost_of_one()
         blocks = -(-self.case.samples // LANES)
-        steps = sum(self.case.counts) * blocks * LANES
+        steps = sum(self.case.counts) * paths_moved(self.model, self.case.samples)
         idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         bare = replace(self, case=self.case.model_copy(update={"functions": {}}))

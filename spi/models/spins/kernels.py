@@ -4,24 +4,36 @@ The state is (x, y, z) of site after site.  A flow is a loop over members, bonds
 member a loop over lanes, so that one compilation serves every lattice, every size and all terms.
 """
 
+import enum
 from typing import NamedTuple
 
 import numpy as np
 
 from ...compiler.dispatch import FieldOf, device
+from ...compiler.records import is_none
 from ...compiler.vectors import WIDTH, fused, gather, load, store, without_refcount
 from ...ensemble.protocol import friction_after
 from ...numerics.angles import REDUCED_ANGLES, SMALL_ANGLES, sin_versine
-from ...numerics.elementary import REDUCIBLE, SMALL, bits, expm1, from_bits
-from ...numerics.rng import LANES
+from ...numerics.elementary import REDUCIBLE, SMALL, bits, from_bits
+from ...numerics.rng import LANES, accepts
 from .flows import NEAR, change_by_turn, cross, direction, noise_factor, towards, towards_near, unit_factor
 
 SPIN = 3 * LANES  #: floats of a site
 
-#: Forms of pieces.  PAIRS: two spins turn about their sum; TURNED_PAIRS: the second in a turned frame; PRODUCTS: the
-#: energy -K (a . s)(c . s') turns either spin about its axis; FIELDS: a constant field; AXES: -K (a . s)^2 and
-#: CUBES: -K/2 (a . s)^4 turn a spin about a; SITES: spins of one colour in the field of the others; DAMPED: friction.
-PAIRS, TURNED_PAIRS, PRODUCTS, FIELDS, AXES, CUBES, SITES, DAMPED_SITES, DAMPED_AXES, DAMPED_CUBES = range(10)
+
+class Form(enum.IntEnum):
+    """The forms of pieces."""
+
+    PAIRS = 0  #: two spins turn about their sum
+    TURNED_PAIRS = 1  #: the second in a turned frame
+    PRODUCTS = 2  #: the energy -K (a . s)(c . s') turns either spin about its axis
+    FIELDS = 3  #: a constant field
+    AXES = 4  #: -K (a . s)^2 turns a spin about a
+    CUBES = 5  #: -K/2 (a . s)^4 likewise
+    SITES = 6  #: spins of one colour turn in the field of the others
+    DAMPED_SITES = 7  #: friction in this field, and in those of the anisotropies
+    DAMPED_AXES = 8
+    DAMPED_CUBES = 9
 
 
 class SpinTables(NamedTuple):
@@ -55,12 +67,13 @@ class SpinTables(NamedTuple):
     sigma: np.ndarray  #: (m,)
     d: int
     p: int  #: the pieces of H; those of friction come after them
+    q: int  #: of friction
     m: int
 
     large = True
     in_place = True
     conserved, sphere_size = 1, 3
-    dimension, pieces, noises = FieldOf("d"), FieldOf("p"), FieldOf("m")
+    dimension, pieces, frictions, noises = FieldOf("d"), FieldOf("p"), FieldOf("q"), FieldOf("m")
 
     def flow_ns(model):
         return 8.0 * len(model.moment)
@@ -84,11 +97,9 @@ class SpinTables(NamedTuple):
         move_members(model, k, t, 0.0, model.first[k], model.first[k + 1], y, work)
         return largest_angle(model, k, t, y)
 
-    def block_friction_flow(model, backwards, t, width, y, work):
-        first, end = model.p, len(model.form)
-        for i in range(first, end):
-            k = first + end - 1 - i if backwards else i
-            move_members(model, k, t, model.alpha, model.first[k], model.first[k + 1], y, work)
+    def block_friction_flow(model, k, t, width, y, work):
+        piece = model.p + k
+        move_members(model, piece, t, model.alpha, model.first[piece], model.first[piece + 1], y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
         if len(model.noise_rows) > 0:
@@ -99,7 +110,8 @@ class SpinTables(NamedTuple):
         for i in range(len(model.moment)):
             s, added = spin_of(y, i), spin_of(out, i)
             add_field(model, i, y, work)
-            add_own_field(model, s, work)
+            if model.uniaxial != 0.0 or model.cubic != 0.0:
+                add_own_field(model, s, work)
             inverse = t / model.moment[i]
             for lane in range(LANES):
                 bx, by, bz = work[lane], work[LANES + lane], work[2 * LANES + lane]
@@ -260,36 +272,36 @@ def coupled(model, row, ax, ay, az, x, y, z):
 
 
 @device
+def with_own_field(model, x, y, z, bx, by, bz):
+    """The field b and that of the anisotropies, 2 K (a . s) a + 2 K_4 (s_x^3, s_y^3, s_z^3)."""
+    a, b, c = model.axes[0, 0], model.axes[0, 1], model.axes[0, 2]
+    u = a * x + b * y + c * z
+    own, cubic = 2.0 * model.uniaxial * u, 2.0 * model.cubic
+    bx += own * a + cubic * x * x * x
+    by += own * b + cubic * y * y * y
+    bz += own * c + cubic * z * z * z
+    return bx, by, bz
+
+
+@device
 def add_own_field(model, s, b):
-    """Add the field of the anisotropies to `b`: 2 K (a . s) a, and 2 K (a . s)^3 a of the cubic one."""
-    for a in range(4):
-        strength = model.uniaxial if a == 0 else model.cubic
-        if strength != 0.0:
-            x, y, z = model.axes[a, 0], model.axes[a, 1], model.axes[a, 2]
-            for lane in range(LANES):
-                u = x * s[lane] + y * s[LANES + lane] + z * s[2 * LANES + lane]
-                size = 2.0 * strength * (u if a == 0 else u * u * u)
-                b[lane] += size * x
-                b[LANES + lane] += size * y
-                b[2 * LANES + lane] += size * z
+    """The same in all lanes."""
+    for lane in range(LANES):
+        x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
+        x, y, z = with_own_field(model, x, y, z, b[lane], b[LANES + lane], b[2 * LANES + lane])
+        b[lane], b[LANES + lane], b[2 * LANES + lane] = x, y, z
 
 
 @device
-def take_other(model, lanes, s, copy):
-    """Copy a spin as the lanes of its neighbours see it."""
+def copy_other(model, lanes, s, copy, back):
+    """Copy a spin as the lanes of its neighbours see it, or that copy `back`."""
     places = model.lane_table[lanes * LANES : (lanes + 1) * LANES]
     for lane in range(LANES):
-        place = places[lane]
-        copy[lane], copy[LANES + lane], copy[2 * LANES + lane] = s[place], s[LANES + place], s[2 * LANES + place]
-
-
-@device
-def put_other(model, lanes, s, copy):
-    """Copy it back."""
-    places = model.lane_table[lanes * LANES : (lanes + 1) * LANES]
-    for lane in range(LANES):
-        place = places[lane]
-        s[place], s[LANES + place], s[2 * LANES + place] = copy[lane], copy[LANES + lane], copy[2 * LANES + lane]
+        i = places[lane]
+        if back:
+            s[i], s[LANES + i], s[2 * LANES + i] = copy[lane], copy[LANES + lane], copy[2 * LANES + lane]
+        else:
+            copy[lane], copy[LANES + lane], copy[2 * LANES + lane] = s[i], s[LANES + i], s[2 * LANES + i]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -302,21 +314,21 @@ def move_members(model, k, t, alpha, begin, end, y, work):
     """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
     near = abs(alpha * t) * model.fastest[k] <= NEAR
-    if form in (PAIRS, TURNED_PAIRS):
+    if form in (Form.PAIRS, Form.TURNED_PAIRS):
         if small:
             turn_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
         else:
             turn_pairs(REDUCED_ANGLES, model, k, t, begin, end, y, work)
-    elif form == SITES:
+    elif form == Form.SITES:
         if small:
             turn_sites(SMALL_ANGLES, model, t, alpha, near, begin, end, y, work)
         else:
             turn_sites(REDUCED_ANGLES, model, t, alpha, near, begin, end, y, work)
-    elif form == PRODUCTS:
+    elif form == Form.PRODUCTS:
         turn_products(model, t, begin, end, y, work)
-    elif form == DAMPED_SITES:
+    elif form == Form.DAMPED_SITES:
         damp_sites(model, alpha * t, near, begin, end, y, work)
-    elif form in (DAMPED_AXES, DAMPED_CUBES):
+    elif form in (Form.DAMPED_AXES, Form.DAMPED_CUBES):
         damp_axes(model, k, alpha * t, begin, end, y)
     else:
         turn_axes(model, k, t, begin, end, y)
@@ -340,46 +352,57 @@ def turn_pairs(angles, model, k, t, begin, end, y, work):
         mu, other, rate = model.moment[i], model.moment[j], t * model.rate[e]
         second = spin_of(y, j) if lanes == 0 else work[:SPIN]
         if lanes > 0:
-            take_other(model, lanes, spin_of(y, j), second)
-        if model.form[k] == PAIRS:
-            turn_pair(angles, rate, mu, other, spin_of(y, i), second)
+            copy_other(model, lanes, spin_of(y, j), second, False)
+        if model.form[k] == Form.PAIRS:
+            turn_pair(angles, rate, mu, other, None, spin_of(y, i), second)
         else:
-            turn_pair_in_frame(angles, rate, mu, other, model.frames[model.frame[e]], spin_of(y, i), second)
+            f = model.frames[model.frame[e]]
+            frame = f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]
+            turn_pair(angles, rate, mu, other, frame, spin_of(y, i), second)
         if lanes > 0:
-            put_other(model, lanes, spin_of(y, j), second)
+            copy_other(model, lanes, spin_of(y, j), second, True)
 
 
 @device
-def turn_pair(angles, rate, mu, other, s, z):
+def turn_pair(angles, rate, mu, other, frame, s, z):
     """Turn two spins; the second changes by as much as the first, negative, so that their sum stays as it is."""
     ratio = mu / other
     for lane in range(LANES):
         ax, ay, az = s[lane], s[LANES + lane], s[2 * LANES + lane]
         bx, by, bz = z[lane], z[LANES + lane], z[2 * LANES + lane]
-        wx, wy, wz = rate * (mu * ax + other * bx), rate * (mu * ay + other * by), rate * (mu * az + other * bz)
+        cx, cy, cz = turned(frame, bx, by, bz)
+        wx, wy, wz = rate * (mu * ax + other * cx), rate * (mu * ay + other * cy), rate * (mu * az + other * cz)
         dx, dy, dz = change_by_turn(angles, wx, wy, wz, ax, ay, az)
         s[lane], s[LANES + lane], s[2 * LANES + lane] = ax + dx, ay + dy, az + dz
-        dx, dy, dz = ratio * dx, ratio * dy, ratio * dz
-        z[lane], z[LANES + lane], z[2 * LANES + lane] = bx - dx, by - dy, bz - dz
+        z[lane], z[LANES + lane], z[2 * LANES + lane] = less(frame, ratio, dx, dy, dz, bx, by, bz)
+
+
+@device(by_type=True)
+def turned(frame, x, y, z):
+    """R s for the entries of R, s for None."""
+    return (lambda frame, x, y, z: (x, y, z)) if is_none(frame) else rotated
 
 
 @device
-def turn_pair_in_frame(angles, rate, mu, other, r, s, z):
-    """The same with R s' in the place of s'."""
-    ratio = mu / other
-    r0, r1, r2, r3, r4, r5, r6, r7, r8 = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
-    for lane in range(LANES):
-        ax, ay, az = s[lane], s[LANES + lane], s[2 * LANES + lane]
-        bx, by, bz = z[lane], z[LANES + lane], z[2 * LANES + lane]
-        wx = rate * (mu * ax + other * (r0 * bx + r1 * by + r2 * bz))
-        wy = rate * (mu * ay + other * (r3 * bx + r4 * by + r5 * bz))
-        wz = rate * (mu * az + other * (r6 * bx + r7 * by + r8 * bz))
-        dx, dy, dz = change_by_turn(angles, wx, wy, wz, ax, ay, az)
-        s[lane], s[LANES + lane], s[2 * LANES + lane] = ax + dx, ay + dy, az + dz
-        dx, dy, dz = ratio * dx, ratio * dy, ratio * dz
-        z[lane] = bx - (r0 * dx + r3 * dy + r6 * dz)
-        z[LANES + lane] = by - (r1 * dx + r4 * dy + r7 * dz)
-        z[2 * LANES + lane] = bz - (r2 * dx + r5 * dy + r8 * dz)
+def rotated(r, x, y, z):
+    return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
+
+
+@device(by_type=True)
+def less(frame, ratio, x, y, z, bx, by, bz):
+    """b - ratio R^T s, or b - ratio s, where products and differences are rounded together."""
+    return less_vector if is_none(frame) else less_rotated
+
+
+@device
+def less_vector(frame, ratio, x, y, z, bx, by, bz):
+    return bx - ratio * x, by - ratio * y, bz - ratio * z
+
+
+@device
+def less_rotated(r, ratio, x, y, z, bx, by, bz):
+    x, y, z = rotated((r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]), ratio * x, ratio * y, ratio * z)
+    return bx - x, by - y, bz - z
 
 
 @device
@@ -398,10 +421,10 @@ def turn_products(model, t, begin, end, y, work):
         first, second = t * model.rate[e] / model.moment[i], t * model.rate[e] / model.moment[j]
         other = spin_of(y, j) if lanes == 0 else work[:SPIN]
         if lanes > 0:
-            take_other(model, lanes, spin_of(y, j), other)
+            copy_other(model, lanes, spin_of(y, j), other, False)
         turn_product(first, second, f, spin_of(y, i), other)
         if lanes > 0:
-            put_other(model, lanes, spin_of(y, j), other)
+            copy_other(model, lanes, spin_of(y, j), other, True)
 
 
 @device
@@ -426,7 +449,7 @@ def turn_axes(model, k, t, begin, end, y):
         for lane in range(LANES):
             x, y_, z = spin[lane], spin[LANES + lane], spin[2 * LANES + lane]
             u = a * x + b * y_ + c * z
-            u = 0.5 if form == FIELDS else (u if form == AXES else u * u * u)
+            u = 0.5 if form == Form.FIELDS else (u if form == Form.AXES else u * u * u)
             s, v = sin_versine(REDUCED_ANGLES, rate * u)
             spin[lane], spin[LANES + lane], spin[2 * LANES + lane] = turn_about(s, v, a, b, c, x, y_, z)
 
@@ -492,7 +515,7 @@ def damp_axes(model, k, alpha_t, begin, end, y):
 @device
 def own_size(model, k, e, u):
     """The field of an anisotropy along its axis."""
-    return 2.0 * model.rate[e] * (u if model.form[k] == DAMPED_AXES else u * u * u)
+    return 2.0 * model.rate[e] * (u if model.form[k] == Form.DAMPED_AXES else u * u * u)
 
 
 @device(inline=False)
@@ -641,16 +664,12 @@ def friction_turn(model, a, c, h, bx, by, bz, x, y, z):
     """
     dx, dy, dz = turned_about(a, 1.0, 0.0, x, y, z)  # s + e_a x s
     dx, dy, dz = dx - x, dy - y, dz - z
-    u = model.axes[0, 0] * x + model.axes[0, 1] * y + model.axes[0, 2] * z
     du = model.axes[0, 0] * dx + model.axes[0, 1] * dy + model.axes[0, 2] * dz
-    own, cubic = 2.0 * model.uniaxial * u, 2.0 * model.cubic
-    bx += own * model.axes[0, 0] + cubic * x * x * x
-    by += own * model.axes[0, 1] + cubic * y * y * y
-    bz += own * model.axes[0, 2] + cubic * z * z * z
+    bx, by, bz = with_own_field(model, x, y, z, bx, by, bz)
     ex, ey, ez = (0.0 if a == 0 else -x), (0.0 if a == 1 else -y), (0.0 if a == 2 else -z)
     slope = -(bx * dx + by * dy + bz * dz)
     bend = -(bx * ex + by * ey + bz * ez) - 2.0 * model.uniaxial * du * du
-    bend -= 3.0 * cubic * (x * x * dx * dx + y * y * dy * dy + z * z * dz * dz)
+    bend -= 6.0 * model.cubic * (x * x * dx * dx + y * y * dy * dy + z * z * dz * dz)
     return friction_after(c, h, slope, bend)
 
 
@@ -670,7 +689,7 @@ def judge_turns(model, i, a, h, dW, uniforms, first, end, spin, b):
         back = turn + friction_turn(model, a, c, h, bx, by, bz, nx, ny, nz)
         gain = bx * (nx - x) + by * (ny - y) + bz * (nz - z) + (own_term(model, nx, ny, nz) - own_term(model, x, y, z))
         ratio = gain * inverse + (there - back) * (there + back) / (2.0 * variance)
-        yes = uniforms[lane] - 1.0 < expm1(ratio)
+        yes = accepts(uniforms[lane], ratio)
         spin[lane] = nx if yes else x
         spin[LANES + lane] = ny if yes else y
         spin[2 * LANES + lane] = nz if yes else z

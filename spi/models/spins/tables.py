@@ -12,19 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...numerics.rng import LANES
-from .kernels import (
-    AXES,
-    CUBES,
-    DAMPED_AXES,
-    DAMPED_CUBES,
-    DAMPED_SITES,
-    FIELDS,
-    PAIRS,
-    PRODUCTS,
-    SITES,
-    TURNED_PAIRS,
-    SpinTables,
-)
+from .kernels import Form, SpinTables
 from .lattices import neighbours
 
 
@@ -54,10 +42,12 @@ def moves(matrix: np.ndarray) -> list[Move]:
         return [c for c in range(3) if abs(a[c] - common) > small]
 
     common = min((0.0, *a), key=lambda k: len(products(k)) + (abs(k) > small))
-    parts = [Move(PRODUCTS, a[c] - common, np.concatenate([u[:, c], vt[c], np.zeros(3)])) for c in products(common)]
+    parts = [
+        Move(Form.PRODUCTS, a[c] - common, np.concatenate([u[:, c], vt[c], np.zeros(3)])) for c in products(common)
+    ]
     if abs(common) > small:
         turn = u @ vt
-        form = PAIRS if np.array_equal(turn, np.eye(3)) else TURNED_PAIRS
+        form = Form.PAIRS if np.array_equal(turn, np.eye(3)) else Form.TURNED_PAIRS
         parts.insert(0, Move(form, common, turn.ravel()))
     return parts
 
@@ -140,8 +130,8 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     first, other, of_bond = neighbours(lattice.sites, lattice.bonds)
     axes = np.concatenate([[unit(model.anisotropy.axis)], np.eye(3)])
     own = (
-        (AXES, DAMPED_AXES, model.anisotropy.uniaxial, axes[:1]),
-        (CUBES, DAMPED_CUBES, model.anisotropy.cubic, axes[1:]),
+        (Form.AXES, Form.DAMPED_AXES, model.anisotropy.uniaxial, axes[:1]),
+        (Form.CUBES, Form.DAMPED_CUBES, model.anisotropy.cubic, axes[1:]),
     )
     size = np.linalg.norm(matrices, axis=(1, 2), ord=2)[lattice.types]
     fields = np.bincount(lattice.bonds.ravel(), np.repeat(size, 2), lattice.sites) + np.linalg.norm(field, axis=1)
@@ -152,19 +142,19 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
         strength = np.linalg.norm(field, axis=1)
         if len(there := np.flatnonzero(strength)):
             along = np.pad(field[there] / strength[there, np.newaxis], ((0, 0), (0, 6)))
-            parts.add(FIELDS, there, strength[there], along, (strength / moment).max())
+            parts.add(Form.FIELDS, there, strength[there], along, (strength / moment).max())
     else:
         for colour in colours:
-            parts.add(SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
+            parts.add(Form.SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
     for form, _, strength, along in own:
         for axis in along if strength else ():
             parts.add(form, sites, strength, _frame(axis), 2 * abs(strength) / moment.min())
     if not parts.forms:  # a free spin
-        parts.add(FIELDS, sites, 0.0, _frame(axes[0]), 0.0)
+        parts.add(Form.FIELDS, sites, 0.0, _frame(axes[0]), 0.0)
     pieces = len(parts.forms)
     if model.alpha > 0:
         for colour in colours if fields.any() and model.by == "bonds" else ():
-            parts.add(DAMPED_SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
+            parts.add(Form.DAMPED_SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
         for _, form, strength, along in own:
             for axis in along if strength else ():
                 parts.add(form, sites, strength, _frame(axis), 0.0)
@@ -201,6 +191,7 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
         sigma=np.repeat(sigma, 1 if len(axis) else 3) if sigma.any() else np.zeros(0),
         d=3 * lattice.sites,
         p=pieces,
+        q=len(parts.forms) - pieces,
         m=len(sites) * (1 if len(axis) else 3) if sigma.any() else 0,
     )
 
@@ -226,7 +217,7 @@ def _add_bonds(parts: Pieces, lattice: Any, matrices: np.ndarray, moment: np.nda
     for colour in range(lattice.bond_colours.max(initial=-1) + 1):
         here = np.flatnonzero(lattice.bond_colours == colour)
         for number in range(max(map(len, of_type))):
-            for form in (PAIRS, TURNED_PAIRS, PRODUCTS):
+            for form in (Form.PAIRS, Form.TURNED_PAIRS, Form.PRODUCTS):
                 kinds = [k for k, m in enumerate(of_type) if number < len(m) and m[number].form == form]
                 some = here[np.isin(lattice.types[here], kinds)]
                 if not len(some):
@@ -234,7 +225,7 @@ def _add_bonds(parts: Pieces, lattice: Any, matrices: np.ndarray, moment: np.nda
                 those = [of_type[k][number] for k in lattice.types[some]]
                 pair, strength = lattice.bonds[some], np.array([move.strength for move in those])
                 frame, mu = np.array([move.frame for move in those]), moment[pair]
-                if form == PRODUCTS:
+                if form == Form.PRODUCTS:
                     parts.add(form, pair, strength, frame, float((abs(strength) / mu.min(axis=1)).max()), lanes[some])
                 else:
                     rate = strength / mu.prod(axis=1)

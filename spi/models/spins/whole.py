@@ -18,13 +18,13 @@ from ...compiler.dispatch import device, kernel
 from ...compiler.pointers import in_memory
 from ...compiler.vectors import without_refcount
 from ...ensemble.loop import add_reports
-from ...ensemble.scheme_protocol import REPORT, judges
+from ...ensemble.scheme_protocol import DRIFT, FLOW, FRICTION, NOISE, REPORT, judges, of_arrays
 from ...numerics.elementary import SMALL
-from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_words, normal_pair, uniform
+from ...numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_increments, draw_words, uniform
 from .flows import versines_of_noise
-from .kernels import SITES as BY_SITES
 from .kernels import (
     SPIN,
+    Form,
     add_field,
     judge_turns,
     largest_angle,
@@ -37,9 +37,9 @@ from .kernels import (
 from .parts import copy_parts
 from .tables import tables
 
-#: The kinds of rows of a program: flows of a piece, of friction, of the noise, judged noise of a colour of sites.
-FLOW, NOISE, JUDGED, ROUNDINGS = range(4)
-_NS = {FLOW: 5.0, NOISE: 5.0, JUDGED: 60.0, ROUNDINGS: 1.0}  # of a member or site, typically
+#: Further kinds of flows: judged noise of a colour of sites, and roundings of lengths that are taken away.
+JUDGED, ROUNDINGS = FRICTION + 1, FRICTION + 2
+_NS = {DRIFT: 5.0, FRICTION: 5.0, NOISE: 5.0, JUDGED: 60.0, ROUNDINGS: 1.0}  # of a member or site, typically
 _MOST_SITES = 2**16  # channels of the random numbers, sites of a part
 _MOST_SHARES = 64  # into which sites are divided among threads
 
@@ -47,9 +47,7 @@ _MOST_SHARES = 64  # into which sites are divided among threads
 class Program(NamedTuple):
     """The flows of a step, one after the other."""
 
-    kind: np.ndarray  #: (rows,) those above
-    piece: np.ndarray  #: (rows,) the piece; of noise the number of its draw
-    time: np.ndarray  #: (rows,) the time of the flow, of noise that over which it acts
+    flows: np.ndarray  #: of type FLOW; k is the piece, or the number of the draw of noise, and the share the time
     draws: int  #: evaluations of the generator for each site and step
     alpha: float  #: the damping of flows, 0 where noise is judged with its friction
     joined: bool  #: whether the last flow of a step and the first of the next one are one flow
@@ -88,12 +86,12 @@ class Whole(NamedTuple):
     @classmethod
     def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "Whole | None":
         """The program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
-        parts, stages = parts_of(model), getattr(scheme, "stages", None)
-        if parts is None or not (stages or judges(scheme)):
+        parts = parts_of(model)
+        if parts is None:
             return None
         part = _part(model, parts)
         record = tables(part, temperature, parts)
-        program = program_of(stages, record, h) if stages else judged_program(record, h)
+        program = program_of(scheme, record, h)
         if program is None or len(record.moment) > _MOST_SITES:
             return None
         return cls(record, _places(model, part, parts), program)
@@ -129,10 +127,9 @@ class Whole(NamedTuple):
     @property
     def ns(self) -> float:
         """Nanoseconds of a step of the lattice on one thread, at typical speed."""
-        members, program, sites = np.diff(self.model.first), self.program, len(self.sites)
-        rows = zip(program.kind.tolist(), program.piece.tolist(), strict=True)
-        each = [_NS[kind] * (members[k] if kind in (FLOW, JUDGED) else sites) for kind, k in rows]
-        return LANES * float(sum(each[1:] if program.joined else each))
+        members, sites, program = np.diff(self.model.first), len(self.sites), self.program
+        each = [(kind, sites if kind in (NOISE, ROUNDINGS) else members[k]) for kind, k, *_ in program.flows.tolist()]
+        return LANES * float(sum(_NS[kind] * count for kind, count in each[1 if program.joined else 0 :]))
 
     @property
     def calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
@@ -151,8 +148,8 @@ class Whole(NamedTuple):
         A drift between judged noises conserves H and is accepted without being judged, which the report counts as such.
         """
         accepted, angle = move_lattice(*self._arguments(y, first, steps, seed, path))
-        members, program = np.diff(self.model.first), self.program
-        turns = steps * 3 * LANES * int(members[program.piece[program.kind == JUDGED]].sum())
+        members, flows = np.diff(self.model.first), self.program.flows
+        turns = steps * 3 * LANES * int(members[flows["k"][flows["kind"] == JUDGED]].sum())
         found = dict.fromkeys(REPORT, 0.0) | {"largest_angle": angle if angle > SMALL else 0.0}
         if turns:
             drifts = {"drift_judged": steps, "drift_accepted": steps}
@@ -220,32 +217,30 @@ def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def program_of(stages: Any, record: Any, h: float) -> Program | None:
-    """The program of a composition; None where it tosses coins or shares increments."""
-    rows: list[tuple[int, int, float]] = []
-    draws = 0
-    for stage in stages:
-        part, t = type(stage.part).__name__, stage.fraction * h
-        if stage.coin is not None or stage.shared is not None or part not in ("Noise", "Drift", "Friction"):
-            return None
-        if part == "Noise":
-            if record.m:
-                rows.append((NOISE, draws, t))
-                draws += 1
-        else:
-            pieces = range(record.p) if part == "Drift" else range(record.p, len(record.form))
-            rows += [(FLOW, k, share * t) for k, share in type(stage.order).arranged(tuple(pieces))]
-    return _program(rows, draws, record.alpha)
+def program_of(scheme: Any, record: Any, h: float) -> Program | None:
+    """The program of a step of size h; None for a scheme that has none, tosses coins or shares increments.
 
-
-def judged_program(record: Any, h: float) -> Program | None:
-    """Noise judged site by site and the drift, which conserves H; None where it does not, since it would be judged."""
-    if (record.form[: record.p] != BY_SITES).any() or record.m == 0:
+    That of a judged scheme is noise judged site by site and the drift, if that conserves H and need not be judged.
+    """
+    if judges(scheme):
+        conserves = (record.form[: record.p] == Form.SITES).all() and record.m > 0
+        there, back = range(record.p), range(record.p - 1)[::-1]
+        rows = [_flow(JUDGED, k) for k in there]
+        rows += [_flow(DRIFT, k, 1.0 if k == record.p - 1 else 0.5) for k in (*there, *back)]
+        return _program(np.array(rows, FLOW), h, 2, 0.0) if conserves else None
+    flows = getattr(of_arrays(scheme, record), "program", ())
+    if len(flows) != 1 or (flows["share"][flows["kind"] == NOISE] != 1).any():
         return None
-    *first, last = range(record.p)
-    rows = [(JUDGED, k, h) for k in (*first, last)]
-    rows += [*((FLOW, k, h / 2) for k in first), (FLOW, last, h), *((FLOW, k, h / 2) for k in first[::-1])]
-    return _program(rows, 2, 0.0)
+    (flows,) = flows.copy()
+    noise = flows["kind"] == NOISE
+    flows["k"][noise] = np.arange(noise.sum())
+    flows["k"][flows["kind"] == FRICTION] += record.p
+    flows["share"][noise] = ((flows["stop"] - flows["first"]) / flows["n"])[noise]
+    return _program(flows, h, int(noise.sum()), record.alpha)
+
+
+def _flow(kind: int, k: int, share: float = 1.0) -> tuple[Any, ...]:
+    return kind, k, 0, 1, 1, 0, share
 
 
 @functools.lru_cache(8)
@@ -258,21 +253,21 @@ def sweep_of(model: Any, temperature: float, parts: tuple[int, int, int] = (1, 1
     the drift conserves H it turns the spins by angles of about 1 besides.
     """
     record = tables(model._replace(by="sites", alpha=1.0, noise=None), temperature, parts)
-    colours = np.flatnonzero(record.form[: record.p] == BY_SITES)
+    colours = np.flatnonzero(record.form[: record.p] == Form.SITES)
     rate = record.fastest[: record.p].sum() + abs(temperature) / record.moment.min()
-    rows = [(JUDGED, int(k), 1 / rate) for k in colours]
+    rows = [_flow(JUDGED, k, 1 / rate) for k in colours]
     if len(colours) == record.p:
-        rows += [(FLOW, int(k), 1 / record.fastest[: record.p].max()) for k in colours if record.fastest[k] > 0]
-    return record, _program(rows, 2, 0.0)
+        rows += [_flow(DRIFT, k, 1 / record.fastest[: record.p].max()) for k in colours if record.fastest[k] > 0]
+    return record, _program(np.array(rows, FLOW), 1.0, 2, 0.0)
 
 
-def _program(rows: list[tuple[int, int, float]], draws: int, alpha: float) -> Program:
-    if NOISE not in {kind for kind, _, _ in rows}:
-        rows = [*rows, (ROUNDINGS, 0, 0.0)]
-    first, last = rows[0], rows[-1]
-    joined = len(rows) > 1 and first[0] == last[0] == FLOW and first[1] == last[1]
-    kind, piece, time = zip(*rows, strict=True)
-    return Program(np.array(kind), np.array(piece), np.array(time), draws, alpha, joined)
+def _program(flows: np.ndarray, h: float, draws: int, alpha: float) -> Program:
+    if NOISE not in flows["kind"]:
+        flows = np.append(flows, np.array([_flow(ROUNDINGS, 0)], FLOW))
+    first, last = flows[["kind", "k"]][[0, -1]].tolist()
+    joined = len(flows) > 1 and first == last and first[0] in (DRIFT, FRICTION)
+    flows["share"] *= h
+    return Program(flows, draws, alpha, joined)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -288,21 +283,22 @@ def move_lattice(model, program, y, first, steps, seed, path, shares):
     Steps end at multiples of STEPS_PER_TOSS and at the last one; between them two flows of a piece become one.
     """
     records = [(in_memory(model), program)]
-    rows, accepted, angles, largest = len(program.kind), np.zeros(shares, np.int64), np.zeros(shares), 0.0
+    rows, accepted, angles, largest = len(program.flows), np.zeros(shares, np.int64), np.zeros(shares), 0.0
     for n in range(first, first + steps):
         ends = not program.joined or (n + 1) % STEPS_PER_TOSS == 0 or n + 1 == first + steps
         begins = not program.joined or n % STEPS_PER_TOSS == 0 or n == first
         for row in range(rows if ends else rows - 1):
-            t = program.time[row]
+            flow = program.flows[row]
+            t = flow["share"]
             if row == 0 and not begins:
-                t = t + program.time[rows - 1]
+                t = t + program.flows[rows - 1]["share"]
             for share in prange(shares):
                 of_share, its_program = records[0]  # Numba's prange cannot take nested tuples, but a list
                 count, angle = _run_share(of_share, its_program, row, t, share, shares, y, n, seed, path)
                 accepted[share] += count
                 angles[share] = max(angles[share], angle)
-            if program.kind[row] == FLOW and program.piece[row] < model.p:
-                largest = max(largest, largest_angle(model, program.piece[row], t, y))
+            if flow["kind"] == DRIFT:
+                largest = max(largest, largest_angle(model, flow["k"], t, y))
     return accepted.sum(), max(largest, angles.max())
 
 
@@ -313,8 +309,8 @@ def move_blocks(model, program, y, steps, seed, paths):
     for b in prange(len(y)):
         of_block, its_program = records[0]
         for n in range(steps):
-            for row in range(len(its_program.kind)):
-                _run_share(of_block, its_program, row, its_program.time[row], 0, 1, y[b], n, seed, paths[b])
+            for row in range(len(its_program.flows)):
+                _run_share(of_block, its_program, row, its_program.flows[row]["share"], 0, 1, y[b], n, seed, paths[b])
 
 
 @device(inline=False)
@@ -323,14 +319,11 @@ def _run_share(model, program, row, t, share, shares, y, n, seed, path):
 
     Returns the number of accepted turns, and the largest |angle| of noise about an axis.
     """
-    kind, k, accepted, angle = program.kind[row], program.piece[row], 0, 0.0
+    kind, k, accepted, angle = program.flows[row]["kind"], program.flows[row]["k"], 0, 0.0
+    first, last = (0, len(model.moment)) if kind in (NOISE, ROUNDINGS) else (model.first[k], model.first[k + 1])
+    begin, end = first + (last - first) * share // shares, first + (last - first) * (share + 1) // shares
     work = np.empty(2 * SPIN)
-    if kind in (FLOW, JUDGED):
-        count = model.first[k + 1] - model.first[k]
-        begin, end = model.first[k] + count * share // shares, model.first[k] + count * (share + 1) // shares
-    else:
-        begin, end = len(model.moment) * share // shares, len(model.moment) * (share + 1) // shares
-    if kind == FLOW:
+    if kind in (DRIFT, FRICTION):
         move_members(model, k, t, program.alpha, begin, end, y, work)
     elif kind == NOISE:
         angle = turn_sites_at_random(model, t, begin, end, y, np.uint64(n * program.draws + k), seed, path)
@@ -339,18 +332,6 @@ def _run_share(model, program, row, t, share, shares, y, n, seed, path):
     else:
         take_away_roundings(model, begin, end, y)
     return accepted, angle
-
-
-@device
-def draw_site(i, draw, seed, path, words, normals, scale):
-    """Three normals of standard deviation `scale` in each lane for site i of a part, in `normals` (4 LANES)."""
-    draw_words(seed, np.uint64(SITES), np.uint64(i), draw, path, words)
-    for lane in range(LANES):
-        pair = normal_pair(words[lane], words[2 * LANES + lane], scale)
-        normals[lane], normals[LANES + lane] = pair
-    for lane in range(LANES):
-        pair = normal_pair(words[LANES + lane], words[3 * LANES + lane], scale)
-        normals[2 * LANES + lane], normals[3 * LANES + lane] = pair
 
 
 @device(inline=False)
@@ -364,7 +345,8 @@ def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
     words, normals = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES)
     if len(model.noise_axis) > 0:
         for i in range(begin, end):
-            draw_site(i, draw, seed, path, words, normals, model.strength[i] * np.sqrt(t))
+            scale = model.strength[i] * np.sqrt(t)
+            draw_increments(seed, np.uint64(SITES), np.uint64(i), draw, path, scale, words, normals, LANES)
             largest = max(largest, turn_at_random(model, i, i + 1, normals, y))
         take_away_roundings(model, begin, end, y)
     else:
@@ -387,12 +369,12 @@ def judge_sites(model, h, begin, end, y, draw, seed, path, work):
     words, normals, uniforms = np.empty(4 * LANES, np.uint64), np.empty(4 * LANES), np.empty(4 * LANES)
     for e in range(begin, end):
         i = model.member[e, 0]
-        draw_site(i, draw, seed, path, words, normals, np.sqrt(h))
+        draw_increments(seed, np.uint64(SITES), np.uint64(i), draw, path, np.sqrt(h), words, normals, LANES)
         draw_words(seed, np.uint64(SITES), np.uint64(i), draw + np.uint64(1), path, words)
         for lane in range(3 * LANES):
             uniforms[lane] = uniform(words[lane])
         add_field(model, i, y, work)
-        for a in range(3):
-            some = slice(a * LANES, (a + 1) * LANES)
-            accepted += judge_turns(model, i, a, h, normals[some], uniforms[some], 0, LANES, spin_of(y, i), work)
+        for a in range(3):  # rows 0, 2 and 1 of the normals, two of which are made of the same two words
+            noise, drawn = normals[2 * a % 3 * LANES :], uniforms[a * LANES :]
+            accepted += judge_turns(model, i, a, h, noise, drawn, 0, LANES, spin_of(y, i), work)
     return accepted

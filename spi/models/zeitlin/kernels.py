@@ -119,10 +119,6 @@ class ZeitlinTables(NamedTuple):
     large = True
     dimension, pieces, noises, conserved = FieldOf("d"), FieldOf("p"), FieldOf("m"), FieldOf("c")
 
-    def flow_ns(model):
-        """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
-        return 40.0 + 4.0 * model.lattice.n**1.5 + 0.04 * model.lattice.n**3
-
     def noise_groups(model):
         return len(model.noise.line)
 
