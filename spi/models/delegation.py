@@ -88,9 +88,7 @@ def _forwarded(member):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@answering_as_inner(
-    "squared_length_is_casimir", "phases", "drift_phases", "drift_turned", "noise_phases", "noise_turned"
-)
+@answering_as_inner("squared_length_is_casimir")
 class Damped(NamedTuple):
     """A model with the field -gamma y added: its traits and methods are those of the model, with one more piece."""
 

@@ -38,7 +38,7 @@ FLOWS: dict[str, tuple[str, Any]] = {
     "block_judged_noises": ("noises, judged", None),
 }
 #: So that Python makes a flow as a whole.
-_AS_A_WHOLE = {"phases": 0, "drift_tables": (), "noise_tables": (), "friction_tables": ()}
+_AS_A_WHOLE = {"drift_tables": (), "noise_tables": (), "friction_tables": ()}
 _MOST_CASIMIRS = 4  #: each of so many has a column
 
 Tick = Callable[[int, int], None]

@@ -37,8 +37,6 @@ from ..ensemble.protocol import (
     bracket_factors,
     drift_angle,
     drift_flow,
-    drift_phases,
-    drift_turned,
     has_friction,
     joined_noises,
     joint_angle,
@@ -49,10 +47,8 @@ from ..ensemble.protocol import (
     noise_gradient,
     noise_hessian,
     noise_indices,
-    noise_phases,
     noise_structure,
     noise_structure_derivative,
-    noise_turned,
     noises,
     piece_gradient,
     piece_hessian,
@@ -75,16 +71,6 @@ def flow(part, model, k, t, y, angles):
 @method
 def angle(part, model, k, t, y):
     """The largest |angle| of the flow number k of a part."""
-
-
-@method
-def phases_in(part, model, k, t, y):
-    """The angles whose sines this flow takes, for a model with :func:`~spi.ensemble.protocol.phases`."""
-
-
-@method
-def turned(part, model, k, s, y):
-    """The flow number k of a part, given these sines and versines in one tuple s."""
 
 
 @method
@@ -111,7 +97,6 @@ class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
     flow, angle = calling(drift_flow, "part"), calling(drift_angle, "part")
-    phases_in, turned = calling(drift_phases, "part"), calling(drift_turned, "part")
     gradient, hessian = calling(piece_gradient, "part"), calling(piece_hessian, "part")
 
     def structure_along(part, model, k, y, v):
@@ -125,7 +110,6 @@ class Noise(NamedTuple):
     """The flows of Ĥ_1, ..., Ĥ_m; a noise that is off is left out."""
 
     flow, angle = calling(noise_flow, "part"), calling(noise_angle, "part")
-    phases_in, turned = calling(noise_phases, "part"), calling(noise_turned, "part")
     gradient, hessian = calling(noise_gradient, "part"), calling(noise_hessian, "part")
     structure_along = calling(noise_structure, "part")
     structure_derivative_along = calling(noise_structure_derivative, "part")

@@ -1,14 +1,14 @@
-"""A flow on all lanes of a block, as a whole, divided, or as a loop over tables; what steps add to the report."""
+"""A flow on all lanes of a block, as a whole or as a loop over tables; what steps add to the report."""
 
 import functools
 
 import numpy as np
 
 from ..compiler.dispatch import INDICES, device, function_of, intrinsic, number
-from ..compiler.instructions import floats_on_stack, load_each, load_strided
+from ..compiler.instructions import floats_on_stack, load_each
 from ..compiler.records import class_of, field, is_array, is_none
 from ..compiler.vectors import WIDTH, load, store
-from ..ensemble.lanes import aligned, load_lane, store_lane
+from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import (
     decayed,
     drift_tables,
@@ -21,25 +21,16 @@ from ..ensemble.protocol import (
     is_inlined,
     linear_friction,
     noise_tables,
-    phases,
     row_length,
     shape_angle,
     shape_flow,
     shape_slopes,
 )
 from ..ensemble.scheme_protocol import REPORT, lanes_in_use
-from ..numerics.angles import by_size, sin_versine
+from ..numerics.angles import by_size
 from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
-from .stages import (
-    Drift,
-    Noise,
-    Together,
-    angle,
-    flow,
-    phases_in,
-    turned,
-)
+from .stages import Drift, Noise, Together, angle, flow
 
 # ---------------------------------------------------------------------------------------------------------------------
 # What steps add to the report of :data:`~spi.ensemble.scheme_protocol.REPORT`.
@@ -128,17 +119,14 @@ def angle_in_use(part, index, model, y, t, report):
 _sweep_on_its_own = device(inline=False)(_sweep)
 
 
-@device(by_type=True)
-def sweep_up_to(largest, part, index, model, y, t):
-    """The same, given these bits."""
-    is_divided = phases(model) > 0 and class_of(part) in (Drift, Noise)
-    return long_sweep if is_divided else by_size(sweep_within)
-
-
 @device
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
         store_lane(y, lane, flow(part, model, number(index), time_of(part, t, lane), load_lane(model, y, lane), angles))
+
+
+#: The same, where the first argument has these bits.
+sweep_up_to = device(by_size(sweep_within))
 
 
 @device(by_type=True)
@@ -182,57 +170,18 @@ def time_of(part, t, lane):
     return lambda part, t, lane: of_lane(t, lane)
 
 
-@functools.lru_cache
-def _times_together(count, most, of_lanes):
-    """The times of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
-    times = "".join(f"t[{place} * LANES + lane], " for place in range(count)) + "0.0, " * (most - count)
-    time = f"t[{count} * LANES + lane]" if of_lanes else "part.time"
-    return function_of(["def times_together(part, t, lane):", f"return {time}, ({times})"], {"LANES": LANES})
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Long flows on all lanes: their angles, the sines of these, and the states from the sines, one after the other.
-#
-# The sines of a sweep stand in scratch memory.  A number is computed as by the flow as a whole, to the last bit.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def long_sweep(largest, part, index, model, y, t):
-    """One flow on all lanes, which take the times t, a number or an array; `largest`: the bits of the largest angle."""
-    k = number(index)
-    work = aligned(2 * phases(model) * LANES)
-    for lane in range(LANES):
-        store_lane(work, lane, phases_in(part, model, k, of_lane(t, lane), load_lane(model, y, lane)))
-    take_sines(largest, work)
-    for lane in range(LANES):
-        store_lane(y, lane, turned(part, model, k, load_sines(model, work, lane), load_lane(model, y, lane)))
-
-
 @device(by_type=True)
 def of_lane(t, lane):
     """t, or the entry of the lane if there is one for each."""
     return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)
 
 
-@device
-def sines_within(angles, work):
-    half = len(work) // 2
-    for i in range(half):
-        work[i], work[half + i] = sin_versine(angles, work[i])
-
-
-#: Sines in the place of the angles, of which the largest has these bits, and the versines behind them.
-take_sines = device(inline=False)(by_size(sines_within))
-
-
-def load_sines(model, work, lane):
-    """The sines of one lane, and then the versines, as a tuple."""
-    return tuple(float(work[i * LANES + lane]) for i in range(2 * phases(model)))
-
-
-@intrinsic(load_sines)
-def _(model, work, lane):
-    return load_strided(2 * phases(model), LANES, model, work, lane)
+@functools.lru_cache
+def _times_together(count, most, of_lanes):
+    """The times of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
+    times = "".join(f"t[{place} * LANES + lane], " for place in range(count)) + "0.0, " * (most - count)
+    time = f"t[{count} * LANES + lane]" if of_lanes else "part.time"
+    return function_of(["def times_together(part, t, lane):", f"return {time}, ({times})"], {"LANES": LANES})
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -668,90 +668,20 @@ def _leader(first: Flow, second: Flow) -> Flow | None:
 # Functions
 # ---------------------------------------------------------------------------------------------------------------------
 
-LONG = 150  #: lines from which on a motion is long
-
-_SINE = re.compile(r"(\w+), (\w+) = sin_versine\(angles, (.*)\)")
-
 Motions = Mapping[
     Any, tuple[str, Motion, Sequence[Generator], bool]
 ]  #: key -> (name, motion, generators, is given model)
 
 
-def motion_functions(motions: Motions, bracket: Bracket, phases: int) -> list[list[str]]:
-    """The lines of the functions of all motions; `phases`: the number of angles returned by divided ones.
-
-    A long motion is divided: the angles of its sines, and the use of these sines.  The latter is the same for angles of
-    all sizes and is compiled once, where a model says how many sines there are (``phases``).
-    """
-    return [
-        line
-        for name, made, by, uses in motions.values()
-        for line in (_functions(name, made, by, uses, bracket, phases) if phases or len(made.lines) >= LONG else [])
-        or [_defined(name, _parameters(by, uses), [_said(made, by, uses, bracket), *_whole(made, bracket)])]
-    ]
+def motion_functions(motions: Motions, bracket: Bracket) -> list[list[str]]:
+    """The lines of the functions of all motions."""
+    return [_function(*motion, bracket) for motion in motions.values()]
 
 
-def phases_of(motions: Motions) -> int:
-    """The most sines that a motion takes, where one is long and all can be divided; otherwise 0."""
-    made = [motion for _, motion, _, _ in motions.values()]
-    if not any(len(motion.lines) >= LONG for motion in made) or not all(map(_is_divisible, made)):
-        return 0
-    return max(len(_sines(motion)) for motion in made)
-
-
-def divided_words(part: str, calls: Sequence[Call], writer: Writer, phases: int) -> list[str]:
-    """The methods ``drift_phases`` and ``drift_turned``, or those of the noise; none if rates have sines in them."""
-    first, second = [f"def {part}_phases(model, k, t, y):"], [f"def {part}_turned(model, k, s, y):"]
-    for k, key, moves, _ in calls:
-        name, made, _, uses = writer.motions[key]
-        lines = writer.call(name, uses, moves)
-        if any("angles" in words_in(line) for line in lines[:-1]) or "sin_versine" in lines[-1]:
-            return []
-        given = ["model"] * uses + [f"s[{i + n}]" for n in (0, phases) for i in range(len(_sines(made)))] + ["y"]
-        lines[-1] = lines[-1].replace(f"{name}(", f"{name}_phases(").replace("angles, ", "").replace(", y)", ",)")
-        first += case(k, len(calls), lines)
-        second += case(k, len(calls), [f"return {name}_turned({', '.join(given)})"])
-    return ["", *first, "", *second] if calls else []
-
-
-def _sines(made: Motion) -> list[tuple[str, str, str]]:
-    """(sine, versine, angle) of each line that takes them."""
-    return [match.groups() for line in made.lines if (match := _SINE.fullmatch(line))]  # type: ignore[misc]
-
-
-def _rest(made: Motion) -> list[str]:
-    return [line for line in made.lines if not _SINE.fullmatch(line)]
-
-
-def _is_divisible(made: Motion) -> bool:
-    """Whether only its sines depend on angles."""
-    rest = words_in("\n".join(_rest(made)))
-    return "angles" not in rest and not any(re.fullmatch(r"a\d+", word) for word in rest)
-
-
-def _functions(
-    name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket, phases: int
-) -> list[list[str]]:
-    """A motion as three functions; none if that cannot be."""
-    if not _is_divisible(made):
-        return []
-    sines, own, model = _sines(made), _parameters(by, uses), ["model"] * uses
-    given = [*model, *(s for s, _, _ in sines), *(v for _, v, _ in sines)]
-    angles = [*(angle for _, _, angle in sines), *["0.0"] * (phases - len(sines))]
-    taken = [f"    {s}, {v} = sin_versine(angles, {angle})" for s, v, angle in sines]
-    whole = [_said(made, by, uses, bracket), *taken, f"    return {name}_turned({', '.join((*given, 'y'))})"]
-    functions = [
-        _defined(f"{name}_turned", given, _whole(made._replace(lines=tuple(_rest(made))), bracket)),
-        _defined(name, own, whole),
-    ]
-    if phases:
-        inside = [f"    return ({', '.join(angles)},)"]
-        functions.insert(0, _defined(f"{name}_phases", [p for p in own if p != "angles"], inside, ""))
-    return functions
-
-
-def _parameters(by: Sequence[Generator], uses: bool) -> list[str]:
-    return ["model"] * uses + ["angles", *(f"a{n + 1}" for n in range(len(by)))]
+def _function(name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> list[str]:
+    parameters = [*["model"] * uses, "angles", *(f"a{n + 1}" for n in range(len(by))), "y"]
+    head = f"def {name}({', '.join(parameters)}):"
+    return ["", "@device", head, _said(made, by, uses, bracket), *_whole(made, bracket)]
 
 
 def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> str:
@@ -762,10 +692,6 @@ def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -
     texts = list(of) if uses else [g.text for g in by]
     kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
     return f'    """By a1, a2, ... along the fields of {", ".join(texts)}: {kinds}."""'
-
-
-def _defined(name: str, parameters: Sequence[str], lines: Sequence[str], last: str = "y") -> list[str]:
-    return ["", "@device", f"def {name}({', '.join((*parameters, *([last] if last else [])))}):", *lines]
 
 
 def _whole(made: Motion, bracket: Bracket) -> list[str]:

@@ -298,14 +298,11 @@ class _Generator:
         body += self.joint_words()
         body += self.friction_words()
         tables = flow_code.Tables(self.world, self.names, self.numbers)
-        divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
-        body += divided or self.tables(tables, drift, noise)
+        body += self.tables(tables, drift, noise)
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
         body += solvable_lines(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
-        functions = flow_code.motion_functions(
-            self.motions, self.bracket, flow_code.phases_of(self.motions) if divided else 0
-        )
+        functions = flow_code.motion_functions(self.motions, self.bracket)
         functions += tables.functions()
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
         parts = [head(kind, self.name, self.bracket.variables, self.system.sizes, self.inexact(lacking), self.numbers)]
@@ -362,15 +359,6 @@ class _Generator:
         """The methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
         return self.writer.words(heads, _calls(flows, moved)) if flows else ["", heads[0], "    return y"]
-
-    def divided(self, *moved: Sequence[Moved]) -> list[str]:
-        """Further methods of a model of long flows; none if one of them cannot be divided."""
-        if not (phases := flow_code.phases_of(self.motions)):
-            return []
-        calls = {"drift": _calls(self.system.flows, moved[0]), "noise": _calls(self.system.noises, moved[1])}
-        words = {part: flow_code.divided_words(part, of, self.writer, phases) for part, of in calls.items()}
-        done = all(words[part] or not calls[part] for part in calls)
-        return ["", f"phases = {phases}", *words["drift"], *words["noise"]] if done else []
 
     def tables(self, tables: flow_code.Tables, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of many components, whose flows are loops over tables."""

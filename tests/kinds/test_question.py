@@ -18,7 +18,7 @@ SOURCES = [
     "rigid_body_noise_sweep",
     "stability_long_time",
     "rigid_body_weak",
-    "sine_euler_5_strong",
+    "toda_strong",
     "zeitlin_strong",
 ]
 

@@ -19,7 +19,6 @@ MEASURED = {
     "heavy top, splitting": (Size(5, 6), 4.8),
     "sine-Euler, N = 3, splitting": (Size(8, 8), 6.5),
     "sine-Euler, N = 3, splitting, another model": (Size(8, 8), 8.7),
-    "sine-Euler, N = 5, splitting": (Size(8, 25), 10.2),
     "ring of 4 spins, splitting": (Size(7, 12), 7.8),
     "rigid body at a temperature, splitting": (Size(9, 3), 3.7),
     "rigid body at a temperature, symmetric splitting": (Size(17, 3), 10.8),

@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,18 +10,7 @@ from yaml_cases import definition
 
 from spi import systems
 from spi.compiler import modules
-from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import (
-    drift_flow,
-    drift_phases,
-    drift_turned,
-    noise_flow,
-    noise_phases,
-    noise_turned,
-)
 from spi.models import MaxwellBloch, RigidBody, SineEuler
-from spi.numerics.angles import ANY_ANGLES
-from spi.running.load import load
 
 SPLITTING = SCHEMES["splitting"].record
 
@@ -152,24 +140,3 @@ def test_a_damaged_one_is_made_again(folder, damaged):
     assert b"z1 = y1 +" in good
     file.write_bytes(good.replace(b"z1 = y1 +", b"z1 = y1 -"))  # still a definition, of another system
     assert as_plain(made()) == as_plain(first)
-
-
-EXPERIMENTS = Path(__file__).parents[2] / "experiments"
-
-
-def test_long_flows_are_divided_into_sines_and_what_is_done_with_them():
-    """Both ways give the same bits; flows that are short are whole."""
-    (case,) = load(EXPERIMENTS / "sine_euler_5_strong.yaml").cases  # is made once in a whole run
-    model = case.model
-    count = type(model).phases
-    assert count > 0 and not hasattr(type(record(RIGID_BODY)), "phases")
-    y, t = tuple(np.random.default_rng(3).uniform(-1.0, 1.0, 25).tolist()), 0.3
-    parts = ((6, drift_phases, drift_turned, drift_flow), (2, noise_phases, noise_turned, noise_flow))
-    with uncompiled():
-        for flows, phases, turned, flow in parts:
-            for k in range(flows):
-                angles = phases(model, k, t, y)
-                sines = [ANY_ANGLES.sin_versine(x) for x in angles]
-                assert len(angles) == count and any(angles)
-                found = turned(model, k, tuple(s for s, _ in sines) + tuple(v for _, v in sines), y)
-                assert found == flow(model, k, t, y, ANY_ANGLES) != y
