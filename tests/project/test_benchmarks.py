@@ -25,6 +25,7 @@ from spi.models import MODELS, Zeitlin
 from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.schemes import SCHEMES
+from spi.schemes.explicit import RenormalisedHeun
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = FOLDER, _ = ROOT / "benchmarks", ROOT / "docs" / "generate"
@@ -68,7 +69,10 @@ def in_one_row(scheme):
 
 
 @pytest.mark.share(5)
-@pytest.mark.parametrize("scheme", [name for name, row in SCHEMES.items() if in_one_row(row.record)])
+@pytest.mark.parametrize(
+    "scheme",
+    [name for name, row in SCHEMES.items() if in_one_row(row.record) and not isinstance(row.record, RenormalisedHeun)],
+)
 def test_generic_twin_makes_the_same_step(scheme):
     model, y, dW = states_and_steps("rigid_body")
     record, coins = examples.row(scheme).record, np.where(np.arange(LANES) % 3, 1.0, -1.0)
@@ -87,14 +91,14 @@ def test_operations_counted_by_hand():
 
     A flow: the angle of the check 2, of the flow 2, sine and versine 16, two components of 4 operations each; where
     the angle is that of a noise, 1 more for sigma dW; where it is that of the drift, t / I is computed once for all
-    paths, 2 less.  A pair of normals: uniform number 2, its logarithm 28, radius 3, angle 2, sine and versine 36, and
-    the two products 3.
+    paths, 2 less.  A pair of normals: uniform number 3, its logarithm 30, radius 3, angle 3, sine and versine 36, and
+    the two products 3; a whole number becomes a float by one subtraction in three of them.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     program = [sys.executable, str(FOLDER / "flops.py"), "rigid_body"]
     counted = json.loads(subprocess.run(program, env=environment, check=True, stdout=subprocess.PIPE).stdout)
     assert sum(counted["rigid_body splitting"].values()) == 3 * (28 + 1) + 3 * (28 - 2)
-    assert sum(counted["normal"].values()) == 74 / 2
+    assert sum(counted["normal"].values()) == 78 / 2
     # one composition of order 2 has two half steps of the drift less one flow, and all noises but one twice
     assert sum(counted["rigid_body splitting_order2"].values()) == pytest.approx(10 * 26 + 5 * 29, abs=5)
 
