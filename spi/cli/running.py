@@ -154,8 +154,7 @@ def trace(
             lambda done, total: line.report_work(done + 1, total, "looking for a path that diverges"),
             lambda plan: compile_missing(kernel_calls([plan]), line.watch.report_compiling),
         )
-        lines = [f"{experiment.called}: all paths stay finite; --path looks at one"] if found is None else found.lines()
-        lines = list(lines)
+        lines = [*found.lines()] if found else [f"{experiment.called}: all paths stay finite; --path looks at one"]
     print_safely(lines)
 
 

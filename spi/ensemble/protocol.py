@@ -279,7 +279,8 @@ def one_path(model, scheme, h):
     """A mover of one path of an array-state model in parts that threads share, None if there is none for the scheme.
 
     It has ``moved(states (d,), first, steps, every, seed, path)``, the states (stored, d) after each `every` steps from
-    t = 0 on, the last state, and the report (1, len(REPORT)) of its steps.  Called in Python only.
+    t = 0 on, the last state, and the report (1, len(REPORT)) of its steps; ``along`` has the same arguments and gives
+    each of these states on the way.  Called in Python only.
     """
 
 

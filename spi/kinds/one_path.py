@@ -1,6 +1,5 @@
 """One path of a lattice in parts, see ``spi.models.spins.whole``: states while it moves, and functions of them."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -45,22 +44,6 @@ def start_of(plan: Any, path: int = 0) -> np.ndarray:
     for first in range(0, len(z), _NORMALS):
         draw_paths(own, 1.0, first, path, z[first : first + _NORMALS])
     return np.asarray(law.of_one_lattice(law.states(z[:, 0])[:, 0], int(keys.seed), int(keys.stream), path))
-
-
-def moved(
-    mover: Any, y: np.ndarray, first: int, end: int, every: int, seed: int, path: int
-) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """(n, state, report) after each `every` steps from t = 0 on, none of them for 0, and at the end, from state y on.
-
-    The report (1, 1, len(REPORT)) is that of the steps since the one before.
-    """
-    block, n = mover.block(y), first
-    del y
-    while n < end:
-        stop = min(end, (n // every + 1) * every) if every else end
-        report = mover.move(block, n, stop - n, seed, path)
-        n = stop
-        yield n, mover.state(block), report
 
 
 def kernel_calls(case: Any, mover: Any) -> list[KernelCall]:

@@ -331,6 +331,14 @@ def judged_step_of_large(model, h, dW, uniforms, y, work, report):
     return _judged_in_place if in_place(model) else _judged_step
 
 
+@device
+def there_and_back(model, i, t):
+    """(piece, time) of flow number i of a symmetric drift over the time t: half of all pieces but the last, twice."""
+    last = pieces(model) - 1
+    k = min(i, 2 * last - i)
+    return k, (t if k == last else 0.5 * t)
+
+
 @device(inline=False)
 def _judged_in_place(model, h, dW, uniforms, y, work, report):
     """Noises judged one by one, then the drift over +h or -h, as each lane has it, by the change of H."""
@@ -351,8 +359,7 @@ def _judged_in_place(model, h, dW, uniforms, y, work, report):
                 proposed[i] = y[i]
             t = h if side == 0 else -h
             for i in range(2 * pieces(model) - 1):
-                k = min(i, 2 * pieces(model) - 2 - i)
-                share = t if k == pieces(model) - 1 else 0.5 * t
+                k, share = there_and_back(model, i, t)
                 largest = max(largest, block_energy_flow(model, k, share, LANES, proposed, scratch))
             block_energies(model, proposed, after, scratch)
             for lane in range(LANES):  # where it is not accepted the next drift goes the other way
@@ -412,8 +419,7 @@ def _judged_step(model, h, dW, uniforms, y, work, report):
                 noise += judge_states(model, row, some, width, states, energies, proposed, refused)
             else:
                 for i in range(2 * pieces(model) - 1):
-                    k = min(i, 2 * pieces(model) - 2 - i)
-                    share = t if k == pieces(model) - 1 else 0.5 * t
+                    k, share = there_and_back(model, i, t)
                     largest = max(largest, block_drift_flow(model, k, share, width, proposed, scratch))
                 drift += judge_states(model, row, some, width, states, energies, proposed, refused)
         for j in range(count):

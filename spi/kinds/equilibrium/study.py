@@ -266,7 +266,7 @@ class EquilibriumPlan(Plan):
         """One large lattice at the next stop, whose functions are evaluated while it moves."""
         began, before, y, values, report = time.perf_counter(), int(paths.n), paths.y[0], [], paths.report
         every, mover = recorder.series.stride if recorder else 0, self.one_path[chunk.path_set]
-        for n, state, added in alone.moved(mover, paths.y[0], before, stop, every, int(self.stream.seed), 0):
+        for n, state, added in mover.along(paths.y[0], before, stop - before, every, int(self.stream.seed), 0):
             y, report = state, loop.add_reports(report, added)
             if recorder and recorder.counts_at(n):
                 values.append(recorder.values_of(y))

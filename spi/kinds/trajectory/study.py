@@ -18,7 +18,7 @@ from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strength
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
-from spi.kinds.blocks import reported
+from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
@@ -133,9 +133,7 @@ class TrajectoryPlan(PathsPlan):
     @property
     def _paths(self) -> int:
         """The number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
-        if self.one_path is not None:
-            return 1
-        return self.case.path % LANES + 1 if large(self.model) else LANES
+        return 1 if self.one_path is not None else paths_moved(self.model, self.case.path % LANES + 1)
 
     @property
     def _seconds_per_step(self) -> float:
@@ -180,7 +178,7 @@ class TrajectoryPlan(PathsPlan):
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
-        states = alone.moved(self.one_path, y[0], steps, stop, case.spacing, int(self.stream.seed), case.path)
+        states = self.one_path.along(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
         total = np.zeros((1, len(REPORT)))
         for number, (_, state, report) in enumerate(states, 1):
             y[number] = state

@@ -9,6 +9,7 @@ that is stored, 24 bytes a spin.
 import functools
 import itertools
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,16 +109,29 @@ class Whole(NamedTuple):
         copy_parts(self.sites, state, block, False)
         return state
 
-    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any, Any]:
-        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state, report)."""
-        y, n, end, stored, report = self.block(state), first, first + steps, [], np.zeros((1, len(REPORT)))
+    def along(
+        self, state: Any, first: int, steps: int, every: int, seed: int, path: int
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """(n, state, report) after each `every` steps from t = 0 on, none of them for 0, and at the end.
+
+        The report (1, 1, len(REPORT)) is that of the steps since the one before.
+        """
+        y, n, end = self.block(state), first, first + steps
+        del state  # perhaps the last reference to very many numbers
         while n < end:
             stop = min(end, (n // every + 1) * every) if every else end
-            report = add_reports(report, self.move(y, n, stop - n, seed, path))
+            report = self.move(y, n, stop - n, seed, path)
             n = stop
+            yield n, self.state(y), report
+
+    def moved(self, state: Any, first: int, steps: int, every: int, seed: int, path: int) -> tuple[Any, Any, Any]:
+        """(states (stored, d) after each `every` steps from t = 0 on, or none for 0, last state, report)."""
+        last, stored, report = np.asarray(state), [], np.zeros((1, len(REPORT)))
+        for n, last, added in self.along(state, first, steps, every, seed, path):
+            report = add_reports(report, added)
             if every and n % every == 0:
-                stored.append(self.state(y))
-        return np.reshape(stored, (-1, len(state))), self.state(y), report
+                stored.append(last)
+        return np.reshape(stored, (-1, len(last))), last, report
 
     @property
     def call(self) -> tuple[Any, tuple[Any, ...]]:
