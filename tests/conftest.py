@@ -33,7 +33,7 @@ spi._point_cache_at_sources()
 # Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import; and
 # some tests use what stands in others.
 _tests = Path(__file__).parent
-_folders = [str(_tests), *sorted({str(file.parent) for file in _tests.glob("*/test_*.py")})]
+_folders = [str(_tests), *sorted({str(file.parent) for file in _tests.rglob("test_*.py")})]
 sys.path.extend(folder for folder in _folders if folder not in sys.path)
 os.environ["PYTHONPATH"] = os.pathsep.join([*_folders, *filter(None, [os.environ.get("PYTHONPATH")])])
 

@@ -19,6 +19,7 @@ import numba
 import numpy as np
 import pytest
 
+from spi import views
 from spi.compiler.dispatch import kernel, number, unrolled
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import area_count
@@ -33,7 +34,6 @@ from spi.models import RigidBody
 from spi.models.delegation import Damped
 from spi.numerics.angles import ReducedAngles
 from spi.numerics.rng import BROWNIAN, LANES
-from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT

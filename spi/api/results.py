@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .. import storage
+from .. import storage, views
 from ..drawing import as_bytes, style
-from ..report import views
 from ..running import finding
 from ..statistics import claims
 from ..statistics.claims import quantities

@@ -105,6 +105,25 @@ class RunOptions(NamedTuple):
         return [*(self.overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
 
 
+class Command(NamedTuple):
+    """A command, its place in `spi --help`, and examples in its own help."""
+
+    run: Callable[..., None]
+    panel: str
+    examples: Sequence[str] = ()
+    cls: Any = None  #: what reads its arguments, where it is not typer's own class
+
+    def add_to(self, app: typer.Typer, name: str) -> None:
+        """Make it a command of `spi`."""
+        lines = "\n".join(["Examples:", *(f"  {line}" for line in self.examples)])
+        style = {"rich_help_panel": self.panel, "epilog": f"\b\n{lines}" if self.examples else None, "cls": self.cls}
+        app.command(name, **style)(self.run)
+
+
+#: Panels of `spi --help`.
+BEGIN, COMPUTE, LOOK, MORE = "Begin", "Compute", "Look at results", "More"
+
+
 def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the :class:`RunOptions`, but for some, behind its argument, for its parameter `options`."""
     given = [option for name, option in inspect.signature(RunOptions).parameters.items() if name not in without]

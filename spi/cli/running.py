@@ -241,8 +241,8 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
 
 def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
     """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
+    from .. import views
     from ..printing.tables import remarks
-    from ..report import views
     from ..statistics.claims import CONFIRMED, CONTRADICTED
 
     judged = views.verdicts(results)
@@ -255,8 +255,7 @@ def _show_each(
     experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]", confirmed: bool = False
 ) -> None:
     """Compute each experiment, print the tables of its results, and judge its claims."""
-    from .. import storage
-    from ..report import views
+    from .. import storage, views
     from .progress import ProgressLine
 
     wrong = False
@@ -324,9 +323,8 @@ def answer(
     if dry:
         _predict(experiment)
         return
-    from .. import storage
+    from .. import storage, views
     from ..printing import as_json
-    from ..report import views
     from ..running import run as runner
     from .progress import ProgressLine
 

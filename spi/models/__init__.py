@@ -4,6 +4,7 @@ from typing import get_args, get_type_hints
 
 from ..checks.registration import check_class
 from ..ensemble.protocol import large
+from ..plugins import Registry
 from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise
@@ -12,7 +13,7 @@ from .spins import Spins
 from .zeitlin import Zeitlin
 
 #: name in a spec file -> class
-MODELS: dict[str, type] = {}
+MODELS = Registry("models")
 
 
 def check_model_class(name, cls):

@@ -28,7 +28,7 @@ STORED = (".h5",)
 @functools.cache
 def layers() -> specs.Layers:
     """The layers of spec files of all kinds."""
-    return specs.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
+    return specs.Layers(KINDS)
 
 
 def load(

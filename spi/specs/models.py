@@ -10,14 +10,14 @@
 import keyword
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import reduce
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, reduce
 from operator import getitem, or_
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
 import pydantic
-from pydantic import BeforeValidator, Field, PlainValidator, create_model
+from pydantic import Field, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from .. import systems
@@ -30,6 +30,7 @@ from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
 from ..models.spins import Anisotropy, Spins, Terms, Transport
 from ..models.spins.lattices import Cell
+from ..plugins import Registry, lacking
 from .document import Document, Location, SpecError
 from .files import Files
 from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion, wrong
@@ -194,7 +195,13 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 
 def _by_name(data: Any, files: Files) -> Any:
-    parameters = _BUILT_IN.validate_python(data)
+    name = data.get("name") if isinstance(data, dict) else None
+    if isinstance(name, str) and name in MODELS:
+        parameters: Any = keys_of_model(name).model_validate(data)
+    elif advice := lacking("models", name):
+        raise wrong(f"is {shown(name)}", advice, "name")
+    else:
+        parameters = pydantic.TypeAdapter(one_of([*map(keys_of_model, MODELS)], "name", MODELS)).validate_python(data)
     if named := taken_name(getattr(parameters, "variables", ())):
         raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
     return _record(MODELS[parameters.name], parameters)
@@ -260,13 +267,16 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
 
 #: Key that tells where a model comes from -> how its mapping becomes a record, given the files that belong to the spec.
 #: If a mapping has several of these keys, the first of them counts.
-SOURCES: dict[str, Callable[[Any, Files], Any]] = {
-    "python": _of_python,
-    "system": read_system,
-    "algebra": read_system,
-    "bracket": read_system,
-    "name": _by_name,
-}
+SOURCES = Registry(
+    "sources",
+    {
+        "python": _of_python,
+        "system": read_system,
+        "algebra": read_system,
+        "bracket": read_system,
+        "name": _by_name,
+    },
+)
 
 
 def _source(data: Any) -> str | None:
@@ -285,7 +295,7 @@ def is_another(above: Any, below: Any) -> bool:
 def name_of(model: Any) -> str:
     """The name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, built_in in MODELS.items() if built_in is cls), cls.__qualname__)
+    return MODELS.name_of(cls) or cls.__qualname__
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -325,10 +335,10 @@ def _read(data: Any, info: pydantic.ValidationInfo) -> Any:
     return SOURCES[_source(data) or "name"](data, files)
 
 
-#: The keys of the built-in models, complete and in part.
-COMPLETE = [_keys_of(cls, {"name": Literal[name]}, True) for name, cls in MODELS.items()]
-_PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.items()]
-_BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
+@cache
+def keys_of_model(name: str, complete: bool = True) -> type[Keys]:
+    """The keys of a model with a name, all of them or, unless `complete`, any."""
+    return _keys_of(MODELS[name], {"name": Literal[name]}, complete)
 
 
 #: In the JSON Schema, a name that is none of theirs.
@@ -355,10 +365,19 @@ Model = Annotated[
     pydantic.PlainSerializer(_plain),
     Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
 ]
+
+
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
-ModelPart = Annotated[
-    dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, [*_PARTS, _FromElsewhere]))
-]
+class _AnyModel:
+    """In the JSON Schema, a mapping of any model; the classes of models are imported only for that."""
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
+        parts = [keys_of_model(name, complete=False) for name in MODELS]
+        whole: Any = reduce(or_, [*parts, _FromElsewhere])
+        return handler(pydantic.TypeAdapter(whole).core_schema)
+
+
+ModelPart = Annotated[dict[str, Any], _AnyModel()]
 
 
 _WORD = re.compile(r"[^\W\d]\w*")

@@ -12,6 +12,7 @@ from scipy.stats import beta, t
 from states import finished
 
 import spi
+from spi import views
 from spi.api.specs import of_mapping
 from spi.kinds.answer import planner, study
 from spi.kinds.answer.planner import (
@@ -30,7 +31,6 @@ from spi.kinds.answer.planner import (
 from spi.kinds.answer.study import LEVELS
 from spi.numerics.rng import LANES
 from spi.printing import short
-from spi.report import views
 from spi.running.run import load, results_path, run
 from spi.statistics.estimators import GROUPS, weights, with_powers
 from spi.storage import INTERVAL

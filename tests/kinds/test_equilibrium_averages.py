@@ -11,6 +11,7 @@ from equilibrium_cases import RIGID, initial_rows
 from helpers import compiled_only, printed
 from states import finished
 
+from spi import views
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
@@ -20,7 +21,6 @@ from spi.kinds.equilibrium.means import Series, _order
 from spi.kinds.equilibrium.references import known_laws
 from spi.kinds.equilibrium.results import Equilibrium, step_for
 from spi.numerics.rng import LANES
-from spi.report import views
 from spi.running import shipped
 from spi.running.run import load
 from spi.schemes import scheme_entry

@@ -7,8 +7,8 @@ import pytest
 from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
 
+from spi import views
 from spi.kinds.equilibrium.results import chance
-from spi.report import views
 
 
 def test_statistics_of_a_reading():

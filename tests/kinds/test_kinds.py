@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import spread_kind
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS, Kind
+from spi.plugins.report.views import page, sections
 from spi.printing.tables import _common
-from spi.report import page, sections, views
 from spi.running import run as runs
 from spi.storage.records import Order
 from spi.storage.stored import Stored

@@ -17,9 +17,9 @@ from view_helpers import (
     title,
 )
 
+from spi import views
 from spi.kinds.stability import figure
 from spi.kinds.stability.results import REGIMES, Stability
-from spi.report import views
 
 
 def colour_at(ax, x, y):

@@ -8,12 +8,12 @@ from helpers import INITIAL, LANES, RIGID_BODY, printed, simulate
 from states import check_going_on, finished
 from trajectory_results import trajectories, trajectory_group
 
+from spi import views
 from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.kinds.plans import State
 from spi.kinds.trajectory import results as trajectory_records
 from spi.kinds.trajectory import study
 from spi.kinds.trajectory.results import SolverMeans
-from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage import Part
 

@@ -11,9 +11,9 @@ import pytest
 from filled_results import filled, panels_of
 from helpers import printed
 
+from spi import views
 from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
-from spi.report import views
 from spi.storage import Results
 
 

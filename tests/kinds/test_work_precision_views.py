@@ -7,7 +7,7 @@ from strong_results import unresolved
 from work_cases import answers
 from work_results import MADE_UP, work_group
 
-from spi.report import views
+from spi import views
 from spi.storage import Results
 
 

@@ -8,9 +8,8 @@ import pytest
 from helpers import COMPILED
 from view_helpers import rendered
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS
-from spi.report import views
 from spi.running.run import load, run
 
 FOLDER = Path(__file__).parents[2] / "experiments"

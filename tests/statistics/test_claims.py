@@ -14,14 +14,13 @@ from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS
 from spi.kinds.equilibrium.results import Derived
 from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.kinds.trajectory.results import Values
 from spi.printing import as_csv, as_json, tables
-from spi.report import views
 from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims

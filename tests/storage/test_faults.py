@@ -14,8 +14,7 @@ import pytest
 import xarray
 from strong_results import strong, strong_group
 
-from spi import storage
-from spi.report import views
+from spi import storage, views
 from spi.storage.results import aside, temporary_beside
 
 posix_only = pytest.mark.skipif(os.name != "posix", reason="there are no such limits and process numbers here")

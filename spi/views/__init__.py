@@ -57,7 +57,8 @@ def readings(results: Results) -> list[Stored]:
     StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
     version of spi wrote.
     """
-    if (kind := results.attributes.get("kind")) not in KINDS:
+    kind: Any = results.attributes.get("kind")
+    if kind not in KINDS:
         raise StorageError(f"these are results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
     return [_reading(kind, group) for group in results.groups]
 
@@ -162,7 +163,7 @@ def figure(
     """
     from ..drawing import fitting, page
 
-    kind = results.attributes.get("kind")
+    kind: Any = results.attributes.get("kind")
     if kind not in KINDS:
         raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
     read = readings(results)
@@ -212,13 +213,20 @@ def film(results: Results) -> "Film":
     """The film of results; ValueError if there is none for their kind, or nothing that moves."""
     from ..drawing import page
 
-    kind = results.attributes.get("kind")
+    kind: Any = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
     with page.applied():
         film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return film
+
+
+def problem(path: Path, error: Exception) -> str:
+    """One line on a file that cannot be shown: what an error says to people, or what it is."""
+    for_people = isinstance(error, StorageError) or type(error) is ValueError
+    text = " ".join(str(error).split()) if for_people else f"cannot be shown ({' '.join(repr(error).split())})"
+    return text if text.startswith(f"{path}: ") else f"{path}: {text}"
 
 
 def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:

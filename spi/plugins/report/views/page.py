@@ -13,13 +13,13 @@ from typing import NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from .. import __version__, storage
-from ..printing import as_csv
-from ..report import views
-from ..running.compiling import processors
-from ..running.workers import processes
-from ..statistics.claims import VERDICTS
-from ..storage.records import Results
+from spi import __version__, storage, views
+from spi.printing import as_csv
+from spi.running.compiling import processors
+from spi.running.workers import processes
+from spi.statistics.claims import VERDICTS
+from spi.storage.records import Results
+
 from .sections import Section, Titled, powers, section
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ def picture(results: Results, prefix: str, alt: str) -> Markup:
 
     ValueError if there is none for their kind or nothing to draw.
     """
-    from ..drawing import as_bytes, as_svg
+    from spi.drawing import as_bytes, as_svg
 
     figure, text = views.figure(results), escape(alt)
     holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
@@ -222,7 +222,7 @@ def files(
         try:
             parts.append(_part(path, anchor(len(parts)), latex_folder, data_folder))
         except Exception as error:  # of whatever kind, since the others can be shown
-            problems.append(problem(path, error))
+            problems.append(views.problem(path, error))
     if not parts:
         raise storage.StorageError("\n".join(problems))
     for line in problems:
@@ -250,13 +250,6 @@ def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Pat
     return _Part(path, results, one, written)
 
 
-def problem(path: Path, error: Exception) -> str:
-    """One line on a file that cannot be shown: what an error says to people, or what it is."""
-    for_people = isinstance(error, storage.StorageError) or type(error) is ValueError
-    text = " ".join(str(error).split()) if for_people else f"cannot be shown ({' '.join(repr(error).split())})"
-    return text if text.startswith(f"{path}: ") else f"{path}: {text}"
-
-
 def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Markup]:
     sections = [one.section for one in parts]
     alts = [": ".join(filter(None, (one.title, one.result))) for one in sections]
@@ -265,7 +258,7 @@ def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Ma
         report(number + 1, len(parts), one.path.stem)
         picture = next(drawing)
         if isinstance(picture, Exception):
-            tell(line := problem(one.path, picture))
+            tell(line := views.problem(one.path, picture))
             picture = Markup("<p>No figure: {}</p>").format(line)
         yield picture
 

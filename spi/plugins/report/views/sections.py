@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from ..kinds import KINDS
-from ..printing import sweeps, tables
-from ..printing.tables import Cell, Grid, unbroken
-from ..printing.text import fraction, human_time, short
-from ..running import shipped
-from ..specs import text_of
-from ..statistics.claims import VERDICTS, quantities
-from ..statistics.curves import curves
-from ..storage.records import Results
-from ..storage.stored import Stored, by_case
-from . import views
+from spi import views
+from spi.kinds import KINDS
+from spi.printing import sweeps, tables
+from spi.printing.tables import Cell, Grid, unbroken
+from spi.printing.text import fraction, human_time, short
+from spi.running import shipped
+from spi.specs import text_of
+from spi.statistics.claims import VERDICTS, quantities
+from spi.statistics.curves import curves
+from spi.storage.records import Results
+from spi.storage.stored import Stored, by_case
 
 if TYPE_CHECKING:  # pandas takes a while
     from pandas import DataFrame
@@ -32,7 +32,7 @@ from collections.abc import Mapping
 from latex2mathml.converter import convert
 from markupsafe import escape
 
-from ..specs.document import Document
+from spi.specs.document import Document
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The equation of an experiment with its parameters as MathML, which browsers draw without anything else.
@@ -112,7 +112,7 @@ def _system(model: str, variables: tuple[str, ...], attributes: Mapping[str, Any
 
 def _equal(name: str, formula: str, variables: tuple[str, ...]) -> Markup:
     """A Hamiltonian as an equation; long ones, and sums over ranges, as they are written."""
-    from ..drawing import style
+    from spi.drawing import style
 
     if len(formula) < _LONG and " for " not in formula and (maths := style.maths(formula, variables)).startswith("$"):
         return typeset(f"${name} = {maths[1:]}")

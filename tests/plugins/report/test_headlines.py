@@ -12,8 +12,8 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.report.views.sections import section, typeset
 from spi.printing import sweeps
-from spi.report.sections import section, typeset
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve
 from spi.storage import Order

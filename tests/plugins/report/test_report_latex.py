@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from spi.plugins.report.views import page
+from spi.plugins.report.views.sections import Titled
 from spi.printing.tables import Cell, Grid
-from spi.report import page
-from spi.report.sections import Titled
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,12 @@ from markupsafe import Markup, escape
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 
-from spi import storage
+from spi import storage, views
 from spi.cli import app
 from spi.kinds.strong.results import StrongErrors
-from spi.report import page, sections
-from spi.report.page import files, views
-from spi.report.sections import equation
+from spi.plugins.report.views import page, sections
+from spi.plugins.report.views.page import files
+from spi.plugins.report.views.sections import equation
 from spi.running.load import load_answer
 from spi.statistics import claims
 from spi.storage import Results
@@ -99,7 +99,8 @@ def stored(tmp_path):
 def undrawn(monkeypatch):
     """Figures take most of the time of a report."""
     monkeypatch.setattr(
-        "spi.report.page.drawn", lambda found, prefixes, alts: iter([Markup("<b>figure</b>")] * len(found))
+        "spi.plugins.report.views.page.drawn",
+        lambda found, prefixes, alts: iter([Markup("<b>figure</b>")] * len(found)),
     )
 
 
@@ -306,7 +307,9 @@ def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatc
 def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypatch, capfd):
     """Whatever is wrong with it, even what nobody foresaw: it has a line, and the others are shown."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes, alts: iter([Markup("figure")] * len(found)))
+    monkeypatch.setattr(
+        "spi.plugins.report.views.page.drawn", lambda found, prefixes, alts: iter([Markup("figure")] * len(found))
+    )
     storage.write(Path("third.h5"), strong_results(samples=(5,), profile="quick", overrides=()))
     real = views.readings
 
@@ -315,14 +318,14 @@ def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypa
             raise ZeroDivisionError("of a kind that nobody foresaw")
         return real(results)
 
-    monkeypatch.setattr("spi.report.views.readings", readings)
+    monkeypatch.setattr("spi.views.readings", readings)
     assert app(["report", "--results", ".", "--data", "csv"], standalone_mode=False) == 2
     line = "second.h5: cannot be shown (ZeroDivisionError('of a kind that nobody foresaw'))"
     assert capfd.readouterr() == ("", f"wrote report.html\nwrote 2 files into csv\nspi: {line}\n")
     text = Path("report.html").read_text()
     assert "Results of 2 experiments" in text and str(escape(line)) in text
-    monkeypatch.setattr("spi.report.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
-    monkeypatch.setattr("spi.report.views.figure", lambda results, *look: readings(results))
+    monkeypatch.setattr("spi.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
+    monkeypatch.setattr("spi.views.figure", lambda results, *look: readings(results))
     assert app(["plot", "--results", "."], standalone_mode=False) == 2
     assert capfd.readouterr() == ("", f"wrote first.pdf\nspi: {line}\nwrote third.pdf\n")
     for samples in (("x",), 5, (None,), ((1, 2),)):

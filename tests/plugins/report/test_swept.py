@@ -11,10 +11,9 @@ from helpers import compiled_only
 from scipy.special import stdtrit
 from view_helpers import legend_texts
 
-from spi import storage
+from spi import storage, views
 from spi.api import Results
-from spi.report import views
-from spi.report.sections import section
+from spi.plugins.report.views.sections import section
 from spi.running import run as runner
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Grid
