@@ -12,6 +12,7 @@ import xarray as xr
 
 from ..ensemble.loop import Grid, integrated, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
+from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
@@ -31,7 +32,6 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
-from ..systems import words
 from .progress import Line
 from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
@@ -271,7 +271,7 @@ def _by_name(functions: Any) -> Mapping[str, Any]:
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     """The functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
-    own = finest.case.variables, words(undamped(finest.case.model))
+    own = finest.case.variables, named_numbers(undamped(finest.case.model))
     for name, phi in _by_name(functions).items():
         try:
             phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, *own))

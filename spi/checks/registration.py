@@ -6,7 +6,11 @@ import inspect
 from ..compiler.dispatch import MOST
 from ..ensemble import protocol, scheme_protocol
 
-_OF_PARAMETERS = ("in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables")
+#: What is asked of the record with the parameters, not of that with the tables of an array-state model.
+_OF_PARAMETERS = (
+    *("in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables"),
+    *("component_names", "named_numbers", "parameters", "report"),
+)
 
 
 def vocabulary(asked):

@@ -107,6 +107,11 @@ def large(model):
 
 
 @trait(bool, default=False)
+def generated(model):
+    """Whether a program wrote the class, from formulas that it has checked: it compiles, and nobody knows its lines."""
+
+
+@trait(bool, default=False)
 def in_place(model):
     """Whether the flows of an array-state model move all LANES states of a block as they are, with `width` LANES."""
 
@@ -284,6 +289,33 @@ def one_path(model, scheme, h):
     """
 
 
+@method(default=True)
+def component_names(model):
+    """The names of the components in formulas, besides y1, y2, ...; () if they have none.  Called in Python only."""
+    return ()
+
+
+@method(default=True)
+def named_numbers(model):
+    """{name: number} that formulas may name, whole ones also ranges such as i = 1..n.  Called in Python only.
+
+    Here the fields that are numbers.
+    """
+    return {key: x for key, x in model._asdict().items() if isinstance(x, float | int) and not isinstance(x, bool)}
+
+
+@method(default=True)
+def parameters(model):
+    """{name: value} of what results state as parameters, here all fields.  Called in Python only."""
+    return model._asdict()
+
+
+@method(default=True)
+def report(model, y):
+    """Lines for people about a model, and about it at the initial state y, for `spi check`.  Called in Python only."""
+    return []
+
+
 @method(optional=True)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
@@ -459,6 +491,12 @@ def structure_is_kept(model):
 
     Then the implicit midpoint rule is a Poisson map, since B has the same value before and after a step.
     """
+
+
+@method(default=True)
+def why_inexact(model, part, k):
+    """(formula, reason) of number k of the "pieces" or "noises" without an exact flow.  Called in Python only."""
+    return f"{part}[{k}]", "as the model says"
 
 
 @method(optional=True)

@@ -26,7 +26,12 @@ class Plugin(NamedTuple):
     name: str
     needs: tuple[str, ...] = ()  #: plug-ins without which it is not used
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
-    sources: Mapping[str, str] = _NOTHING  #: key under ``model`` -> what reads such a mapping
+    sources: Mapping[str, str] = (
+        _NOTHING  #: key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping
+    )
+    definitions: Mapping[str, str] = (
+        _NOTHING  #: key of a model with a bracket -> what makes the model, not its formulas
+    )
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> law
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment

@@ -29,7 +29,7 @@ from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
 from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, shown, suggestion, wrong
-from .models import ModelPart, check_overrides, is_another, overridden
+from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
@@ -293,8 +293,10 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.kinds)}")
-    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
-        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
+    if isinstance(document.data, dict) and "kind" not in document.data:
+        key = source_of(document.data).in_file
+        if key and key not in document.data:
+            document.fail((), f"is a {key}, no experiment; an experiment has it as model: {{{key}: {Path(path).name}}}")
     return document
 
 

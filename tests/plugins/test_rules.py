@@ -18,6 +18,8 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "lattices": [r"\bspins_of\b", "uniaxial anisotropy of all spins"],
+    "systems": [r"\bin yaml\b", "custom system", "definitionerror", "__system__", r"['\"]bracket['\"]", r"\bsympy\."],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }
 

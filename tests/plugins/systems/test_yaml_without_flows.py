@@ -16,9 +16,9 @@ from spi.ensemble.protocol import (
     pieces,
     structure_is_kept,
 )
+from spi.plugins.systems.brackets import merged_powers
+from spi.plugins.systems.definition import make
 from spi.specs import SpecError
-from spi.systems.brackets import merged_powers
-from spi.systems.definition import make
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"
 CANONICAL = f"algebra: heisenberg(n), variables: [{Q}, {P}, z]"

@@ -4,13 +4,13 @@ import numpy as np
 from helpers import LANES, take_step
 from yaml_cases import definition
 
-from spi import systems
 from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, drift_tables, friction_tables, friction_time, noise_flow, noise_tables
 from spi.ensemble.scheme_protocol import REPORT, report_row
 from spi.models.delegation import thermal
 from spi.numerics.angles import ANY_ANGLES
+from spi.plugins.systems import generated as systems
 from spi.schemes.metropolis import Metropolis, noises_alike
 from spi.schemes.stages import Drift, Noise
 from spi.schemes.sweeps import friction_times, sweep

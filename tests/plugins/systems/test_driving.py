@@ -9,7 +9,6 @@ from helpers import SCHEMES, loop_in_python, simulate, take_step
 from scipy.integrate import quad, solve_ivp
 from yaml_cases import definition
 
-from spi import systems
 from spi.checks.model_checks import check_model
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.loop import PAIRS_REVERSED
@@ -17,6 +16,7 @@ from spi.ensemble.observer import invariants_of
 from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
 from spi.models.delegation import damped
 from spi.numerics.rng import LANES
+from spi.plugins.systems import generated as systems
 
 INITIAL = (0.5, -0.3, 0.7)
 

@@ -22,11 +22,11 @@ from yaml_cases import (
 )
 
 from spi.models import MaxwellBloch, RigidBody
-from spi.systems import DefinitionError
-from spi.systems.algebras import algebra
-from spi.systems.brackets import checked
-from spi.systems.definition import define, make
-from spi.systems.text import Symbols
+from spi.plugins.systems.algebras import algebra
+from spi.plugins.systems.brackets import checked
+from spi.plugins.systems.definition import define, make
+from spi.plugins.systems.keys import DefinitionError
+from spi.plugins.systems.text import Symbols
 
 
 def constants(text, **sizes):

@@ -22,7 +22,7 @@ from spi.ensemble.protocol import (
 )
 from spi.models import LotkaVolterra
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems.definition import make
+from spi.plugins.systems.definition import make
 
 #: name -> (variables, bracket, functions with exact flows, Casimir functions)
 CASES = {

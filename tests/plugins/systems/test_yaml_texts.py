@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from yaml_cases import SYSTEMS, definition
 
+from spi.expressions.arithmetic import NumberError
 from spi.expressions.ranges import entries, whole
-from spi.systems import DefinitionError, NumberError
-from spi.systems.definition import define, strengths
-from spi.systems.text import Symbols, addends, expression, names
+from spi.plugins.systems.definition import define, strengths
+from spi.plugins.systems.keys import DefinitionError
+from spi.plugins.systems.text import Symbols, addends, expression, names
 
 X = {f"x({i})": sympy.Symbol(f"x{i}", real=True) for i in range(1, 5)}
 WORDS = Symbols({**X, "p": sympy.Symbol("p", real=True)}, {"a": sympy.Symbol("a", real=True)}, {"n": 4})

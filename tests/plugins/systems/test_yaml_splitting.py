@@ -6,7 +6,7 @@ import pytest
 import yaml
 from yaml_cases import SYSTEMS, definition, made
 
-from spi.systems.definition import define
+from spi.plugins.systems.definition import define
 
 GALLERY = Path(__file__).parents[2] / "experiments" / "systems"
 

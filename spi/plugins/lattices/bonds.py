@@ -5,6 +5,7 @@
 Their flows are compiled once for any number of spins and any pairs.
 """
 
+import json
 import re
 from collections import defaultdict
 from collections.abc import Mapping
@@ -13,17 +14,33 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ..expressions.ranges import whole
-from .brackets import shortened
-from .definition import Reader, strengths
-from .keys import DefinitionError
-from .text import Symbols, addends
+from spi.expressions.ranges import whole
+from spi.models.spins import Anisotropy, Spins, Terms, Transport, name_numbers
+from spi.models.spins.lattices import Cell
+from spi.plugins.systems.brackets import shortened
+from spi.plugins.systems.definition import Reader, strengths
+from spi.plugins.systems.generated import numbers_of
+from spi.plugins.systems.keys import DefinitionError
+from spi.plugins.systems.text import Symbols, addends
+from spi.specs.keys import wrong
 
 _SO3 = re.compile(r"\s*(?:so\(3\)|su\(2\))\s*\^\s*\(?\s*(\w+)\s*\)?\s*")
 _SMALL = 1e-14
 
 
-def spins_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
+def model_of(definition: Mapping[str, Any], sigma: Any) -> Spins:
+    """The model ``spins`` that a definition is; DefinitionError, with the reason, where it is no such sum."""
+    fields = fields_of(definition, sigma)
+    bonds, noise = tuple(Terms(**terms) for terms in fields["bonds"]), fields["noise"]
+    own = {"lattice": Cell(**fields["lattice"]), "bonds": bonds, "anisotropy": Anisotropy(**fields["anisotropy"])}
+    model = Spins(**{**fields, **own, "noise": noise and Transport(**noise)})
+    if fault := model.fault():
+        raise wrong(fault[1], fault[2], "lattice")
+    name_numbers(model, numbers_of(json.dumps(definition)))
+    return model
+
+
+def fields_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     """The fields of a ``spins`` model; DefinitionError, with the reason, where the system is no such sum."""
     reader = Reader(data)
     for key in ("pieces", "inner", "casimirs", "initial_time", "bracket"):

@@ -21,8 +21,8 @@ from spi.checks.model_checks import check_model, states_on_surface
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems import DefinitionError
-from spi.systems.definition import define
+from spi.plugins.systems.definition import define
+from spi.plugins.systems.keys import DefinitionError
 
 SPIN = commutators(rigid())
 BOOST = given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1})

@@ -9,7 +9,7 @@ import pytest
 from damage import call
 from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 
-from spi import systems
+from spi.plugins.systems import generated as systems
 from spi.running import run as runs
 from spi.specs import SpecError
 

@@ -16,10 +16,12 @@ from typing import Any, TypeVar
 
 import sympy
 
-from ..checks.registration import vocabulary
-from ..ensemble.protocol import INNER_METHODS
-from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import entries, meaning_of, parts, repeated, taken_name, whole
+from spi.checks.registration import vocabulary
+from spi.compiler.dispatch import MOST
+from spi.ensemble.protocol import INNER_METHODS
+from spi.expressions.arithmetic import NumberError
+from spi.expressions.ranges import entries, meaning_of, parts, repeated, taken_name, whole
+
 from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
@@ -37,7 +39,7 @@ from .brackets import (
 )
 from .casimirs import counted, search
 from .driving import TIME, Driving
-from .keys import KEYS, MOST, DefinitionError
+from .keys import KEYS, DefinitionError
 from .source import Generated, System, generate
 from .splitting import merged
 from .text import Symbols, addends, expression, names
@@ -125,7 +127,6 @@ class Reader:
             constants=constants.values,
             driving=self.driving(driven, numbers, [given_h, *(flow.expression for flow in noises)]),
             inner=inner,
-            sizes=self.sizes,
             apart=tuple(self.apart),
             searched=searched,
             independent=counted([c.expression for c in casimirs], world),
@@ -401,7 +402,7 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
 
 
 def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:
-    """The entries of :class:`spi.systems.Made`; DefinitionError if the definition has a mistake."""
+    """The entries of :class:`.generated.Made`; DefinitionError if the definition has a mistake."""
     system = define(definition)
     generated = generate(system, name, vocabulary("model"))
     values = {str(symbol): float(value) for symbol, value in system.world.parameters.items()}

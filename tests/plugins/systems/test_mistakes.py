@@ -7,9 +7,10 @@ import yaml
 from test_yaml_brackets import constants
 from test_yaml_texts import WORDS
 
-from spi.systems import DefinitionError, NumberError
-from spi.systems.definition import define, strengths
-from spi.systems.text import addends, expression
+from spi.expressions.arithmetic import NumberError
+from spi.plugins.systems.definition import define, strengths
+from spi.plugins.systems.keys import DefinitionError
+from spi.plugins.systems.text import addends, expression
 
 TABLES = yaml.safe_load(Path(__file__).with_name("mistakes.yaml").read_text(encoding="utf-8"))
 DEFINITIONS = {name: table for name, table in TABLES.items() if name not in ("formulas", "algebras")}

@@ -5,10 +5,9 @@ from typing import Any
 
 #: Names that generated modules use for other things than their class.
 USED = (
-    *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
-    *("sinh_coshm1", "times"),
+    *("Annotated", "NamedTuple", "NonNegative", "described", "device", "exp", "expm1", "larger", "log", "np"),
+    *("sin_versine", "sinh_coshm1", "times"),
 )
-MOST = 64  #: components, flows, noises
 KEYS = MappingProxyType(
     {
         "algebra": "name of a Lie algebra, such as so(3), se(3), so(2,1), so(3)^n",

@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import parts, whole
+from spi.expressions.arithmetic import NumberError
+from spi.expressions.ranges import parts, whole
+
 from .brackets import Given, Polynomial
 from .text import Symbols
 

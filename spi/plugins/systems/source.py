@@ -29,7 +29,6 @@ class System(NamedTuple):
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
     inner: str  #: how compositions move by terms that have no exact flow
     driving: Driving | None  #: how time enters; None where nothing depends on it
-    sizes: Mapping[str, int]
     apart: tuple[tuple[Any, str], ...]  #: sums whose terms were not joined, and why not, see ``joining``
     searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
     independent: tuple[int, int]  #: numbers of the known and of all independent Casimir functions
@@ -213,17 +212,19 @@ import numpy as np
 
 from spi.numerics.angles import sin_versine
 from spi.compiler.dispatch import device
-from spi.numerics.elementary import exp, expm1, log
+from spi.numerics.elementary import exp, expm1, log, sinh_coshm1
 from spi.numerics.functions import arctan as _arctan, cosh as _cosh, cosine as _cosine, power as _power, sign as _sign
 from spi.numerics.functions import sine as _sine, sinh as _sinh, tangent as _tangent, tanh as _tanh
 from spi.ensemble.protocol import NonNegative
-from spi.numerics.motions import larger, sinh_coshm1, times
+from spi.plugins.systems.numerics.motions import larger, times
+from spi.plugins.systems.generated import described
 
-__system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
+__system__ = {{"name": "{name}", "variables": {names!r}{inexact}}}
 '''
 
 
-_HEAD_IN_TIME = """from spi.numerics.averages import mean as _mean, signed_root_mean_square as _signed_root_mean_square
+_HEAD_IN_TIME = """from spi.plugins.systems.numerics.averages import mean as _mean
+from spi.plugins.systems.numerics.averages import signed_root_mean_square as _signed_root_mean_square
 
 __system__ |= {{"driving": {}, "strengths": {}}}"""
 
@@ -232,13 +233,12 @@ def head(
     kind: str,
     name: str,
     variables: Sequence[str],
-    sizes: Mapping[str, int],
     inexact: str,
     numbers: Numbers,
 ) -> str:
     """The text before the functions: imports, the system, and numbers of two parts."""
     listed = textwrap.fill(", ".join(variables), 110)
-    facts = {"kind": kind, "name": name, "names": variables, "sizes": dict(sizes), "inexact": inexact}
+    facts = {"kind": kind, "name": name, "names": variables, "inexact": inexact}
     text = _HEAD.format(variables=listed, **facts)
     pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in numbers.pairs.items()]
     return "\n".join([text, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])])
@@ -305,7 +305,7 @@ class _Generator:
         functions = flow_code.motion_functions(self.motions, self.bracket)
         functions += tables.functions()
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
-        parts = [head(kind, self.name, self.bracket.variables, self.system.sizes, self.inexact(lacking), self.numbers)]
+        parts = [head(kind, self.name, self.bracket.variables, self.inexact(lacking), self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
@@ -313,7 +313,7 @@ class _Generator:
             parts.append(_HEAD_IN_TIME.format(len(self.coefficients.entries), list(self.coefficients.strengths)))
         parts += ["\n" + "\n".join(lines) for lines in functions]
         body = ["    " + line if line else "" for line in body]
-        parts.append("\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *body]))
+        parts.append("\n\n" + "\n".join(["@described(__system__)", f"class {self.name}(NamedTuple):", *body]))
         moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",

@@ -16,7 +16,7 @@ from yaml_cases import definition, made
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems.definition import make
+from spi.plugins.systems.definition import make
 
 
 def acting(*matrices, hamiltonian="r0"):

@@ -7,11 +7,11 @@ import pytest
 import scipy.linalg
 from yaml_cases import definition, made
 
-from spi import systems
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, frozen, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems.definition import define, make
+from spi.plugins.systems import generated as systems
+from spi.plugins.systems.definition import define, make
 
 PLAIN = "variables: [q, p], bracket: {q p: 1}"
 MAGNETIC = "variables: [x, y, u, v], bracket: {x u: 1, y v: 1, u v: B}"

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..compiler.dispatch import device
+from spi.compiler.dispatch import device
 
 _ROOTS = tuple(math.sqrt(5.0 + sign * 2.0 * math.sqrt(10.0 / 7.0)) / 3.0 for sign in (1.0, -1.0))
 #: The nodes of the quadrature as shares of a step; the third is its middle.

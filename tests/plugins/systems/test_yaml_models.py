@@ -8,9 +8,9 @@ import pytest
 from helpers import COMPILED, LANES, SCHEMES, take_steps
 from yaml_cases import definition
 
-from spi import systems
 from spi.compiler import modules
 from spi.models import MaxwellBloch, RigidBody, SineEuler
+from spi.plugins.systems import generated as systems
 
 SPLITTING = SCHEMES["splitting"].record
 
@@ -119,7 +119,7 @@ def as_plain(found):
 def test_a_definition_is_kept_and_found_again(folder, monkeypatch):
     first = made()
     (file,) = folder.glob("definition_*.json")
-    monkeypatch.setattr("spi.systems.definition.make", None)  # what is kept is not made again
+    monkeypatch.setattr("spi.plugins.systems.definition.make", None)  # what is kept is not made again
     assert as_plain(made()) == as_plain(first)
     assert [file] == list(folder.glob("definition_*.json"))
 

@@ -11,8 +11,8 @@ from yaml_cases import SYSTEMS, given, made
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.numerics.elementary import expm1
-from spi.numerics.motions import sinh_coshm1, times
+from spi.numerics.elementary import expm1, sinh_coshm1
+from spi.plugins.systems.numerics.motions import times
 
 mpmath.mp.dps = 50  # of this file
 
