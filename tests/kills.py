@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from spi import storage
+from spi.plugins.answers.running import load_answer
 from spi.running import run as runner
 from spi.running import shards
 from spi.running.checkpoint import Shard
-from spi.running.load import load_answer
 from spi.running.run import Limits, Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"

@@ -50,6 +50,5 @@ _OWN = {
     "equilibrium": Kind("spi.kinds.equilibrium"),
     "statistics": Kind("spi.kinds.statistics"),
     "lyapunov": Kind("spi.kinds.lyapunov"),
-    "answer": Kind("spi.kinds.answer"),
 }
 KINDS = Registry("kinds", _OWN, Kind)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,6 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
-from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
@@ -25,7 +24,7 @@ from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, sources
-from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
+from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
     "Cost",
@@ -296,19 +295,3 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:
-    """The name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
-    for plan in plans(experiment):
-        answer: Any = plan
-        compiling.compile_missing(kernel_calls([plan]), watch.report_compiling)
-        state = State(plan)
-
-        def tick(number: int, state: State = state) -> None:
-            watch.report(progress_of_part(state, number, 1))
-
-        while (predicted := answer.prediction(state.extra)) is None:
-            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
-            allocate(0, state, tick)
-        yield plan.case.name, predicted

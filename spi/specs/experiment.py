@@ -44,9 +44,6 @@ PROFILES = ("laptop", "paper", "quick")
 #: The keys of a file that are none of its cases.
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
-#: The kind of experiments that name an accuracy and leave steps and samples to the program.
-ANSWER = "answer"
-
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
 

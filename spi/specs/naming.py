@@ -4,7 +4,7 @@
     rigid_body_strong.quick           --profile quick
     rigid_body_strong.e70e6b          --seed 2, or --set seed=2
     rigid_body_strong.quick.3d2508    --profile quick --set 'steps=[2^-3]'
-    rigid_body_strong.answer.e70e6b   spi answer rigid_body_strong --seed 2
+    rigid_body_strong.KIND.e70e6b     a spec about its system that a command makes, --seed 2
 
 The six characters are a digest of all overrides, which stand in the file; `spi list results` tells them.  What changes
 no path is no part of the name: with other `samples` a run goes on in the same file, and titles and claims are written

@@ -15,9 +15,10 @@ from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak import kolmogorov as study
+from spi.plugins.answers.running import predictions
 from spi.running import run as runner
 from spi.running import workers
-from spi.running.run import Limits, Stopped, Watch, predictions
+from spi.running.run import Limits, Stopped, Watch
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 COMMON = """\

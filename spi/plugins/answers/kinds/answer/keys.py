@@ -13,13 +13,13 @@ from annotated_types import Ge
 
 from spi.ensemble.protocol import Positive, flows_lacking, large
 from spi.expressions import as_numpy
-from spi.numerics.rng import ANSWERS
+from spi.numerics.rng import PATH_SETS
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.document import Document, SpecError
-from spi.specs.experiment import ANSWER, ONLY_IN_FILES, Experiment, laid_over
+from spi.specs.experiment import ONLY_IN_FILES, Experiment, laid_over
 from spi.specs.files import Files
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.specs.naming import as_yaml
@@ -125,8 +125,8 @@ class Case(FunctionKeys, BaseCase):
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_distinct(self.schemes, "schemes")
-        if len(self.schemes) > len(ANSWERS):
-            raise wrong(f"has {entries_in(len(self.schemes))}", f"must have at most {len(ANSWERS)}", "schemes")
+        if len(self.schemes) > len(PATH_SETS):
+            raise wrong(f"has {entries_in(len(self.schemes))}", f"must have at most {len(PATH_SETS)}", "schemes")
         for name in self.schemes_used:
             key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:
@@ -179,7 +179,7 @@ def question(experiment: Experiment, functions: bool = True) -> str:
             right = "name what to ask, as in --function 'y1^2'"
             raise SpecError(f"{experiment.called}: functions.{no_formulas[0]}: is no formula of the state; {right}")
         answers.append({"name": name, "title": title, **asked} if own else asked)
-    heading = {"title": f"{experiment.title} ({ANSWER})", "kind": ANSWER}
+    heading = {"title": f"{experiment.title} (answer)", "kind": "answer"}
     return as_yaml(_with_numbers(heading | ({"cases": answers} if own else answers[0])))
 
 

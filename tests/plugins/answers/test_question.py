@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from spi.running.load import load_answer
+from spi.plugins.answers.running import load_answer
 from spi.running.run import load
 from spi.specs import SpecError
 

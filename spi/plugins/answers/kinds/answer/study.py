@@ -38,7 +38,7 @@ from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, POWERS, VALUE, Sample, SamplesPlan, two_steps, values_of_blocks
 from spi.kinds.linear import linear_moments
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.numerics.rng import ANSWERS, LANES
+from spi.numerics.rng import LANES, PATH_SETS
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.printing.text import joined, short
 from spi.schemes import typical_ns, weak_exponents
@@ -407,7 +407,7 @@ class AnswerPlan(SamplesPlan):
         h = case.final_time / 2.0**level
         terms = fourier_terms(case.model, records, h, areas=case.areas)
         times = grid(h, 2**level, by_reference=(0,) * len(paths["doublings"]), area_terms=terms, **paths)
-        stream = ANSWERS[number // SETS] + 2 * own
+        stream = PATH_SETS[number // SETS] + 2 * own
         return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(stream)), weights)
 
     def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:

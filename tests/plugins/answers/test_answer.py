@@ -14,8 +14,9 @@ from states import finished
 import spi
 from spi import views
 from spi.api.specs import of_mapping
-from spi.kinds.answer import planner, study
-from spi.kinds.answer.planner import (
+from spi.numerics.rng import LANES
+from spi.plugins.answers.kinds.answer import planner, study
+from spi.plugins.answers.kinds.answer.planner import (
     BIAS_SHARE,
     Measured,
     Spread,
@@ -28,8 +29,7 @@ from spi.kinds.answer.planner import (
     sampling_error,
     shares,
 )
-from spi.kinds.answer.study import LEVELS
-from spi.numerics.rng import LANES
+from spi.plugins.answers.kinds.answer.study import LEVELS
 from spi.printing import short
 from spi.running.run import load, results_path, run
 from spi.statistics.estimators import GROUPS, weights, with_powers

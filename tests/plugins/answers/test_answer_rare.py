@@ -11,9 +11,9 @@ from scipy.stats import norm
 from spi.api.specs import of_mapping
 from spi.expressions import canonical, parse_expression
 from spi.expressions.summands import hidden_summands
-from spi.kinds.answer import study
-from spi.kinds.answer.planner import Term, sampling_error
 from spi.numerics.rng import LANES
+from spi.plugins.answers.kinds.answer import study
+from spi.plugins.answers.kinds.answer.planner import Term, sampling_error
 from spi.statistics.estimators import GROUPS, with_powers
 
 MODEL = {"variables": ["q", "p"], "bracket": {"q p": 1}, "hamiltonian": "(q^2 + p^2)/2", "noises": ["q"], "sigma": [1]}

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spi.kinds.answer import study
-from spi.kinds.answer.study import DONE, PILOTING, SETS, WHOLE, Decisions
+from spi.plugins.answers.kinds.answer import study
+from spi.plugins.answers.kinds.answer.study import DONE, PILOTING, SETS, WHOLE, Decisions
 from spi.printing import short
 
 TRUTH = 0.5
