@@ -296,7 +296,7 @@ INVALID, ANEW, REFUSED, EQUAL, DIFFERENT = "invalid", "anew", "refused", "equal"
 def run(experiment, folder, **options):
     """The results file of an experiment; where times are measured, which nothing compares, of one block each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+        patch.setattr("spi.plugins.comparisons.kinds.work_precision.study._PATH_STEPS", 1)
         return runner.run(experiment, folder, **options)
 
 

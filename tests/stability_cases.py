@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.kinds.stability import study as stability
+from spi.plugins.comparisons.kinds.stability import study as stability
 from spi.running.run import load
 from spi.storage.stored import gathered
 

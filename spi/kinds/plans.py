@@ -301,6 +301,11 @@ class Plan:
         """The record of the scheme."""
         return self.row.record
 
+    @property
+    def of_paths(self) -> "Plan":
+        """The plan whose paths these are, see ``spi.running.tracing``: itself, or one that it has for them."""
+        return self
+
     @cached_property
     def stream(self) -> Any:
         """The increments of the paths of the case's seed: a ``RandomStream``, or what a driver has in its place."""

@@ -194,6 +194,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -433,6 +434,7 @@ class ErrorCase(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
 
+    listed_under: ClassVar[str] = "errors"
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
 
     @property

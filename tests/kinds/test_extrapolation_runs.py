@@ -11,7 +11,7 @@ from weak_cases import SPEC
 from spi.exact.kolmogorov import expectations
 from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
-from spi.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions

@@ -8,7 +8,7 @@ from weak_cases import after_blocks
 
 from spi import storage
 from spi.kinds.weak import study as weak
-from spi.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.running import run as runner
 from spi.running.verify import verify
 from spi.statistics.estimators import ROUND

@@ -11,7 +11,7 @@ import sys
 import pytest
 from test_floors import PACKAGE, imports
 
-from spi import plugins
+from spi import plugins  # noqa: F401: commands of plug-ins import what is theirs from it
 
 FOLDER = PACKAGE / "plugins"
 NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
@@ -19,6 +19,7 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],

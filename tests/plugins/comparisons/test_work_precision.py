@@ -10,7 +10,7 @@ from work_study_cases import STRONG, WEAK, Clock, group_of, same
 from spi.ensemble.loop import thread_count
 from spi.kinds.plans import State
 from spi.kinds.strong import study as strong
-from spi.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.schemes import SCHEMES
 from spi.storage import Part
 

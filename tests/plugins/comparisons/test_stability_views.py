@@ -18,8 +18,8 @@ from view_helpers import (
 )
 
 from spi import views
-from spi.kinds.stability import figure
-from spi.kinds.stability.results import REGIMES, Stability
+from spi.plugins.comparisons.kinds.stability import figure
+from spi.plugins.comparisons.kinds.stability.results import REGIMES, Stability
 
 
 def colour_at(ax, x, y):

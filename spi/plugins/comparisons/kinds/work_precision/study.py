@@ -94,6 +94,11 @@ class WorkPlan(Plan):
         return tuple(replace(self, part=errors.part, errors=errors) for errors in self.errors.each)
 
     @property
+    def of_paths(self) -> Plan:
+        """That of the errors."""
+        return self.errors
+
+    @property
     def h(self) -> np.ndarray:
         """(S,) the steps of the results, from large to small."""
         return self.errors.h if self.case.functions else np.array(self.case.steps)

@@ -7,7 +7,7 @@ import pytest
 from helpers import printed
 from stability_results import predators, stability, stability_group
 
-from spi.kinds.stability.results import REGIMES, Stability, largest_step
+from spi.plugins.comparisons.kinds.stability.results import REGIMES, Stability, largest_step
 
 
 def cell(group, value, h):

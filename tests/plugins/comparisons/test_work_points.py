@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from work_results import H
 
-from spi.kinds.work_precision.results import (
+from spi.plugins.comparisons.kinds.work_precision.results import (
     WorkCurve,
     WorkPoint,
     cheapest,

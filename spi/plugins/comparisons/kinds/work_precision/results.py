@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...printing.tables import Cell, Column, Grid, Own, Table
-from ...printing.text import duration, readable, short
-from ...storage.records import Order
-from ...storage.stored import Array, Claimed, Stored, array, axis, derived, fact
-from ..weak.results import cannot_do
+from spi.kinds.weak.results import cannot_do
+from spi.printing.tables import Cell, Column, Grid, Own, Table
+from spi.printing.text import duration, readable, short
+from spi.storage.records import Order
+from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
 
 
 class WorkCurve(NamedTuple):

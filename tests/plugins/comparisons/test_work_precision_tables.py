@@ -8,7 +8,7 @@ from helpers import printed
 from work_cases import answers
 from work_results import H, work_group, work_results
 
-from spi.kinds.work_precision.results import WorkPrecision, requested
+from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision, requested
 from spi.printing.text import duration
 from spi.storage import Results
 

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Self
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two, short
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import Array, Claimed, Described, Description, Stored, array, axis, derived, fact, nested
 
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (
@@ -144,6 +145,12 @@ class Stability(Stored):
         return self.samples - 1
 
     @classmethod
+    def over_values(cls, each: Sequence["Stability"]) -> Self:
+        """See :class:`Stored`."""
+        about, seconds = Description.common([one.about for one in each]), sum(one.wall_seconds for one in each)
+        return cls(**_stacked(cls.over_swept, each) | {"about": about, "wall_seconds": seconds})
+
+    @classmethod
     def answers(cls, readings: Sequence["Stability"]) -> Iterator[str]:
         """The largest accurate step size of each scheme, at the first and the last value of the parameter."""
         first = readings[0]
@@ -211,6 +218,19 @@ class Stability(Stored):
             ~never,
         ]
         return np.select(worst_first, range(len(REGIMES))[::-1])
+
+
+def _stacked(axis: str, each: Sequence[Any], outer: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fields of records, those over the axis stacked; others are the same in all."""
+    fields = {}
+    for field in each[0].described:
+        values, axes = [getattr(one, field.name) for one in each], (*outer, *field.meaning.axes, field.meaning.name)
+        fields[field.name] = values[0]
+        if values[0] is not None and field.is_record:
+            fields[field.name] = field.type(**_stacked(axis, values, axes))
+        elif values[0] is not None and axis in axes:
+            fields[field.name] = np.stack(values)
+    return fields
 
 
 def largest_step(h: Array, good: Array) -> tuple[float, bool]:

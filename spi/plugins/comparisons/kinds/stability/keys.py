@@ -31,6 +31,7 @@ class Case(FunctionsCase):
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
+    listed_under: ClassVar[str] = "stability"
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     swept_in: ClassVar[tuple[str, ...]] = POINT
