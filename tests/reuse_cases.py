@@ -27,6 +27,7 @@ from spi.running.verify import TIMES
 from spi.specs import SpecError
 from spi.specs.experiment import ONLY_IN_FILES
 from spi.specs.files import array_text, as_text
+from spi.specs.noise import NOISES
 
 BODY = "model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 SCHEMES = "schemes: [splitting, splitting_order2]"
@@ -65,8 +66,6 @@ LAYERS = (
     "cases: [{name: one, schemes: [splitting]}, {name: two, schemes: [splitting], final_time: 2}]",
     "profiles: {quick: {seed: 5}}",
     "sweep: {s: [1, 1/2]}\nmodel: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [s, s, s]}",
-    "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",
-    "noise: {file: dW.npz}\n---\nextrapolate: 0",
     "initial: {law: points, file: points.csv}",
     "initial: {law: points, file: points.npz}",
     "initial: {law: gaussian, mean: [0, 0, 1], sd: 0.1, project: true}",
@@ -103,6 +102,11 @@ LAYERS = (
     "pullback: {points: 64}",
     "steps: [1/2, 1/4, 1/8, 1/16, 1/32]\nextrapolate: [0, 1]",
 )
+if "file" in NOISES:
+    LAYERS += (
+        "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",
+        "noise: {file: dW.npz}\n---\nextrapolate: 0",
+    )
 
 
 def archive(**arrays):

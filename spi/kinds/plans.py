@@ -24,7 +24,7 @@ from spi.exact.work import Work, reporting_to
 from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
-from spi.specs.drivers import parts_of, stream_of
+from spi.specs.noise import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
 from spi.storage.records import Part
 from spi.storage.stored import Description, Stored
@@ -303,7 +303,7 @@ class Plan:
 
     @cached_property
     def stream(self) -> Any:
-        """The increments of the paths of the case's seed: a ``RandomStream`` or a ``Driver``."""
+        """The increments of the paths of the case's seed: a ``RandomStream``, or what a driver has in its place."""
         return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:

@@ -29,7 +29,7 @@ class Plugin(NamedTuple):
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
     sources: Mapping[str, str] = _NOTHING  #: key under ``model`` -> what reads such a mapping
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
-    noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> law
+    noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``

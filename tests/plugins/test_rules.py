@@ -20,6 +20,7 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }

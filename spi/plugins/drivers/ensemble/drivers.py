@@ -9,26 +9,25 @@ the same.  Increments over larger steps are sums of two, in this order, as every
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import annotated_types
 import numpy as np
 
-from ..compiler.dispatch import kernel
-from ..numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
-from .increments import Given, draw_all_coins, draw_paths
-from .protocol import Positive, noises
-from .scheme_protocol import substeps, tosses
+from spi.compiler.dispatch import kernel
+from spi.ensemble.increments import Given, draw_all_coins, draw_paths
+from spi.ensemble.protocol import noises
+from spi.ensemble.scheme_protocol import substeps, tosses
+from spi.numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Laws of processes with stationary increments that can take the place of Brownian motion: see ``drivers.py``.
+# Laws of processes with stationary increments that can take the place of Brownian motion.
 #
 # A law has ``draw(asked, memory)``, the increments (count, paths, noises) that :class:`Asked` describes; `memory`, a
-# dictionary of the driver's own, may hold values that make the next ones quicker, but decides no bit.
+# dictionary of the paths' own, may hold values that make the next ones quicker, but decides no bit.
 # ---------------------------------------------------------------------------------------------------------------------
 
 _AHEAD = 4096  # steps that are made at a time where they are only passed over
-_REMEMBERED = 64  # blocks of paths whose last values a driver has at hand
+_REMEMBERED = 64  # blocks of paths whose last values are at hand
 
 
 class Asked(NamedTuple):
@@ -58,7 +57,7 @@ class OrnsteinUhlenbeck(NamedTuple):
     tends to W as tau tends to 0.  Var X(t) = t - tau (1 - exp(-t / tau)).
     """
 
-    tau: Annotated[Positive, "correlation time"]
+    tau: float  #: correlation time
 
     def draw(self, asked, memory):
         place = asked.first_path, asked.paths, asked.h
@@ -119,7 +118,7 @@ class Fractional(NamedTuple):
     By circulant embedding (Davies and Harte, Biometrika 74, 1987), so exactly; all increments of a path at once.
     """
 
-    hurst: Annotated[float, annotated_types.Gt(0), annotated_types.Lt(1), "Hurst index H"]
+    hurst: float  #: Hurst index H
 
     def draw(self, asked, memory):
         place = asked.first_path, asked.paths, asked.h
@@ -138,11 +137,6 @@ class Fractional(NamedTuple):
             half = weights * (re[:, path].T + 1j * im[:, path].T)
             dX[:, path] = np.fft.irfft(half, 2 * n)[:, :n].T
         return dX
-
-
-def at_once(law):
-    """Whether all increments of a path are made together."""
-    return isinstance(law, Fractional)
 
 
 def circulant(hurst, h, n):
@@ -164,7 +158,6 @@ class Recorded(NamedTuple):
     dW: np.ndarray
     step: float
     digest: str  #: of the content of the file
-    bridged: bool = False  #: whether there may be smaller steps
 
     def draw(self, asked, memory):
         paths = np.arange(asked.first_path, asked.first_path + asked.paths) % len(self.dW)  # idle lanes have any
@@ -194,25 +187,26 @@ class _Nothing:
         return np.zeros((asked.count, asked.paths, asked.noises))
 
 
-class Driver:
+class DrivenPaths:
     """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
     `law` is one of the laws of this file, `last_time` is the end of the paths, and each step is
     resolved into at least `parts` sub-steps: schemes that need fewer have the same paths as those that need more.
     """
 
-    def __init__(self, law: Any, stream: Any, last_time: float, parts: int = 1) -> None:
+    def __init__(self, law: Any, stream: Any, last_time: float, parts: int = 1, at_once: bool = False) -> None:
         self.law, self.keys, self.last_time, self.parts = law, stream, last_time, parts
+        self._at_once = at_once
         self._memory: dict[Any, Any] = {}
 
     @property
     def for_a_trial(self):
-        """A driver whose increments are 0, for calls that only have kernels compiled."""
-        return Driver(_Nothing(), self.keys, self.last_time, self.parts)
+        """Paths whose increments are 0, for calls that only have kernels compiled."""
+        return DrivenPaths(_Nothing(), self.keys, self.last_time, self.parts)
 
     def most_blocks(self, model, times):
         """The largest number of blocks whose noise fits into memory."""
-        steps = times.first_step + times.reference_steps if at_once(self.law) else self._unit(times)
+        steps = times.first_step + times.reference_steps if self._at_once else self._unit(times)
         return max(1, _BYTES // (8 * LANES * noises(model) * self.parts * steps))
 
     def pieces(self, scheme, model, times, first, blocks, end):

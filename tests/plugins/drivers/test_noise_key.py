@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import spi
-from spi.ensemble.drivers import Fractional, OrnsteinUhlenbeck
+from spi.plugins.drivers.ensemble.drivers import Fractional, OrnsteinUhlenbeck
 from spi.running.load import load
 from spi.running.remarks import remarks
 from spi.specs import SpecError
@@ -55,16 +55,17 @@ def test_what_it_means(loaded):
         ("{kind: fractional, hurst: 0.7}", Fractional(0.7)),
     ):
         found = loaded(text)
-        assert found.cases[0].noise == law and found.hash != brownian.hash
+        assert found.cases[0].noise.law == law and found.hash != brownian.hash
         assert len(remarks(found)) == 1 and not remarks(brownian)
     found = loaded("{file: a.npz}")
     assert (
-        found.cases[0].noise.dW.shape == (2, 16, 3) and found.hash != loaded("{file: coarse.npz, finer: bridge}").hash
+        found.cases[0].noise.law.dW.shape == (2, 16, 3)
+        and found.hash != loaded("{file: coarse.npz, finer: bridge}").hash
     )
     again = load(found.path, text=found.text, files=found.files)  # as in a results file
     assert again.hash == found.hash
     swept = loaded("{file: a.npz}", ("strong", "stability\nsweep: {damping: [0, 1]}"))
-    assert [case.noise.dW.shape for case in swept.cases] == [(2, 16, 3)] * 2
+    assert [case.noise.law.dW.shape for case in swept.cases] == [(2, 16, 3)] * 2
 
 
 @pytest.mark.parametrize(

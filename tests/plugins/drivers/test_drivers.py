@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, RIGID_BODY, SCHEMES, compiled_only
 
-from spi.ensemble import drivers
-from spi.ensemble.drivers import Driver, Fractional, OrnsteinUhlenbeck, Recorded, _coefficients, circulant
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated, paths_of
 from spi.numerics.rng import LANES
+from spi.plugins.drivers.ensemble import drivers
+from spi.plugins.drivers.ensemble.drivers import (
+    DrivenPaths,
+    Fractional,
+    OrnsteinUhlenbeck,
+    Recorded,
+    _coefficients,
+    circulant,
+)
 
 PATHS = 4096 if COMPILED else 64
 H = 2**-3
@@ -20,7 +27,7 @@ by_law = pytest.mark.parametrize("law", LAWS, ids=str)
 
 
 def increments(law, steps=16, paths=PATHS, h=H, noises=2, first=0, first_path=0, parts=1, seed=1):
-    return Driver(law, brownian(seed), 16 * H).increments(h, first, steps, first_path, paths, noises, parts)
+    return DrivenPaths(law, brownian(seed), 16 * H).increments(h, first, steps, first_path, paths, noises, parts)
 
 
 def covariance(law, n, h):
@@ -76,7 +83,7 @@ def test_coefficients_where_they_cancel(x):
 @by_law
 def test_increments_are_functions_of_seed_path_and_step(law):
     whole = increments(law, paths=70)
-    driver = Driver(law, brownian(1), 16 * H)
+    driver = DrivenPaths(law, brownian(1), 16 * H)
     for first, steps in ((5, 3), (8, 4), (2, 9)):  # on, on after a gap, and back
         assert np.array_equal(driver.increments(H, first, steps, 0, 70, 2), whole[first : first + steps])
     assert np.array_equal(increments(law, paths=6, first_path=64), whole[:, 64:])
@@ -85,7 +92,7 @@ def test_increments_are_functions_of_seed_path_and_step(law):
 
 @by_law
 def test_larger_steps_are_sums(law):
-    fine = Driver(law, brownian(1), 16 * H, parts=2)
+    fine = DrivenPaths(law, brownian(1), 16 * H, parts=2)
     halves = fine.increments(H, 3, 4, 0, 8, 2, parts=2)
     assert np.array_equal(fine.increments(H, 3, 4, 0, 8, 2), halves[0::2] + halves[1::2])
 
@@ -94,7 +101,7 @@ def test_larger_steps_are_sums(law):
 @by_law
 def test_states_do_not_depend_on_how_much_is_made_at_a_time(law, monkeypatch):
     scheme, times = SCHEMES["splitting"].record, grid(2**-8, 512, (2, 0))
-    driver = Driver(law, brownian(1), 2.0)
+    driver = DrivenPaths(law, brownian(1), 2.0)
 
     def states(first, blocks, end):
         found, _ = integrated(scheme, RIGID_BODY, INITIAL, times, driver, first, blocks, end)
@@ -115,7 +122,7 @@ def test_states_do_not_depend_on_how_much_is_made_at_a_time(law, monkeypatch):
 def test_rotation_about_one_axis(law):
     """A body with y_3 = 1 that only this noise turns: y_1 is the cosine of the driver."""
     model = RIGID_BODY._replace(inertia=(1e30,) * 3, noise_inertia=(1.0, 1.0, 1.0), sigma=(0.0, 0.0, 0.6))
-    times, driver = grid(2**-3, 16), Driver(law, brownian(3), 2.0)
+    times, driver = grid(2**-3, 16), DrivenPaths(law, brownian(3), 2.0)
     states, _ = integrated(SCHEMES["splitting"].record, model, (1.0, 0.0, 1.0), times, driver, 0, PATHS // 64, PATHS)
     y = paths_of(states, 3)[0]
     expected = math.exp(-(0.6**2) * covariance(law, 0, 2.0) / 2)
