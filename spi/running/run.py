@@ -151,9 +151,8 @@ def run(
         if workers is None:
             advance_here(session.states, session.batch_done)
         else:
-            session.machines |= workers.machines()
+            workers.machines = session.machines  # which are saved with the sums
             advance_with(workers, Source.of(experiment), session.states, session.batch_done)
-            session.machines |= workers.machines()
         return session.finish()
 
 
