@@ -8,7 +8,7 @@ estimator does.  When there are none, it **finalises**: it measures times, or co
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -385,21 +385,6 @@ class Plan:
     def finalise(self, state: State) -> Iterator[Any]:
         """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""
         yield from ()
-
-    @property
-    def each(self) -> tuple[Self, ...]:
-        """The plans of all levels of extrapolation that use its paths, fewest first, as their results in a state."""
-        parts = self.part.each()
-        return tuple(replace(self, part=part) for part in parts) if len(parts) > 1 else (self,)
-
-    def own_among(self, counts: Callable[[Self], int]) -> slice:
-        """The slice of the entries of this level among those of :attr:`each`, which have `counts`."""
-        before = sum(counts(plan) for plan in self.each if plan.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + counts(self))
-
-    def all_results(self, state: State) -> tuple[Stored, ...]:
-        """The results of all levels of extrapolation that use the paths."""
-        return tuple(plan.results(state) for plan in self.each)
 
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:

@@ -169,7 +169,6 @@ class Table(NamedTuple):
     columns: Sequence[Column]
     title: str = ""  #: in place of that of the case
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
-    of: Callable[[Sequence[Any]], Sequence[Any]] = list  #: the records that it shows, of those of a case
 
     def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
         """The table of the records of a case, and what its brackets and its large numbers mean."""
@@ -184,7 +183,7 @@ class Table(NamedTuple):
 
     def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
         """The table of the records of a case, without columns in which there is nothing; None if none is left."""
-        axes, readings = self.axes.split(), self.of(readings)
+        axes = self.axes.split()
         columns: dict[str, Column] = {}
         parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:

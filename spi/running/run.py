@@ -205,7 +205,7 @@ class Session(Checkpoint):
         records: list[Stored] = []
         for number, state in enumerate(self.states):
             with state.working(partial(self.batch_done, number)):
-                records += state.plan.all_results(state)
+                records.append(state.plan.results(state))
         try:
             own = {"parts": json.dumps(self.sizes), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))
