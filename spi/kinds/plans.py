@@ -340,8 +340,9 @@ class Plan:
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that do not follow from sums: description, times, threads, and what the case says of itself."""
-        facts = {fact: getattr(self.case, fact) for fact in self.record.facts() if hasattr(self.case, fact)}
+        """The fields that do not follow from sums: description, times, threads, and facts that are keys of the case."""
+        keys = [fact for fact in self.record.facts() if fact in type(self.case).model_fields]
+        facts = {key: getattr(self.case, key) for key in keys}
         return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
