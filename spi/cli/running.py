@@ -1,5 +1,6 @@
 """The commands that compute: run, merge, verify."""
 
+import logging
 import math
 import re
 import shlex
@@ -54,7 +55,7 @@ def run(
     ] = None,
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster.")
     ] = None,
     confirmed: Annotated[
         bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
@@ -230,13 +231,19 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
     from ..running.workers import workers_of
 
     with ExitStack() as stack:
-        try:
-            pool = stack.enter_context(workers_of(address if size is None else size))
-        except ImportError:
-            end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
-        except (OSError, ValueError) as error:
-            end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
-        yield pool
+        executor = None
+        if address is not None:
+            try:
+                from distributed import Client
+
+                for name in ("distributed", "distributed.client"):  # a line says the same as its tracebacks
+                    logging.getLogger(name).setLevel(logging.CRITICAL)
+                executor = stack.enter_context(Client(address)).get_executor()
+            except ImportError:
+                end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
+            except (OSError, ValueError) as error:
+                end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler")
+        yield stack.enter_context(workers_of(size if executor is None else executor))
 
 
 def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:

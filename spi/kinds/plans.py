@@ -8,7 +8,7 @@ estimator does.  When there are none, it **finalises**: it measures times, or co
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -345,8 +345,9 @@ class Plan:
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that do not follow from sums: description, times, threads, and what the case says of itself."""
-        facts = {fact: getattr(self.case, fact) for fact in self.record.facts() if hasattr(self.case, fact)}
+        """The fields that do not follow from sums: description, times, threads, and facts that are keys of the case."""
+        keys = [fact for fact in self.record.facts() if fact in type(self.case).model_fields]
+        facts = {key: getattr(self.case, key) for key in keys}
         return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -390,21 +391,6 @@ class Plan:
     def finalise(self, state: State) -> Iterator[Any]:
         """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""
         yield from ()
-
-    @property
-    def each(self) -> tuple[Self, ...]:
-        """The plans of all levels of extrapolation that use its paths, fewest first, as their results in a state."""
-        parts = self.part.each()
-        return tuple(replace(self, part=part) for part in parts) if len(parts) > 1 else (self,)
-
-    def own_among(self, counts: Callable[[Self], int]) -> slice:
-        """The slice of the entries of this level among those of :attr:`each`, which have `counts`."""
-        before = sum(counts(plan) for plan in self.each if plan.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + counts(self))
-
-    def all_results(self, state: State) -> tuple[Stored, ...]:
-        """The results of all levels of extrapolation that use the paths."""
-        return tuple(plan.results(state) for plan in self.each)
 
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:

@@ -150,9 +150,8 @@ def run(
         if workers is None:
             advance_here(session.states, session.batch_done)
         else:
-            session.machines |= workers.machines()
+            workers.machines = session.machines  # which are saved with the sums
             advance_with(workers, Source.of(experiment), session.states, session.batch_done)
-            session.machines |= workers.machines()
         return session.finish()
 
 
@@ -205,7 +204,7 @@ class Session(Checkpoint):
         records: list[Stored] = []
         for number, state in enumerate(self.states):
             with state.working(partial(self.batch_done, number)):
-                records += state.plan.all_results(state)
+                records.append(state.plan.results(state))
         try:
             own = {"parts": json.dumps(self.sizes), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))

@@ -163,7 +163,7 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
 
 def _differing(states: Sequence[State], results: Results, rounding: float, times: bool) -> list[str]:
     """The names of all that is otherwise in a file than the results of the same plans from states."""
-    records = gathered(record for state in states for record in state.plan.all_results(state))
+    records = gathered(state.plan.results(state) for state in states)
     return differing([record.group() for record in records], results.groups, times, rounding)
 
 

@@ -269,8 +269,8 @@ def test_runs_with_other_options_are_files_of_their_own(spi):
         "body": [],
         "body.quick": ["--profile", "quick"],
         results_name("body", "laptop", ["seed=2"]): ["--seed", "2"],
-        results_name("body", "quick", ["model.sigma=[1,0,0]"]): [
-            *("--profile", "quick", "--set", "model.sigma=[1, 0, 0]")
+        results_name("body", "quick", ["model.sigma=[1,2,1]"]): [
+            *("--profile", "quick", "--set", "model.sigma=[1, 2, 1]")
         ],
     }
     tables = {}

@@ -49,8 +49,7 @@ THIRD_PARTY = {
     "latex2mathml": ["plugins.report.*"],
     "xarray": ["api.*"],
     "pandas": ["api.*", "printing.*", "plugins.report.*"],
-    "dask": ["running.workers"],
-    "distributed": ["running.workers"],
+    "distributed": ["cli.running"],
     "numba": ["compiler.*", "ensemble.loop", "models.spins.*", "numerics.elementary"],  # prange and vectors
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],

@@ -4,7 +4,8 @@ import gc
 import os
 import signal
 import struct
-import urllib.request
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 from helpers import COMPILED
 
 from spi import storage
-from spi.cli.running import _seconds
+from spi.cli.running import _seconds, _workers
 from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.running import shards, workers
@@ -40,9 +41,10 @@ def strong(*overrides):
 
 
 def weak(*overrides):
-    """Both estimators that sample."""
+    """Both estimators that sample, of the rigid body, whose kernel other tests need as well."""
     few = ["estimators=[plain, multilevel]", "seconds=0.02", f"samples={SAMPLES}", "prefixes=[100, 1000]"]
-    return load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, *overrides])
+    model = "model={name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1e-3, 1e-3, 1e-3]}"
+    return load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, model, *overrides])
 
 
 def numbers(path):
@@ -225,15 +227,34 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for(tmp_path):
         assert len(pool.processes) == 2
 
 
+@pytest.mark.parametrize(
+    "executor",
+    [
+        pytest.param(lambda: ThreadPoolExecutor(2), id="threads"),
+        pytest.param(lambda: ProcessPoolExecutor(1, get_context("spawn")), id="process", marks=pytest.mark.slow),
+    ],
+)
+def test_executors_compute_the_same(tmp_path, straight, executor):
+    with executor() as some, workers.workers_of(some) as pool:
+        for experiment in (strong(), weak()):
+            assert numbers(runner.run(experiment, tmp_path, workers=pool)) == straight[experiment.name]
+
+
 @pytest.mark.slow
-def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
-    with workers.connected("local:2") as pool:
-        assert pool.size == 2 and pool.machines() == {storage.machine()}
-        with pytest.raises(urllib.error.HTTPError, match="404"):  # no dashboard is opened
-            urllib.request.urlopen(pool.client.dashboard_link, timeout=10)
-        killer = Killer(lambda: list(pool.client.run(os.getpid).values()))
+def test_executors_with_a_process_that_is_killed(tmp_path, straight):
+    """An executor of processes is of no use then, and one line says so; Dask makes up for it."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as some, workers.workers_of(some) as pool:
+        killer = Killer(lambda: list(some._processes))
+        with pytest.raises(workers.WorkersLost, match=r"^the executor lost .* \(BrokenProcess.*\); progress is saved"):
+            runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client, workers.workers_of(client.get_executor()) as pool:
+        killer = Killer(lambda: list(client.run(os.getpid).values()))
         path = runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
-    assert killer.killed
+        assert killer.killed
+        with _workers(None, cluster.scheduler_address) as pool:
+            assert numbers(runner.run(strong(), tmp_path / "address", workers=pool)) == straight["rigid_body_strong"]
     assert numbers(path) == straight["rigid_body_strong"]
 
 

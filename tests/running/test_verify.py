@@ -37,9 +37,10 @@ def strong(*overrides):
 
 
 def weak(*overrides):
-    """Both estimators that sample."""
+    """Both estimators that sample, of the rigid body, whose kernel other tests need as well."""
     few = ["estimators=[plain, multilevel]", "seconds=0.02", f"samples={SAMPLES}", "prefixes=[100, 1000]"]
-    return runner.load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, *overrides])
+    model = "model={name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1e-3, 1e-3, 1e-3]}"
+    return runner.load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, model, *overrides])
 
 
 @pytest.fixture(scope="module")

@@ -72,16 +72,9 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
         assert falls.sum() <= 1  # where a refinement told what the others take, or at the next value of the parameter
 
 
-@pytest.mark.parametrize(
-    "pool",
-    [
-        pytest.param(lambda: workers.processes(1), id="process"),
-        pytest.param(lambda: workers.connected("local:1"), id="dask", marks=pytest.mark.slow),
-    ],
-)
-def test_workers_tell_how_far_they_solve(spec, tmp_path, pool):
+def test_workers_tell_how_far_they_solve(spec, tmp_path):
     experiment, reports = spec("weak"), []
-    with pool() as some:
+    with workers.processes(1) as some:
         path = runner.run(experiment, tmp_path / "workers", watch=Watch(report=reports.append), workers=some)
     told = [one.work for one in reports if one.work]
     assert told and {one.title for one in told} == {"solving"} and all(0 <= one.share < 1 for one in told)

@@ -73,13 +73,13 @@ def test_each_scheme_has_the_first_estimator_that_can_do_it(spec):
 
     names = ("splitting", "euler_maruyama", "splitting_order2")
     assert parts("kolmogorov, multilevel") == [
-        Part(name, "multilevel" if name == "euler_maruyama" else "kolmogorov", together=(0,)) for name in names
+        Part(name, "multilevel" if name == "euler_maruyama" else "kolmogorov") for name in names
     ]
-    assert parts("multilevel, kolmogorov") == [Part(name, "multilevel", together=(0,)) for name in names]
-    assert parts("plain, kolmogorov, multilevel") == [Part(name, "plain", together=(0,)) for name in names]
+    assert parts("multilevel, kolmogorov") == [Part(name, "multilevel") for name in names]
+    assert parts("plain, kolmogorov, multilevel") == [Part(name, "plain") for name in names]
     case = spec(STRONG).cases[0]
     assert strong.parts(case) == [Part("euler_maruyama"), Part("splitting")]
-    assert work_precision.parts(case) == [part._replace(together=(0,)) for part in strong.parts(case)]
+    assert work_precision.parts(case) == strong.parts(case)
     for part in work_precision.parts(case):
         errors, extra = strong.plan(case, part).cost(), []
         for repeats in (3, 7):  # beside one that warms up

@@ -33,12 +33,10 @@ _PATH_STEPS = 2**20
 
 def parts(case: Any) -> list[Part]:
     """The parts of a case in their order: each scheme, weak errors with the first estimator that can do it."""
-    chosen: list[Part] = []
+    chosen: dict[str, Part] = {}
     for part in (weak if case.functions else strong).parts(case):
-        before = {each.variant for earlier in chosen for each in earlier.each()}
-        new = [each.extrapolate for each in part.each() if each.variant not in before]
-        chosen += [part._replace(extrapolate=new[0], together=tuple(new))] if new else []
-    return chosen
+        chosen.setdefault(part.variant, part)
+    return [*chosen.values()]
 
 
 def left_out(case: Any) -> tuple[str, ...]:
@@ -64,7 +62,7 @@ class Times(NamedTuple):
     """Times, and the results besides sums over paths of the errors."""
 
     of_errors: Any  #: the `extra` of the plan of the errors
-    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
+    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured
     timing_seconds: float  #: wall clock
 
     @property
@@ -89,11 +87,6 @@ class WorkPlan(Plan):
     errors: Any  #: the plan of the strong or weak errors
 
     @property
-    def each(self) -> tuple["WorkPlan", ...]:
-        """The plan as that of each level of extrapolation, the errors too."""
-        return tuple(replace(self, part=errors.part, errors=errors) for errors in self.errors.each)
-
-    @property
     def of_paths(self) -> Plan:
         """That of the errors."""
         return self.errors
@@ -105,10 +98,8 @@ class WorkPlan(Plan):
 
     def cost(self) -> Cost:
         """The cost of the errors and of the times, which one thread measures."""
-        errors, of_all = self.errors.cost(), 0.0
-        for plan in self.each:
-            finest = np.maximum(self.path_steps, LANES * self.case.final_time / plan.h)
-            of_all += float(finest.sum()) * sum(0.5**i for i in range(plan.part.extrapolate + 1))
+        errors, finest = self.errors.cost(), np.maximum(self.path_steps, LANES * self.case.final_time / self.h)
+        of_all = float(finest.sum()) * sum(0.5**i for i in range(self.part.extrapolate + 1))
         times = 1e-9 * typical_ns(self.row, self.model) * of_all * (self.case.repeats + 1)
         return errors._replace(seconds=errors.seconds + times * thread_count())
 
@@ -120,7 +111,7 @@ class WorkPlan(Plan):
 
     def initial_extra(self) -> Times:
         """No time has been measured."""
-        times = np.full((self.case.repeats, sum(len(plan.h) for plan in self.each)), np.nan)
+        times = np.full((self.case.repeats, len(self.h)), np.nan)
         return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
 
     def path_sets(self, extra: Times) -> Sequence[PathSet]:
@@ -148,8 +139,8 @@ class WorkPlan(Plan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """The kernels of the errors, and the fewest steps of one block that can be timed."""
-        timed = [plan._arguments(float(plan.h[0]), 2**plan.part.extrapolate, 1) for plan in self.each]
-        return [*self.errors.kernel_calls(), *(KernelCall(integrate, arguments) for arguments in timed)]
+        timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
+        return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
 
     def finalise(self, state: State) -> Iterator[Times]:
         """Measure the times that are left; yields after each repeat."""
@@ -158,7 +149,7 @@ class WorkPlan(Plan):
         if not len(left):
             return
         began = time.perf_counter()
-        jobs = [plan.job(h) for plan in self.each for h in plan.h.tolist()]
+        jobs = [self.job(h) for h in self.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
         for repeat in left:
             times = extra.times.copy()
@@ -197,8 +188,7 @@ class WorkPlan(Plan):
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, errors = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(errors) if isinstance(errors, StrongErrors) else _of_weak(errors)
-        times = state.extra.times[:, self.own_among(lambda plan: len(plan.h))]
-        low, median, high = np.quantile(times, (0.25, 0.5, 0.75), axis=0)
+        low, median, high = np.quantile(state.extra.times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(
