@@ -2,13 +2,11 @@
 
 from spi.plugins import Plugin
 
-LAWS = "spi.plugins.drivers.specs.laws"
-
 PLUGIN = Plugin(
     "drivers",
     noises={
-        "ornstein_uhlenbeck": f"{LAWS}:OrnsteinUhlenbeckKeys",
-        "fractional": f"{LAWS}:FractionalKeys",
-        "file": f"{LAWS}:FileKeys",
+        "ornstein_uhlenbeck": "spi.plugins.drivers.specs.laws:OrnsteinUhlenbeckKeys",
+        "fractional": "spi.plugins.drivers.specs.laws:FractionalKeys",
+        "file": "spi.plugins.drivers.specs.laws:FileKeys",
     },
 )
