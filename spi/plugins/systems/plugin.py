@@ -4,5 +4,9 @@ from spi.plugins import Plugin
 
 PLUGIN = Plugin(
     "systems",
-    sources=dict.fromkeys(("system", "algebra", "bracket"), "spi.plugins.systems.reading:SOURCE"),
+    sources={
+        "system": "spi.plugins.systems.reading:SOURCE",
+        "algebra": "spi.plugins.systems.reading:SOURCE",
+        "bracket": "spi.plugins.systems.reading:SOURCE",
+    },
 )
