@@ -67,9 +67,9 @@ def trajectory(
 ) -> xr.Dataset:
     """Paths of a scheme: states, Hamiltonian and Casimirs at the times 0, k h, 2 k h, ..., T with k = `every`.
 
-    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a custom system such as
-    ``{"system": "heavy_top.yaml"}``; or a model's class, or a record of it.  `initial`, `final_time` T, `step` h and
-    `seed` are as in a spec, and so are further `options`: damping, eps, truncate_noise, compositions.
+    `model` is what stands under ``model:`` in a spec: a name or a mapping; or a model's class, or a record of it.
+    `initial`, `final_time` T, `step` h and `seed` are as in a spec, and so are further `options`: damping, eps,
+    truncate_noise, compositions.
 
     Without `samples` it is the one path of number `path`: ``y`` (t, component), ``hamiltonian`` (t) and ``casimirs``
     (t, casimir).  With `samples` there are those of the numbers 0, ..., samples - 1, and a first axis ``path``.  The

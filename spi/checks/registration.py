@@ -6,12 +6,6 @@ import inspect
 from ..compiler.dispatch import MOST
 from ..ensemble import protocol, scheme_protocol
 
-#: What is asked of the record with the parameters, not of that with the tables of an array-state model.
-_OF_PARAMETERS = (
-    *("in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables"),
-    *("component_names", "named_numbers", "parameters", "report"),
-)
-
 
 def vocabulary(asked):
     """{name: method or trait} of the protocol of a "model" or a "scheme"."""
@@ -32,7 +26,7 @@ def check_class(cls, asked, name):
     declared, members = vocabulary(asked), _members(cls)
     if protocol.large(cls):  # the record with its parameters; kernels are given another
         members = {name: value for name, value in members.items() if not isinstance(value, property)}
-        declared = {name: member for name, member in declared.items() if name in _OF_PARAMETERS or member.declared.of}
+        declared = {name: member for name, member in declared.items() if _is_of_parameters(member.declared)}
     wrong = [
         f"lacks {needed}"
         for needed, asking in declared.items()
@@ -48,6 +42,11 @@ def check_class(cls, asked, name):
             )
     if wrong:
         raise TypeError(f"{asked} '{name}' ({cls.__qualname__}) " + "; ".join(wrong))
+
+
+def _is_of_parameters(declared):
+    """Whether the record with the parameters of an array-state model is asked, and not that with its tables."""
+    return declared.of is not None or not declared.compiled
 
 
 def _members(cls):

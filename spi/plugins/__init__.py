@@ -39,6 +39,7 @@ class Plugin(NamedTuple):
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
+    templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text
 
 

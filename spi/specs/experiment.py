@@ -42,7 +42,7 @@ __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", 
 PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
-ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
+ONLY_IN_FILES = ("kind", "group", "asks", "figure", "cases", "profiles")
 
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
@@ -64,6 +64,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
+        "group": (key_of(str | None, "the group in which `spi list` shows it; default: that of its kind"), None),
         "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
@@ -143,7 +144,7 @@ class Heading(NamedTuple):
     title: str
     figure: int | None  #: of the paper
     kind: str
-    model: Mapping[str, Any]  #: its keys, or those of the first case
+    group: str  #: in ``spi list``
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
@@ -155,8 +156,8 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
         file = kinds.read(Document(text_of(path), str).data)
     except (SpecError, ValidationError):
         return None
-    model: Mapping[str, Any] = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
-    return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
+    group = file.group or kinds.case(file.kind).listed_under
+    return Heading(file.title or Path(path).stem, file.figure, file.kind, group)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -9,4 +9,6 @@ PLUGIN = Plugin(
         "algebra": "spi.plugins.systems.reading:SOURCE",
         "bracket": "spi.plugins.systems.reading:SOURCE",
     },
+    templates={"system": "spi.plugins.systems.template:TEXT"},
+    groups={"systems": "systems written in YAML, and lattices of spins"},
 )
