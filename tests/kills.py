@@ -7,6 +7,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from states import sums_files
 
 from spi import storage
 from spi.plugins.answers.running import load_answer
@@ -101,7 +102,7 @@ def forks():
 
 def stray(kind, out):
     """Files in a folder that should not be there."""
-    wanted = {runner.results_path(experiment(kind), out), runner.sums_path(experiment(kind), out), Path(out, "log")}
+    wanted = {runner.results_path(experiment(kind), out), *sums_files(experiment(kind), out), Path(out, "log")}
     return sorted({path for path in Path(out).rglob("*") if path.is_file()} - wanted)
 
 

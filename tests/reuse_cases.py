@@ -21,7 +21,7 @@ from own_models import OSCILLATOR
 from spi import storage
 from spi.kinds import KINDS
 from spi.running import run as runner
-from spi.running.checkpoint import Keys
+from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
 from spi.running.verify import TIMES
 from spi.specs import SpecError
@@ -285,12 +285,12 @@ def everything(path):
 
 def digests(experiment):
     """The digests of what decides the sums of all parts."""
-    return {key for plan in plans(experiment) for key in (Keys.of(plan).extra, *Keys.of(plan).path_sets)}
+    return {key for plan in plans(experiment) for key in sums_keys(plan).values()}
 
 
-#: What may come of a change: the spec is invalid; nothing is reused and all computed anew; the run is refused, as the
-#: results are of another spec; or numbers follow of which some were there, equal to those of a fresh run, or not.
-INVALID, ANEW, REFUSED, EQUAL, DIFFERENT = "invalid", "anew", "refused", "equal", "DIFFERENT"
+#: What may come of a change: the spec is invalid; nothing is reused and all computed anew; or numbers follow of which
+#: some were there, equal to those of a fresh run, or not.
+INVALID, ANEW, EQUAL, DIFFERENT = "invalid", "anew", "equal", "DIFFERENT"
 
 
 def run(experiment, folder, **options):
@@ -302,28 +302,15 @@ def run(experiment, folder, **options):
 
 def run_onto(before, after, folder):
     """What comes of running one experiment onto the results of another, and how it differs from a fresh run."""
-    told = []
-    watch = runner.Watch(tell=told.append)
-    shared = digests(before) & digests(after)
-    try:
-        runner.Session(after, folder, False, watch, runner.Limits(), runner.sums_path(after, folder))
-    except storage.StorageError as error:
-        assert "\n" not in str(error), error
-        if not shared:
-            return REFUSED, ""
+    path = runner.results_path(after, folder)
     with tempfile.TemporaryDirectory() as copy, tempfile.TemporaryDirectory() as new:
         shutil.copytree(folder, copy, dirs_exist_ok=True)
-        if runner.results_path(after, copy).exists() and storage.finished(
-            runner.results_path(after, copy), runner.identity(after)
-        ):
-            found = everything(runner.results_path(after, copy))  # what the run takes for its results
-        else:  # as where a person removes results of another spec
-            runner.results_path(before, copy).unlink()
-            found = everything(run(after, copy, watch=watch))
-        right = everything(run(after, new))
+        written = run(after, copy)
+        found, right = everything(written), everything(run(after, new))
+        if before.hash != after.hash:
+            assert path.exists() and storage.former(written).read_bytes() == path.read_bytes()
     wrong = sorted(key for key in found.keys() | right.keys() if found.get(key) != right.get(key))
-    odd = [news for news in told if "edited" in news]
-    return (DIFFERENT if wrong or odd else EQUAL if shared else ANEW), [*wrong, *odd]
+    return DIFFERENT if wrong else EQUAL if digests(before) & digests(after) else ANEW, wrong
 
 
 def outcomes(some):

@@ -88,8 +88,8 @@ def run(
     if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
+                folder = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
+            tell(f"wrote shard {shard} to {folder}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
 

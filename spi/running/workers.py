@@ -302,7 +302,7 @@ def allocate(number: int, state: State, tick: Tick) -> bool:
     with state.working(partial(tick, number)):
         extra = state.plan.next_allocation(state)
     if extra is not None:
-        state.extra = extra
+        state.decide(extra)
     return extra is not None
 
 

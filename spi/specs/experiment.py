@@ -198,13 +198,6 @@ class Experiment(NamedTuple):
         """The number of samples of each case, 0 where there is none."""
         return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
 
-    @property
-    def paths_hash(self) -> str:
-        """As `hash`, but without the numbers of samples, which change no path."""
-        cases = self.effective["cases"].items()
-        paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
-        return _hash({**self.effective, "cases": paths})
-
 
 def _canonical(value: Any) -> str:
     """As JSON, mappings in their order: that of ``functions`` is the order of the results."""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from helpers import COMPILED
+from states import sums_files
 
 import spi
 from spi import storage
@@ -18,7 +19,7 @@ from spi.cli import main
 from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.running import shards, workers
-from spi.running.checkpoint import Shard
+from spi.running.checkpoint import Shard, note_path, read_note
 from spi.running.run import Limits, Watch, load
 from spi.running.verify import verify
 from spi.statistics import tallies
@@ -156,11 +157,11 @@ def test_what_is_done_is_kept_where_workers_are_lost_again_and_again(tmp_path, m
     def run():
         runner.run(strong(), tmp_path, workers=workers.ExecutorWorkers(Losing(4)))
 
-    with pytest.raises(workers.WorkersLost, match=r"lost its workers \(.*Error.*\); progress is saved in .*sums$"):
+    with pytest.raises(workers.WorkersLost, match=r"lost its workers \(.*Error.*\); progress is saved in .*/sums$"):
         run()
-    about, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
-    assert about["machines"] == sorted(["another", storage.machine()])
-    assert sum(len(kept["digests"]) for part in parts.values() for kept in part["path_sets"]) == 4
+    kept = [storage.Store(path.parent).read(path.stem) for path in sums_files(strong(), tmp_path)]
+    assert {(*one["machines"],) for one in kept} == {(*sorted(["another", storage.machine()]),)}
+    assert sum(len(one["digests"]) for one in kept) == 4
     monkeypatch.setattr("spi.cli.app", lambda *_, **__: run())
     monkeypatch.setattr(sys, "argv", ["spi"])
     with pytest.raises(SystemExit) as end:
@@ -177,7 +178,7 @@ def test_what_is_done_is_kept_whatever_ends_a_run(tmp_path):
 
     with pytest.raises(MemoryError):
         runner.run(strong(), tmp_path, watch=Watch(report=fail))
-    assert storage.about_sums(runner.sums_path(strong(), tmp_path))["finished"] is False
+    assert len(sums_files(strong(), tmp_path)) == 1 and read_note(note_path(strong(), tmp_path))
 
 
 # --- a limit of time that is shorter than the start -----------------------------------------------------------------

@@ -111,9 +111,9 @@ def test_a_stop_while_it_solves_leaves_nothing_half_written(spec, tmp_path, kind
         if progress.work and progress.work.share > 0.05:
             raise KeyboardInterrupt
 
-    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*sums: run the same command again to resume$"):
+    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*/sums: run the same command again to resume$"):
         runner.run(experiment, out, watch=Watch(report=stop))
-    assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".sums"}
+    assert {path.parent for path in out.rglob("*") if path.is_file()} == {out / "sums"}
     again, fresh = (runner.run(experiment, folder) for folder in (out, whole))
     assert numbers(again) == numbers(fresh)
 

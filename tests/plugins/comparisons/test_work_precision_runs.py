@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import work_study_cases
 from helpers import COMPILED
-from states import check_going_on, finished, same_numbers, taken
+from states import check_going_on, finished, plain, same_numbers, taken
 from work_study_cases import STRONG, Clock, group_of, same
 
 from spi import storage
@@ -45,9 +45,10 @@ def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, 
     Clock(monkeypatch)
     (plan,) = runner.plans(one_step)
     last = finished(plan)
-    storage.write_sums(tmp_path / "sums.sums", {}, {"main/splitting": last.plain()})
-    _, kept = storage.read_sums(tmp_path / "sums.sums")
-    again = taken(plan, kept["main/splitting"])
+    store = storage.Store(tmp_path)
+    for number, told in plain(last).items():
+        store.write(f"{number}", told)
+    again = taken(plan, {number: store.read(f"{number}") for number in plain(last)})
     assert type(again.extra) is type(last.extra) and type(again.extra.of_errors) is type(last.extra.of_errors)
     assert type(again.total()) is type(last.total())
     assert same_numbers(again, last) and np.array_equal(again.extra.times, last.extra.times)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers import compiled_only
-from states import check_going_on, chunks_of, finished, resumed, same_numbers
+from states import check_going_on, chunks_of, finished, plain, resumed, same_numbers
 
 import spi
 from spi.ensemble.loop import integrated, paths_of
@@ -88,7 +88,7 @@ def test_from_wherever_a_run_goes_on_the_same_bits_follow(plan_of, text, noise):
 def test_more_paths_go_on_from_fewer(plan_of):
     fewer, more = (plan_of(STATISTICS, COLOURED, f"samples={n}") for n in (64, 140))
     with chunks_of(1):
-        assert same_numbers(resumed(more, finished(fewer).plain()), finished(more))
+        assert same_numbers(resumed(more, plain(finished(fewer))), finished(more))
 
 
 def test_kinds_have_the_same_paths(plan_of):
