@@ -32,6 +32,7 @@ class Plugin(NamedTuple):
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
+    solvers: Mapping[str, str] = _NOTHING  #: method that a model answers -> module, see ``spi.exact.expectations``
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text

@@ -5,7 +5,7 @@ import pytest
 from helpers import RIGID_BODY
 from statistics_cases import results_of, written
 
-from spi.exact.kolmogorov import exact_expectations
+from spi.exact.expectations import exact_expectations
 from spi.kinds.statistics.figure import draw
 from spi.kinds.statistics.references import known_means
 from spi.specs import SpecError

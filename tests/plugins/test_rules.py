@@ -23,6 +23,7 @@ WORDS = {
     "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
+    "solve": ["kolmogorov", "harmonics_up_to", r"cylinder\b", r"exact\.(sphere|cylinder)\b"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }
 

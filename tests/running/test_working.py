@@ -13,7 +13,7 @@ import spi
 from spi import storage
 from spi.exact import kolmogorov, work
 from spi.kinds.statistics import references
-from spi.kinds.weak import kolmogorov as study
+from spi.kinds.weak import solved as study
 from spi.plugins.answers.running import predictions
 from spi.plugins.comparisons.kinds.stability import study as stability
 from spi.running import run as runner

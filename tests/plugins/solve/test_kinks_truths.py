@@ -7,9 +7,9 @@ import pytest
 from phis import functions_of
 from scipy.integrate import quad
 
-from spi.exact.kolmogorov import refiner
-from spi.exact.kolmogorov.refining import refined
+from spi.exact.expectations import refiner
 from spi.models import MaxwellBloch, RigidBody
+from spi.plugins.solve.exact.refining import refined
 
 pytestmark = pytest.mark.slow
 

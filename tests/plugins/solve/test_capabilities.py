@@ -10,9 +10,9 @@ from yaml_cases import definition
 from spi import systems
 from spi.checks.registration import check_class
 from spi.ensemble.protocol import hamiltonian, noises, squared_length_is_casimir
-from spi.exact import kolmogorov, sphere_law
-from spi.exact.kolmogorov.backward import joined
+from spi.exact import expectations, sphere_law
 from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
+from spi.plugins.solve.exact.backward import joined
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 
@@ -38,9 +38,9 @@ def mixed(y):
 def test_solvers_serve_every_model_that_has_what_they_need(text, scheme):
     """Pieces in any order and fewer noises than axes, too."""
     model = in_yaml(text, *STRENGTHS[text])
-    assert kolmogorov.can_solve(model) and kolmogorov.can_solve(type(model))
+    assert expectations.can_solve(model) and expectations.can_solve(type(model))
     flows, h = compositions(SCHEMES[scheme].composition, model), 0.25
-    found = kolmogorov.expectations(model, flows, INITIAL, h, [h], [mixed], 1e-7)
+    found = expectations.expectations(model, flows, INITIAL, h, [h], [mixed], 1e-7)
     value = by_quadrature(model, flows, INITIAL, h, 1, mixed, 40)
     assert abs(found.value[0, 0] - value) < found.value_bound[0, 0] + 1e-13 < 1e-6
     # Negative control: with other strengths the expectation is another one.
@@ -55,7 +55,7 @@ def test_a_rigid_body_and_a_maxwell_bloch_in_yaml_are_solved_like_the_built_in_o
     laser = in_yaml("{algebra: e(2), hamiltonian: y1^2/2 + y3, noises: [y1^2/2, y3]}", 0.8, 0.6)
     for model, same in ((body, RIGID_BODY), (laser, MaxwellBloch((0.8, 0.6)))):
         question = compositions(SCHEMES["splitting"].composition, same), INITIAL, 0.5, [0.25], [mixed], 1e-6
-        one, other = (kolmogorov.expectations(m, *question) for m in (model, same))
+        one, other = (expectations.expectations(m, *question) for m in (model, same))
         assert np.array_equal(one.value, other.value) and np.array_equal(one.limit, other.limit)
     law = sphere_law.SphereLaw.of(body, INITIAL)
     assert law.moments["H"] == pytest.approx(hamiltonian(body, (law.radius,) * 3) / 3)
@@ -68,23 +68,23 @@ def test_a_rigid_body_and_a_maxwell_bloch_in_yaml_are_solved_like_the_built_in_o
 )
 def test_what_is_missing_is_named(model):
     """Two of these have |y|^2 as a Casimir function, which is not enough."""
-    assert not kolmogorov.can_solve(model) and not kolmogorov.can_solve_equation(model)
+    assert not expectations.can_solve(model) and not expectations.can_solve_equation(model)
     words = f"{type(model).__name__}, which does not answer axis_inertias or rotation_shear_rates"
     with pytest.raises(ValueError, match=words):
-        kolmogorov.expectations(model, ((1.0, ()),), (1.0, 2.0), 1.0, [1.0], [mixed])
+        expectations.expectations(model, ((1.0, ()),), (1.0, 2.0), 1.0, [1.0], [mixed])
     with pytest.raises(ValueError, match=f"{type(model).__name__}, which does not answer axis_inertias"):
-        kolmogorov.exact_expectations(model, (1.0, 2.0), 1.0, [mixed], 1e-3)
+        expectations.exact_expectations(model, (1.0, 2.0), 1.0, [mixed], 1e-3)
 
 
 def test_the_equation_alone_is_solved_on_spheres_only():
     laser = MaxwellBloch((0.8, 0.6))
-    assert kolmogorov.can_solve_equation(RIGID_BODY) and not kolmogorov.can_solve_equation(laser)
+    assert expectations.can_solve_equation(RIGID_BODY) and not expectations.can_solve_equation(laser)
     with pytest.raises(ValueError, match=r"MaxwellBloch, which does not answer axis_inertias$"):
-        kolmogorov.exact_expectations(laser, INITIAL, 1.0, [mixed], 1e-3)
+        expectations.exact_expectations(laser, INITIAL, 1.0, [mixed], 1e-3)
 
 
 def test_what_models_say_of_themselves():
-    able = {name for name, cls in MODELS.items() if kolmogorov.can_solve(cls)}
+    able = {name for name, cls in MODELS.items() if expectations.can_solve(cls)}
     spheres = {name for name, cls in MODELS.items() if squared_length_is_casimir(cls)}
     assert able == {"rigid_body", "maxwell_bloch"}
     assert spheres == {"rigid_body", "rigid_body_shared_noise", "sine_euler"}
@@ -151,7 +151,7 @@ def test_a_scheme_that_does_not_fit_is_refused_by_name():
     ],
 )
 def test_what_is_neither(text):
-    assert not kolmogorov.can_solve(in_yaml(text, *[1.0] * len(definition(text).get("noises", []))))
+    assert not expectations.can_solve(in_yaml(text, *[1.0] * len(definition(text).get("noises", []))))
 
 
 def test_shares_of_friction_are_not_dropped():

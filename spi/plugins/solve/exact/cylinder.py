@@ -34,12 +34,14 @@ import numpy as np
 import scipy.fft
 from scipy.special import erfc
 
-from ...ensemble.loop import thread_count
-from ...ensemble.protocol import rotation_shear_rates
-from ..surfaces import strengths_by_place
-from ..work import counted, expected
-from . import Demands, Expectations
-from .backward import numbers_of_steps, plan, values_at, weak_order, words_of
+from spi.ensemble.loop import thread_count
+from spi.ensemble.protocol import rotation_shear_rates
+from spi.exact.expectations import Demands, Expectations
+from spi.exact.surfaces import strengths_by_place
+from spi.exact.words import weak_order, words_of
+from spi.exact.work import counted, expected
+
+from .backward import numbers_of_steps, plan, values_at
 from .kinks import FINER, low_pass, roughness, waves
 
 # ---------------------------------------------------------------------------------------------------------------------

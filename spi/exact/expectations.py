@@ -1,11 +1,7 @@
-"""Expectations without sampling, on two-dimensional Casimir surfaces.
+"""Expectations without sampling, of schemes and of the equation itself, by solvers that plug-ins have.
 
-The backward operator of a splitting step, (P f)(y) = E f(y_1) given y_0 = y, is a product of operators f -> E f(flow),
-one for each exact flow, and each of them is diagonal in a Fourier variable.  It is applied in the reverse order of the
-flows.
-
-The solver is chosen by a method of the model, see ``spi.ensemble.protocol``: ``axis_inertias`` for spheres,
-``rotation_shear_rates`` for cylinders.
+The solver is chosen by a method that the model answers, see ``spi.ensemble.protocol``, such as ``axis_inertias``.
+Without one nothing is known without sampling.
 """
 
 from importlib import import_module
@@ -13,24 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...compiler.dispatch import answers
-from ...compiler.records import class_of
-from ...ensemble.protocol import axis_inertias, rotation_shear_rates
-from ..surfaces import by_place
-from ..work import work
-
-__all__ = [
-    "SOLVING",
-    "Demands",
-    "Expectations",
-    "can_solve",
-    "can_solve_equation",
-    "demands",
-    "exact_expectations",
-    "expectations",
-    "refiner",
-    "seconds_of_equation",
-]
+from ..compiler.dispatch import answers
+from ..compiler.records import class_of
+from ..ensemble import protocol
+from ..plugins import Registry
+from .surfaces import by_place
+from .work import work
 
 SOLVING = "solving"  #: the name of the work
 
@@ -62,28 +46,38 @@ class Demands(NamedTuple):
     least: float = 0.0  #: numerical error below which rounding lets no accuracy be reached
 
 
-#: The method that a model must have -> the module with the solver.
-_SOLVERS = {axis_inertias: "sphere", rotation_shear_rates: "cylinder"}
+#: The name of a method that a model must answer -> the module with its solver.  That has ``demands``, ``expectations``
+#: and ``Refining``, with the arguments of the functions here, and perhaps ``seconds_of_equation`` and
+#: ``exact_expectations`` where it solves the equation itself, without a scheme.
+SOLVERS = Registry("solvers", made=import_module)
 
 
 def can_solve(model):
     """Whether :func:`expectations` works for a model, or a class of models."""
-    return any(answers(method, model) for method in _SOLVERS)
+    return any(answers(getattr(protocol, method), model) for method in SOLVERS)
 
 
 def can_solve_equation(model):
     """Whether :func:`exact_expectations` works for a model, or a class of models."""
-    return answers(axis_inertias, model)
+    return _solver(model, _OF_EQUATION) is not None
 
 
-def _solver(model, *methods):
-    """The module that solves a model with one of these methods, or any; ValueError where it has none."""
-    methods = methods or tuple(_SOLVERS)
-    for method in methods:
-        if answers(method, model):
-            return import_module(f".{_SOLVERS[method]}", __name__)
-    names = " or ".join(method.__name__ for method in methods)
-    raise ValueError(f"no solver without sampling for {class_of(model).__qualname__}, which does not answer {names}")
+_OF_EQUATION = "exact_expectations"
+
+
+def _solver(model, function):
+    """The first module for a model that has a function; None if there is none."""
+    able = (method for method in SOLVERS if answers(getattr(protocol, method), model))
+    return next((SOLVERS[method] for method in able if hasattr(SOLVERS[method], function)), None)
+
+
+def solver_of(model, function="expectations"):
+    """The module for a model that has a function; ValueError if there is none."""
+    if solver := _solver(model, function):
+        return solver
+    methods = [method for method in SOLVERS if hasattr(SOLVERS[method], function)]
+    why = f"which does not answer {' or '.join(methods)}" if methods else "as no solver is installed"
+    raise ValueError(f"no solver without sampling for {class_of(model).__qualname__}, {why}")
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -92,7 +86,7 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     Takes milliseconds, by the grids that the solver would choose.
     """
     compositions = by_place(model, compositions)
-    return _solver(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
+    return solver_of(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
 
 
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -103,7 +97,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
     error.  ValueError for a model without a solver (:func:`can_solve`).
     """
-    solver = _solver(model)
+    solver = solver_of(model)
     asked = model, by_place(model, compositions), initial, final_time, steps, functions, accuracy
     with work(SOLVING, solver.demands(*asked).seconds):
         return solver.expectations(*asked)
@@ -117,22 +111,22 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
 
     No scheme is involved.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
-    solver = _solver(model, axis_inertias)
+    solver = solver_of(model, _OF_EQUATION)
     with work(SOLVING, solver.seconds_of_equation(model, initial, final_time, functions, **limits)):
         return solver.exact_expectations(model, initial, final_time, functions, accuracy, **limits)
 
 
 def seconds_of_equation(model, initial, final_time, functions, **limits):
     """The seconds of :func:`exact_expectations`, roughly; takes milliseconds, as :func:`demands`."""
-    return _solver(model, axis_inertias).seconds_of_equation(model, initial, final_time, functions, **limits)
+    return solver_of(model, _OF_EQUATION).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 
 def refiner(model, initial, final_time, functions, accuracy):
-    """An object that refines E phi(y(T)) of the equation for F functions step by step, on spheres and cylinders.
+    """An object that refines E phi(y(T)) of the equation for F functions step by step.
 
-    It has ``refine(number)``, the values, their uncertainties, of which :func:`.refining.refined` makes an error, and
-    the effort, a number that says how much work it was; ``costs(effort)``, the seconds of typical speed of each
-    refinement there can be; ``effort``, that which is usual; ``rough`` (F,), which functions have kinks; and ``known``
-    (F,), the expectations where nothing moves, else None, and ``known_bound``, of their errors.
+    It has ``refine(number)``, the values, their uncertainties, and the effort, a number that says how much work it was;
+    ``costs(effort)``, the seconds of typical speed of each refinement there can be; ``effort``, that which is usual;
+    ``rough`` (F,), which functions have kinks; and ``known`` (F,), the expectations where nothing moves, else None, and
+    ``known_bound``, of their errors.
     """
-    return _solver(model).Refining(model, initial, final_time, functions, accuracy)
+    return solver_of(model).Refining(model, initial, final_time, functions, accuracy)

@@ -16,11 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ive
 
-from ...ensemble.protocol import axis_inertias
-from ..surfaces import strengths_by_place
-from ..work import counted, expected
-from . import Demands, Expectations
-from .backward import acting_on_functions, joined, numbers_of_steps, split, values_at
+from spi.ensemble.protocol import axis_inertias
+from spi.exact.expectations import Demands, Expectations
+from spi.exact.surfaces import strengths_by_place
+from spi.exact.words import acting_on_functions
+from spi.exact.work import counted, expected
+
+from .backward import joined, numbers_of_steps, split, values_at
 from .harmonics import CLASSES, Harmonics, harmonics_up_to, seconds_to_make, shifted
 from .kinks import roughness, settling
 

@@ -25,7 +25,8 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import coo_array
 
-from ..work import counted
+from spi.exact.work import counted
+
 from .kinks import FINER, low_pass, waves
 
 CLASSES = (0, 1, 2, 3)

@@ -8,11 +8,12 @@ from phis import functions_of
 from scipy.integrate import quad
 from scipy.special import eval_legendre, gamma, rgamma
 
+from spi.exact.expectations import refiner
 from spi.exact.gibbs import law_of
-from spi.exact.kolmogorov import kinks, refiner
-from spi.exact.kolmogorov.harmonics import harmonics_up_to
-from spi.exact.kolmogorov.refining import outlook, refined
 from spi.models import MaxwellBloch, RigidBody
+from spi.plugins.solve.exact import kinks
+from spi.plugins.solve.exact.harmonics import harmonics_up_to
+from spi.plugins.solve.exact.refining import outlook, refined
 
 
 @pytest.mark.parametrize(

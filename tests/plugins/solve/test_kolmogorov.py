@@ -11,10 +11,11 @@ import pytest
 from helpers import by_quadrature, composed
 from scipy.integrate import solve_ivp
 
-from spi.exact.kolmogorov import cylinder, expectations, sphere
-from spi.exact.kolmogorov.harmonics import CLASSES, Harmonics, shifted
-from spi.exact.kolmogorov.sphere import Step, factors, semigroup
+from spi.exact.expectations import expectations
 from spi.models import MaxwellBloch, RigidBody
+from spi.plugins.solve.exact import cylinder, sphere
+from spi.plugins.solve.exact.harmonics import CLASSES, Harmonics, shifted
+from spi.plugins.solve.exact.sphere import Step, factors, semigroup
 
 INERTIA = (2.0, 1.0, 2.0 / 3.0)
 STRONG = RigidBody(INERTIA, INERTIA, (1.0, 1.0, 1.0))
@@ -287,7 +288,7 @@ def test_powers_do_not_depend_on_the_way(c, monkeypatch):
     V = harmonics.project([mixed, sines], 1.0)[c]
     found = []
     for doublings in (None, 0, 3):
-        monkeypatch.setattr("spi.exact.kolmogorov.sphere.cheapest", lambda *_, k=doublings: (0.0, k))
+        monkeypatch.setattr("spi.plugins.solve.exact.sphere.cheapest", lambda *_, k=doublings: (0.0, k))
         found.append(step.power(V, 37))
     for one, other in itertools.pairwise(found):
         np.testing.assert_allclose(one, other, atol=1e-13)

@@ -1,9 +1,8 @@
-"""Weak errors without sampling, from ``spi.exact.kolmogorov``."""
+"""Weak errors without sampling, from ``spi.exact.expectations``."""
 
-import functools
 import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -12,17 +11,16 @@ import numpy as np
 from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
-from spi.exact.kolmogorov import Demands, Expectations, can_solve, demands, expectations
-from spi.expressions import as_numpy
+from spi.exact.expectations import can_solve
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.weak.plans import WeakPlan
+from spi.kinds.weak.results import Unsampled
+from spi.kinds.weak.solved import check_demands, demands_of, demands_of_schemes, solution
 from spi.models import MODELS
-from spi.schemes.stages import compositions, has_loops, has_shared
+from spi.schemes.stages import has_loops, has_shared
 from spi.specs.keys import wrong
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order
-
-from .plans import WeakPlan
-from .results import Unsampled
 
 _CLEAR = 20.0  # multiples of its numerical error from which on a weak error counts as resolved
 
@@ -86,7 +84,7 @@ class KolmogorovPlan(WeakPlan):
     @classmethod
     def remarks(cls, case: Any) -> Iterator[str]:
         """A warning if the accuracy is below rounding errors; whether a larger one is reached only the results say."""
-        least = max((need.least for _, need in _demands_of(case, multiscale=False)), default=0.0)
+        least = max((need.least for _, need in demands_of_schemes(case, multiscale=False)), default=0.0)
         if case.accuracy is not None and case.accuracy < least:
             yield f"accuracy {case.accuracy:g} will not be reached: rounding errors are about {least:.1g}"
 
@@ -113,7 +111,7 @@ class KolmogorovPlan(WeakPlan):
     def advance(self, chunks: Sequence[Chunk], started: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
         began = time.perf_counter()
-        exact, cpu_seconds = _solution(*question(self.case, self.row.composition, self.case.steps))
+        exact, cpu_seconds = solution(self.case, self.row.composition, self.case.steps)
         solved = Solution(
             paths=1,
             seconds=time.perf_counter() - began,
@@ -168,58 +166,3 @@ def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
         trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
     half = 1.5 * abs(slope[-1] - slope[-2]) + trust
     return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Schemes that can be solved, and their solutions: cached, as layers of a file, and controls of several eps, are alike.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def check_demands(case: Any, estimator: str, multiscale: bool) -> None:
-    """Raise the error about schemes that cannot be solved, of the multiscale system about the limit, their control."""
-    for name, need in _demands_of(case, multiscale):
-        if need.obstacle:
-            its = f" for '{name}'" if multiscale else ""
-            raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
-
-
-def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
-    """The schemes of a case that are solved without sampling, with their demands."""
-    for name in case.schemes:
-        row = case.row(name)
-        rows = row.composition
-        if rows is not None and row.multiscale == multiscale and not (has_loops(rows) or has_shared(rows)):
-            yield name, demands_of(case, rows, case.steps)
-
-
-def demands_of(case: Any, rows: tuple, steps: Iterable[float]) -> Demands:
-    """The demands of a composition of flows for a case."""
-    return _demands(*question(case, rows, steps))
-
-
-def question(case: Any, rows: tuple, steps: Iterable[float]) -> tuple:
-    """The arguments of the solvers about a composition of flows, hashable, so that results can be cached."""
-    acting = compositions(rows, case.model)
-    return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), case.expressions, case.accuracy
-
-
-@functools.lru_cache(maxsize=256, typed=True)  # as models of two classes may be equal tuples
-def _demands(
-    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
-) -> Demands:
-    return demands(model, acting, initial, final_time, steps, [*map(as_numpy, functions)], accuracy)
-
-
-def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
-    """The ``spi.exact.kolmogorov.Expectations`` of a composition of flows for a case at the step sizes `steps`."""
-    return _solution(*question(case, rows, steps))[0]
-
-
-@functools.lru_cache(maxsize=8, typed=True)
-def _solution(
-    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
-) -> tuple[Expectations, float]:
-    """The expectations, and the seconds of all processors that they took."""
-    callables, began = [*map(as_numpy, functions)], time.process_time()
-    found = expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
-    return found, time.process_time() - began
