@@ -14,8 +14,8 @@ from spi.kinds.trajectory import study as trajectory
 from spi.models.spins import Anisotropy, Spins, Terms
 from spi.models.spins.tables import bond_matrices, tables
 from spi.models.spins.whole import Sampled
+from spi.plugins.systems.currents import energy_current
 from spi.storage import Part, Results
-from spi.systems.currents import energy_current
 
 pytestmark = pytest.mark.xdist_group("spins")
 

@@ -20,6 +20,8 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "lattices": [r"\bspins_of\b", "uniaxial anisotropy of all spins"],
+    "systems": ["written in yaml", "custom system", "definitionerror", "__system__", r"['\"]bracket['\"]"],
     "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
