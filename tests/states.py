@@ -8,8 +8,8 @@ import numpy as np
 
 from spi.ensemble import loop
 from spi.kinds import blocks
-from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.plans import State
+from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
 from spi.running import workers
 
 #: Fields that a clock decides: those with such ends, and those with such names.

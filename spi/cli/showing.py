@@ -162,7 +162,7 @@ def _about(path: Path) -> Iterator[None]:
 GROUPS = {
     "paper": "the figures of the paper, 1 to 17",
     "errors": "strong and weak errors of schemes, and work against precision",
-    "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
+    "dynamics": "paths, and what is known of them over time",
     "stability": "large steps, strong noise, fast processes",
     "systems": "systems written in YAML, and lattices of spins",
     "fluids": "the sine-Euler equations and their limit",

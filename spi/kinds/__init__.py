@@ -47,9 +47,6 @@ _OWN = {
     "weak": Kind("spi.kinds.weak"),
     "work_precision": Kind("spi.kinds.work_precision"),
     "stability": Kind("spi.kinds.stability"),
-    "equilibrium": Kind("spi.kinds.equilibrium"),
-    "statistics": Kind("spi.kinds.statistics"),
-    "lyapunov": Kind("spi.kinds.lyapunov"),
     "answer": Kind("spi.kinds.answer"),
 }
 KINDS = Registry("kinds", _OWN, Kind)

@@ -31,6 +31,7 @@ class Plugin(NamedTuple):
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> law
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
+    warnings: Mapping[str, str] = _NOTHING  #: name -> what says the limits of the results of a case, in a line
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
 

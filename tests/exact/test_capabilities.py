@@ -10,9 +10,10 @@ from yaml_cases import definition
 from spi import systems
 from spi.checks.registration import check_class
 from spi.ensemble.protocol import hamiltonian, noises, squared_length_is_casimir
-from spi.exact import kolmogorov, sphere_law
+from spi.exact import kolmogorov
 from spi.exact.kolmogorov.backward import joined
 from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
+from spi.plugins.dynamics.exact import sphere_law
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 

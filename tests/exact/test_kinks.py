@@ -8,11 +8,11 @@ from phis import functions_of
 from scipy.integrate import quad
 from scipy.special import eval_legendre, gamma, rgamma
 
-from spi.exact.gibbs import law_of
 from spi.exact.kolmogorov import kinks, refiner
 from spi.exact.kolmogorov.harmonics import harmonics_up_to
 from spi.exact.kolmogorov.refining import outlook, refined
 from spi.models import MaxwellBloch, RigidBody
+from spi.plugins.dynamics.exact.gibbs import law_of
 
 
 @pytest.mark.parametrize(

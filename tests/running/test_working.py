@@ -13,8 +13,8 @@ import spi
 from spi import storage
 from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
-from spi.kinds.statistics import references
 from spi.kinds.weak import kolmogorov as study
+from spi.plugins.dynamics.kinds.statistics import references
 from spi.running import run as runner
 from spi.running import workers
 from spi.running.run import Limits, Stopped, Watch, predictions
