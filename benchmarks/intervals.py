@@ -27,7 +27,7 @@ from scipy.linalg import expm
 from scipy.stats import beta, norm
 
 import spi
-from spi.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
+from spi.plugins.comparisons.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
 from spi.plugins.dynamics.exact import gibbs
 from spi.plugins.dynamics.kinds.equilibrium.results import Equilibrium
 from spi.plugins.dynamics.kinds.lyapunov.results import Exponents

@@ -45,8 +45,5 @@ _OWN = {
     "strong": Kind("spi.kinds.strong"),
     "trajectory": Kind("spi.kinds.trajectory"),
     "weak": Kind("spi.kinds.weak"),
-    "work_precision": Kind("spi.kinds.work_precision"),
-    "stability": Kind("spi.kinds.stability"),
-    "answer": Kind("spi.kinds.answer"),
 }
 KINDS = Registry("kinds", _OWN, Kind)

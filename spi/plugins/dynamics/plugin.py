@@ -2,10 +2,12 @@
 
 from spi.plugins import Plugin
 
-_KINDS = "spi.plugins.dynamics.kinds"
-
 PLUGIN = Plugin(
     "dynamics",
-    kinds={name: f"{_KINDS}.{name}" for name in ("equilibrium", "statistics", "lyapunov")},
+    kinds={
+        "equilibrium": "spi.plugins.dynamics.kinds.equilibrium",
+        "statistics": "spi.plugins.dynamics.kinds.statistics",
+        "lyapunov": "spi.plugins.dynamics.kinds.lyapunov",
+    },
     warnings={"uniqueness": "spi.plugins.dynamics.running.uniqueness:warning"},
 )
