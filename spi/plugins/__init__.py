@@ -38,6 +38,7 @@ class Plugin(NamedTuple):
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
     solvers: Mapping[str, str] = _NOTHING  #: method that a model answers -> module, see ``spi.exact.expectations``
+    warnings: Mapping[str, str] = _NOTHING  #: name -> what says the limits of the results of a case, in a line
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
     templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with

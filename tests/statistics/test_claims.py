@@ -16,10 +16,10 @@ from weak_results import at_eps, weak, weak_group
 
 from spi import storage, views
 from spi.kinds import KINDS
-from spi.kinds.equilibrium.results import Derived
-from spi.kinds.lyapunov.results import Exponents
-from spi.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.kinds.trajectory.results import Values
+from spi.plugins.dynamics.kinds.equilibrium.results import Derived
+from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
+from spi.plugins.dynamics.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.printing import as_csv, as_json, tables
 from spi.running import run as runs
 from spi.specs import SpecError
