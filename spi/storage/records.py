@@ -27,9 +27,6 @@ def in_standard_errors(difference: np.ndarray, stderr: np.ndarray) -> np.ndarray
         return np.asarray(difference / np.where(np.isfinite(stderr), stderr, np.nan))
 
 
-#: Kinds of experiment by the names that they had in files of earlier versions.
-RENAMED_KINDS = {"long_time": "equilibrium"}
-
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 

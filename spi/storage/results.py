@@ -29,7 +29,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from .records import RENAMED_KINDS, Group, Results
+from .records import Group, Results
 
 try:
     import fcntl
@@ -326,7 +326,7 @@ def read(path: str | Path) -> Results:
                         groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
                     else:
                         groups.append(_read_group(case, variant, "", source))
-            return Results(_read_root(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
+            return Results(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
@@ -335,7 +335,7 @@ def read_root(path: str | Path) -> dict[str, Any]:
     """The attributes of the whole file, without any results."""
     with _open_results(Path(path)) as file:
         try:
-            return _read_root(file)
+            return _read_attributes(file)
         except DAMAGE as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
@@ -428,14 +428,6 @@ def _write_attributes(target: h5py.Group, attributes: dict[str, Any]) -> None:
 
 def _read_attributes(source: h5py.Group) -> dict[str, Any]:
     return {name: _decode(value) for name, value in source.attrs.items() if name != MARK}
-
-
-def _read_root(file: h5py.File) -> dict[str, Any]:
-    """The attributes of the whole file."""
-    attributes = _read_attributes(file)
-    if (kind := attributes.get("kind")) in RENAMED_KINDS:
-        attributes["kind"] = RENAMED_KINDS[kind]
-    return attributes
 
 
 def _encode(name: str, value: Any) -> Any:

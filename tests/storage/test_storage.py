@@ -408,11 +408,6 @@ def test_provenance_is_flat_and_storable(tmp_path):
     assert storage.read(tmp_path / "r.h5").attributes == facts
 
 
-def test_results_of_a_kind_by_its_former_name(tmp_path):
-    storage.write(tmp_path / "a.h5", Results({"kind": "long_time"}, (group(),)))
-    assert storage.read(tmp_path / "a.h5").attributes["kind"] == "equilibrium"
-
-
 def test_large_arrays_are_not_copied(tmp_path):
     """At most once when they are read, and not at all when they are written, with a few MB for blocks of the file."""
     values = np.arange(2.0**22).reshape(8, -1)
