@@ -17,8 +17,6 @@ from spi.report import views
 from spi.storage import Part, Results
 from spi.systems.currents import energy_current
 
-pytestmark = pytest.mark.xdist_group("spins")
-
 
 def balance(model: Spins, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(places, rates of change) of the energies of bonds and sites, and of mu s of the sites, of an open lattice."""

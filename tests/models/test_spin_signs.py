@@ -15,8 +15,6 @@ from spi.models.spins.whole import Sampled
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES, of_model
 
-pytestmark = pytest.mark.xdist_group("spins")
-
 X, Y, Z = np.eye(3)
 D, J = np.array([0.3, -0.7, 0.2]), np.array([[1.0, 0.2, -0.1], [0.4, -0.5, 0.3], [0.0, 0.6, 0.7]])
 

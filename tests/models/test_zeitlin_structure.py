@@ -27,8 +27,6 @@ from spi.models.zeitlin.tables import lines
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES, strong_order
 
-pytestmark = pytest.mark.xdist_group("zeitlin")
-
 SPLITTINGS = [name for name in STEPPERS if name != "euler_maruyama"]
 
 
