@@ -17,8 +17,6 @@ from spi.plugins.dynamics.kinds.statistics import study
 from spi.plugins.systems.currents import energy_current
 from spi.storage import Part, Results
 
-pytestmark = pytest.mark.xdist_group("spins")
-
 
 def balance(model: Spins, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(places, rates of change) of the energies of bonds and sites, and of mu s of the sites, of an open lattice."""
