@@ -6,7 +6,7 @@ import inspect
 from ..compiler.dispatch import MOST
 from ..ensemble import protocol, scheme_protocol
 
-_OF_PARAMETERS = ("in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables")
+_OF_PARAMETERS = ("in_kernels", "fault", "at_temperature", "one_path", "gibbs_law", "state_fault", "observables")
 
 
 def vocabulary(asked):

@@ -285,6 +285,14 @@ def one_path(model, scheme, h):
 
 
 @method(optional=True)
+def gibbs_law(model, temperature, sweeps):
+    """The law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
+
+    It has ``numbers``, ``sweeps``, ``states(z)`` and ``moved(states, seed, stream, first)``.  Called in Python only.
+    """
+
+
+@method(optional=True)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
 

@@ -28,6 +28,8 @@ class Plugin(NamedTuple):
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
     sources: Mapping[str, str] = _NOTHING  #: key under ``model`` -> what reads such a mapping
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
+    laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
+    grids: Mapping[str, str] = _NOTHING  #: name of a model -> what makes its state of values on a grid
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> law
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors

@@ -18,6 +18,8 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "fluids": [],
+    "spins": [],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }
 
