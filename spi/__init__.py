@@ -30,7 +30,7 @@ DISTRIBUTION = "stochastic-poisson-integrators"
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
     **dict.fromkeys(
-        ("Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"),
+        ("Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"),
         "api",
     ),
     "SpecError": "specs",
@@ -60,7 +60,7 @@ _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py"}
 #: and records decide numbers as much as studies do.
 _COMPUTING = ("checks", "exact", "expressions", "kinds", "plugins", "printing", "specs", "statistics", "storage")
 _COMPUTING += ("systems",)
-_SHOWING = {"api", "cli", "command.py", "drawing", "figure.py", "views"}
+_SHOWING = {"api", "api.py", "cli", "command.py", "drawing", "figure.py", "views"}
 
 
 def sources(*rooms):

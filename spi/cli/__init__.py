@@ -106,10 +106,6 @@ _PLOT = (
     "spi plot rigid_body_strong --profile quick",
     "spi plot results/my_body.h5 --style paper --width two --out figures",
 )
-_ANSWER = (
-    "spi answer rigid_body_strong --function y1^2 --accuracy 1e-4",
-    "spi answer my_body.yaml --time 2 --seconds 60 --dry",
-)
 #: The commands of the core; a plug-in names its own, each a ``Command``.
 _COMMANDS = {
     "list": Command(showing.list_, BEGIN),
@@ -117,7 +113,6 @@ _COMMANDS = {
     "doctor": Command(starting.doctor, BEGIN),
     "check": Command(check, COMPUTE),
     "run": Command(running.run, COMPUTE, _RUN),
-    "answer": Command(running.answer, COMPUTE, _ANSWER),
     "merge": Command(running.merge, COMPUTE),
     "show": Command(showing.show, LOOK),
     "plot": Command(showing.plot, LOOK, _PLOT),

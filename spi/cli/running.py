@@ -1,5 +1,6 @@
 """The commands that compute: run, merge, verify."""
 
+import logging
 import math
 import re
 import shlex
@@ -27,7 +28,7 @@ from .options import (
     run_options,
     stored,
 )
-from .terminal import STOP, for_whoever_reads, takes_all_characters, tell
+from .terminal import STOP, for_whoever_reads, tell
 
 if TYPE_CHECKING:
     from ..running.run import Limits, Watch
@@ -54,7 +55,7 @@ def run(
     ] = None,
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster.")
     ] = None,
     confirmed: Annotated[
         bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
@@ -79,7 +80,7 @@ def run(
         mine = Shard.of(shard) if shard is not None else None
     except ValueError:
         end(INVALID, f"--shard: is '{shard}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
-    limits = _limits(max_time, checkpoint)
+    limits = limits_of(max_time, checkpoint)
     prepare(threads)
     for experiment in experiments:
         for warning in warnings(experiment):
@@ -87,8 +88,8 @@ def run(
     if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
+                folder = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
+            tell(f"wrote shard {shard} to {folder}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
 
@@ -208,7 +209,7 @@ def prepare(threads: int | None) -> None:
         tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
-def _limits(max_time: str | None, checkpoint: str) -> "Limits":
+def limits_of(max_time: str | None, checkpoint: str) -> "Limits":
     from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
@@ -230,13 +231,19 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
     from ..running.workers import workers_of
 
     with ExitStack() as stack:
-        try:
-            pool = stack.enter_context(workers_of(address if size is None else size))
-        except ImportError:
-            end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
-        except (OSError, ValueError) as error:
-            end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
-        yield pool
+        executor = None
+        if address is not None:
+            try:
+                from distributed import Client
+
+                for name in ("distributed", "distributed.client"):  # a line says the same as its tracebacks
+                    logging.getLogger(name).setLevel(logging.CRITICAL)
+                executor = stack.enter_context(Client(address)).get_executor()
+            except ImportError:
+                end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
+            except (OSError, ValueError) as error:
+                end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler")
+        yield stack.enter_context(workers_of(size if executor is None else executor))
 
 
 def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
@@ -271,82 +278,3 @@ def _show_each(
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
     if wrong:
         raise typer.Exit(CLAIM_FAILED)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The command that answers: an expectation to a wanted accuracy.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-@run_options("samples")
-def answer(
-    spec: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SPEC|NAME",
-            help="An experiment file (YAML), or a name listed by `spi list`, whose system and initial value count.",
-            autocompletion=complete_spec,
-        ),
-    ],
-    function: Annotated[
-        list[str] | None, typer.Option(help="Test function, e.g. 'y1^2' (default: those of the experiment).")
-    ] = None,
-    time: Annotated[str | None, typer.Option(help="Final time (default: that of the experiment).")] = None,
-    accuracy: Annotated[str | None, typer.Option(help="Half the width of the 95 % interval, e.g. 1e-5.")] = None,
-    seconds: Annotated[str | None, typer.Option(help="Largest work, in seconds of one thread (default: 3600).")] = None,
-    dry: Annotated[bool, typer.Option("--dry", help="Run the pilot only, and predict.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
-    threads: Threads = None,
-    out: Out = Path("results"),
-    fresh: Fresh = False,
-    max_time: MaxTime = None,
-    checkpoint: Checkpoint = "5s",
-    *,
-    options: RunOptions,
-) -> None:
-    """Find expectations E phi(y(T)) to a wanted accuracy.
-
-    The program chooses scheme, steps, extrapolation and samples, or solves without sampling where it can; it checks
-    the bias, and writes <out>/<name>.answer.h5.
-    """
-    from ..running.load import load_answer
-    from ..specs.naming import as_override
-
-    keys = {"final_time": time, "accuracy": accuracy, "seconds": seconds}
-    named = [f"{key}={value}" for key, value in keys.items() if value is not None]
-    if function:
-        several = {f"phi{i}": text for i, text in enumerate(function, 1)}
-        named.append(as_override("functions", several if len(several) > 1 else function[0]))
-    experiment = load_answer(spec, options.profile, [*named, *options.assignments], options.trust_code)
-    limits = _limits(max_time, checkpoint)
-    prepare(threads)
-    if dry:
-        _predict(experiment)
-        return
-    from .. import storage, views
-    from ..printing import as_json
-    from ..running import run as runner
-    from .progress import ProgressLine
-
-    with ProgressLine(experiment.name) as line:
-        path = runner.run(experiment, out, fresh, line.watch, limits)
-    results = storage.read(path)
-    if json:
-        typer.echo(as_json(views.rows(results), takes_all_characters()))
-    else:
-        views.print_tables(results)
-    tell(f"results: {path}")
-
-
-def _predict(experiment: "Experiment") -> None:
-    """Run the pilots, and say what the answers would take."""
-    from ..printing.text import human_time
-    from ..running.run import predictions
-    from .progress import ProgressLine
-
-    with ProgressLine(experiment.name) as line:
-        predicted = list(predictions(experiment, line.watch))
-    for case, (how, seconds, next_digit) in predicted:
-        takes = f": about {human_time(seconds)} of processor time"
-        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
-        typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from ..plugins import PluginError, offers
 from .options import (
     FAILED,
     INVALID,
@@ -158,12 +159,20 @@ def _about(path: Path) -> Iterator[None]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-#: The groups of experiments, and those in them.
+def _groups_of_plugins() -> dict[str, str]:
+    """The groups of experiments that plug-ins add; none where one cannot be used, which the program says elsewhere."""
+    try:
+        return offers("groups")
+    except PluginError:
+        return {}
+
+
+#: The groups of experiments, and those in them; with those of plug-ins that are here.
 GROUPS = {
     "paper": "the figures of the paper, 1 to 17",
-    "errors": "strong and weak errors of schemes, and work against precision",
+    "errors": "strong and weak errors of schemes, and what they cost",
     "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
-    "stability": "large steps, strong noise, fast processes",
+    **_groups_of_plugins(),
     "systems": "systems written in YAML, and lattices of spins",
     "fluids": "the sine-Euler equations and their limit",
     "yours": "those in the folder --experiments",
@@ -196,8 +205,7 @@ def list_(
         typer.Argument(
             metavar="WORD",
             parser=word,
-            help="experiments, or a group of them: paper, errors, dynamics, stability, systems, fluids, yours; "
-            "models, schemes, kinds or results.",
+            help=f"experiments, or a group of them: {', '.join(GROUPS)}; models, schemes, kinds or results.",
         ),
     ] = None,
     folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
@@ -277,15 +285,16 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
 
 def _group(heading: "Heading") -> str:
     """The group of an experiment that comes with spi."""
+    from ..kinds import KINDS
+
     if heading.figure:
         return "paper"
     if "system" in heading.model or heading.model.get("name") == "spins":
         return "systems"
     if heading.model.get("name") in ("sine_euler", "zeitlin"):
         return "fluids"
-    if heading.kind == "stability":
-        return "stability"
-    return "errors" if heading.kind in ("strong", "weak", "work_precision") else "dynamics"
+    group: str = KINDS[heading.kind].keys.Case.listed_under
+    return group
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:

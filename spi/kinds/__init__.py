@@ -45,11 +45,8 @@ _OWN = {
     "strong": Kind("spi.kinds.strong"),
     "trajectory": Kind("spi.kinds.trajectory"),
     "weak": Kind("spi.kinds.weak"),
-    "work_precision": Kind("spi.kinds.work_precision"),
-    "stability": Kind("spi.kinds.stability"),
     "equilibrium": Kind("spi.kinds.equilibrium"),
     "statistics": Kind("spi.kinds.statistics"),
     "lyapunov": Kind("spi.kinds.lyapunov"),
-    "answer": Kind("spi.kinds.answer"),
 }
 KINDS = Registry("kinds", _OWN, Kind)

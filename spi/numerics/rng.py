@@ -29,8 +29,8 @@ UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j, j < 64
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
 DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j, j < 64
-#: Of an answer: increments of path set number j < 68 of scheme number i: ANSWERS[i] + 2 j.
-ANSWERS = (512, 648, 784, 144, 280, 1152, 1288, 1540, 1676, 1812)
+#: Of a kind with independent path sets: increments of set number j < 68 of scheme number i: PATH_SETS[i] + 2 j.
+PATH_SETS = (512, 648, 784, 144, 280, 1152, 1288, 1540, 1676, 1812)
 
 #: The largest number of Wiener processes of paths, so that their channels and those of bridges are apart.
 MOST_NOISES = 4096

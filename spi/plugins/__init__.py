@@ -1,17 +1,18 @@
 """Plug-ins: what the program can do beyond its core, each in a folder that can be left out.
 
 A plug-in is a folder here with a file ``plugin.py``, or a package elsewhere with an entry point of the group
-``spi.plugins``: a record PLUGIN, a :class:`Plugin`, that says by name what it offers.  What it offers is imported when
-it is first asked for by its name.  The core imports no plug-in and names none; a plug-in imports the core, and the
-plug-ins that it needs.
+``spi.plugins``: a record PLUGIN, a :class:`Plugin` of plain texts, that says by name what it offers.  The record is
+read without running the file, and what it offers is imported when it is first asked for by its name.  The core imports
+no plug-in and names none; a plug-in imports the core, and the plug-ins that it needs.
 """
 
+import ast
 import json
-import pkgutil
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -30,34 +31,51 @@ class Plugin(NamedTuple):
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
     grids: Mapping[str, str] = _NOTHING  #: name of a model -> what makes its state of values on a grid
-    noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> law
+    noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
+    groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text
 
 
 class PluginError(ImportError):
     """A plug-in that cannot be used, in one line with a remedy."""
 
 
+def _read(file: Path, name: str) -> Plugin:
+    """The record that a Python file assigns to a name, whose arguments are literals; the file is not run."""
+    for line in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Call):
+            target, call = line.targets[0], line.value
+            if isinstance(target, ast.Name) and target.id == name:
+                named = {word.arg or "": ast.literal_eval(word.value) for word in call.keywords}
+                return Plugin(*map(ast.literal_eval, call.args), **named)
+    raise ValueError(f"{file.name} has no line {name} = Plugin(...)")
+
+
+def _read_entry(entry: EntryPoint) -> Plugin:
+    """The record of another package."""
+    try:
+        spec = find_spec(entry.module)
+        if spec is None or spec.origin is None:
+            raise ValueError(f"there is no module {entry.module}")
+        return _read(Path(spec.origin), entry.attr)
+    except Exception as error:
+        right = "must be a spi.plugins.Plugin(...) of plain texts; mend or uninstall it"
+        raise PluginError(f"the plug-in {entry.value} cannot be read ({error}), {right}") from error
+
+
 @cache
 def installed() -> dict[str, Plugin]:
-    """The plug-ins that are here, by name; PluginError if one of another package cannot be used.
+    """The plug-ins that are here, by name; PluginError if one of another package cannot be read.
 
     One that needs a plug-in that is not here is not here, either.
     """
-    here = [module.name for module in pkgutil.iter_modules(__path__) if module.ispkg]
-    plugins = {name: import_module(f"{__name__}.{name}.plugin").PLUGIN for name in here}
+    files = sorted(Path(__file__).parent.glob("*/plugin.py"))
+    plugins = {file.parent.name: _read(file, "PLUGIN") for file in files}
     for entry in entry_points(group=GROUP):
-        try:
-            plugin = entry.load()
-        except Exception as error:
-            reason = f"{type(error).__name__}: {error}".splitlines()[0]
-            raise PluginError(f"the plug-in {entry.value} cannot be loaded ({reason}); mend or uninstall it") from error
-        if not isinstance(plugin, Plugin):
-            right = "must be a spi.plugins.Plugin; mend or uninstall it"
-            raise PluginError(f"the plug-in {entry.value} is a {type(plugin).__name__}, {right}")
+        plugin = _read_entry(entry)
         if plugin.name in plugins:
             raise PluginError(f"two plug-ins are called '{plugin.name}'; rename or uninstall that of {entry.value}")
         plugins[plugin.name] = plugin

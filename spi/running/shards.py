@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import specs, storage
 from ..kinds.plans import State
-from .checkpoint import Limits, Shard, Stopped, sums_path
+from .checkpoint import Limits, Shard, Stopped
 from .run import NOBODY, USUAL, Session, Watch
 from .workers import Task, advance_some_here, allocate
 
@@ -28,22 +28,22 @@ def run_shard(
     watch: Watch = NOBODY,
     limits: Limits = USUAL,
 ) -> Path:
-    """Compute one shard of what an experiment wants for now, and return the path of its file.
+    """Compute one shard of what an experiment wants for now, and return the folder with its sums.
 
-    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.running.run.run` does.
+    With `fresh` those of an earlier run of it are not looked at.  Raises StorageError and Stopped as
+    :func:`spi.running.run.run` does.
     """
     session = Session(experiment, out, fresh, watch, limits, shard)
-    merged = session.merge(sums_path(experiment, out))  # of earlier rounds
+    session.take()  # of earlier rounds
     mine = set(_shards(session.states, shard.count)[shard.number - 1])
     if not fresh:
-        merged |= session.merge(session.path, with_extra=False)
-        session.take_of_others(session.by_name.keys() - merged)
+        session.take(shard.ending)
     with session.saved_at_the_end():
         if mine.intersection(session.missing()):
             session.compile()
         advance_some_here(session.states, mine, session.batch_done)
         session.save()
-    return session.path
+    return session.store.folder
 
 
 def merge(
@@ -67,8 +67,7 @@ def merge(
                 pass
         if left := session.missing():
             session.save()
-            for file in session.shards().values():
-                file.unlink(missing_ok=True)
+            session.remove_shards()
             raise Stopped(
                 f"all shards of this round are complete, and further chunks are needed ({len(left)}): run all shards "
                 f"of {experiment.called} again, then `spi merge`"
@@ -83,7 +82,7 @@ def _need_all(session: Session) -> None:
         return
     if not shards:
         raise storage.StorageError(
-            f"{session.path.parent}: no shards of {called} here; "
+            f"{session.store.folder}: no shards of {called} here; "
             f"`spi run {shlex.quote(Path(called).as_posix())} --shard 1/4` computes the first of four"
         )
     count = max(shard.count for shard in shards)

@@ -49,7 +49,6 @@ from .checks import (
     wrong_scheme,
 )
 from .compositions import Compositions, check_steps, weak_order
-from .drivers import Noise, check_noise, described
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -72,6 +71,7 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .names import CodeKeys, Taken, check_values, named_in, numbers_of
+from .noise import Noise
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -169,9 +169,7 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    noise: key_of(Noise, "what drives the noises, as in {kind: fractional, hurst: 0.7}; default: Brownian motion") = (
-        None
-    )
+    noise: key_of(Noise, "what drives the noises, as in {kind: brownian}, which is the default") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
@@ -196,6 +194,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -252,7 +251,24 @@ class BaseCase(Keys):
     @property
     def driver(self) -> str:
         """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
-        return described(self.noise)
+        return self.noise.text if self.noise else ""
+
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The step sizes for which increments are drawn; those of larger steps are sums of them."""
+        raise NotImplementedError
+
+    @property
+    def wanted_paths(self) -> int:
+        """The number of paths whose noise is drawn."""
+        return getattr(self, "samples", None) or 1
+
+    def check_driven(self) -> None:
+        """Raise the error about what is for Brownian motion, of a case with another driver."""
+        if not self.driven:
+            raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
+        if getattr(self, "truncate_noise", False):
+            raise wrong("is true, whose bound is that for Brownian motion", "leave it out", "truncate_noise")
 
     @property
     def model_name(self) -> str:
@@ -342,7 +358,9 @@ class BaseCase(Keys):
                 able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
                 able += " without damping" if self.damping else ""
                 raise wrong_scheme(self, name, f"which is for {able}", "use another")
-        check_noise(self)
+        if self.noise:
+            self.check_driven()
+            self.noise.check(self)
 
     @condition
     def _check_lists(self) -> None:
@@ -396,6 +414,11 @@ class StepCase(BaseCase):
         """T."""
         return self.final_time
 
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The step."""
+        return (self.step,)
+
     @condition
     def _check_step(self) -> None:
         check_step(self)
@@ -411,12 +434,18 @@ class ErrorCase(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
 
+    listed_under: ClassVar[str] = "errors"
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
 
     @property
     def last_time(self) -> float:
         """T."""
         return self.final_time
+
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The reference step."""
+        return (self.reference_step,)
 
     @condition
     def _check_steps(self) -> Self:
@@ -476,7 +505,7 @@ def _thermal(case: Any) -> Any:
         raise wrong("is 0, at which friction would be infinite", right, "temperature")
     if case.damping:
         raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
-    if described(case.noise):
+    if case.noise:
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model

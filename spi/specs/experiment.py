@@ -44,9 +44,6 @@ PROFILES = ("laptop", "paper", "quick")
 #: The keys of a file that are none of its cases.
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
-#: The kind of experiments that name an accuracy and leave steps and samples to the program.
-ANSWER = "answer"
-
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
 
@@ -200,13 +197,6 @@ class Experiment(NamedTuple):
     def samples(self) -> tuple[int, ...]:
         """The number of samples of each case, 0 where there is none."""
         return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
-
-    @property
-    def paths_hash(self) -> str:
-        """As `hash`, but without the numbers of samples, which change no path."""
-        cases = self.effective["cases"].items()
-        paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
-        return _hash({**self.effective, "cases": paths})
 
 
 def _canonical(value: Any) -> str:

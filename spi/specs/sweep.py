@@ -29,9 +29,9 @@ from .files import Files
 from .keys import powers_of_two, suggestion, wrong
 from .models import BY_ENTRY, SOURCES, names_under, system_in_file
 
-POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
+POINT = ("model", "damping", "temperature", "initial", "eps")  #: where a parameter of the system may stand
 _NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand in other kinds
+PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand by default
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
 SWEEP += "of two parameters a map"

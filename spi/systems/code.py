@@ -249,7 +249,10 @@ def words_in(code: str) -> set[str]:
     return set(re.findall(r"\w+", code))
 
 
-def case(k: int, count: int, lines: Sequence[str]) -> list[str]:
-    """Lines for one k of several, in a method."""
-    head, indent = ([], "    ") if k == count - 1 else ([f"    if k == {k}:"], "        ")
-    return [*head, *(indent + line for line in lines)]
+def method(head: str, cases: Mapping[int, Sequence[str]]) -> list[str]:
+    """A method that has some lines for each k; the last ones are without a condition."""
+    lines = ["", f"def {head}:"]
+    for k, of_case in cases.items():
+        before, indent = ([], "    ") if k == max(cases) else ([f"    if k == {k}:"], "        ")
+        lines += [*before, *(indent + line for line in of_case)]
+    return lines

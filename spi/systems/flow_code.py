@@ -14,7 +14,7 @@ import mpmath
 import sympy
 
 from .brackets import NOTHING, Bracket, Field, Symbolics, is_curved, summed
-from .code import Formula, Numbers, as_tuple, case, forms, words_in, written_sum
+from .code import Formula, Numbers, as_tuple, forms, method, words_in, written_sum
 from .spectrum import Block, Space, blocks
 from .splitting import Flow, Series, constant_rates, form_text, reduced, series
 
@@ -543,15 +543,11 @@ class Tables:
         lines = ["", f"row_length = {self.length}"]
         lines += [f"drift_tables = {tuple(drift)!r}", f"noise_tables = {tuple(noise)!r}"]
         lines += [f"friction_tables = {tuple(friction)!r}"] if friction and all(friction) else []
-        shapes, count = self.shapes.values(), len(self.shapes)
-        lines += ["", "def shape_flow(model, k, t, y, angles):"]
-        lines += [line for shape in shapes for line in case(shape.number, count, shape.flow)]
-        lines += ["", "def shape_angle(model, k, t, y):"]
-        lines += [line for shape in shapes for line in case(shape.number, count, shape.angle)]
-        if friction and all(friction):
-            lines += ["", "def shape_slopes(model, k, y):"]
-            lines += [line for n, text in self.slopes.values() for line in case(n, len(self.slopes), text)]
-        return lines
+        shapes = self.shapes.values()
+        lines += method("shape_flow(model, k, t, y, angles)", {shape.number: shape.flow for shape in shapes})
+        lines += method("shape_angle(model, k, t, y)", {shape.number: shape.angle for shape in shapes})
+        slopes = dict(self.slopes.values()) if friction and all(friction) else {}
+        return lines + (method("shape_slopes(model, k, y)", slopes) if slopes else [])
 
     def functions(self) -> list[list[str]]:
         """The lines of the functions of all shapes."""
@@ -581,19 +577,19 @@ class Writer(NamedTuple):
 
     def words(self, heads: Sequence[str], calls: Sequence[Call]) -> list[str]:
         """Two methods, of flows and of their angles."""
-        flow_lines, angle_lines, count = [heads[0]], [heads[1]], calls[-1].k + 1
+        nothing = as_tuple(["np.nan"] * len(self.world.variables))
+        flows: dict[int, list[str]] = {}
+        angles: dict[int, list[str]] = {}
         for k, key, moves, together in calls:
             if isinstance(key, str):
-                nothing = as_tuple(["np.nan"] * len(self.world.variables))
-                flow_lines += case(k, count, [f"return {nothing}  # there is no exact flow"])
-                angle_lines += case(k, count, ["return 0.0"])
+                flows[k], angles[k] = [f"return {nothing}  # there is no exact flow"], ["return 0.0"]
                 continue
             name, made, _, uses = self.motions[key]
             joined = (f" ({flow.together})" if any(term.joined for term in flow.terms) else "" for flow in together)
             said = "; ".join(self.world.name(f.expression) + how for f, how in zip(together, joined, strict=True))
-            flow_lines += case(k, count, [f"# {said}", *self.call(name, uses, moves)])
-            angle_lines += case(k, count, self.angle(made, moves))
-        return ["", *flow_lines, "", *angle_lines]
+            flows[k] = [f"# {said}", *self.call(name, uses, moves)]
+            angles[k] = self.angle(made, moves)
+        return method(heads[0], flows) + method(heads[1], angles)
 
     def call(self, name: str, uses: bool, moves: Moves) -> list[str]:
         """Lines that return the motion of this name; `uses` says whether it is given the model."""
@@ -668,17 +664,9 @@ def _leader(first: Flow, second: Flow) -> Flow | None:
 # Functions
 # ---------------------------------------------------------------------------------------------------------------------
 
-Motions = Mapping[
-    Any, tuple[str, Motion, Sequence[Generator], bool]
-]  #: key -> (name, motion, generators, is given model)
 
-
-def motion_functions(motions: Motions, bracket: Bracket) -> list[list[str]]:
-    """The lines of the functions of all motions."""
-    return [_function(*motion, bracket) for motion in motions.values()]
-
-
-def _function(name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> list[str]:
+def motion_function(name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> list[str]:
+    """The lines of the function of a motion; `uses` says whether it is given the model."""
     parameters = [*["model"] * uses, "angles", *(f"a{n + 1}" for n in range(len(by))), "y"]
     head = f"def {name}({', '.join(parameters)}):"
     return ["", "@device", head, _said(made, by, uses, bracket), *_whole(made, bracket)]

@@ -26,14 +26,15 @@ from .splitting import (
     Flow,
     NoExactFlow,
     Term,
+    affine_rates,
     by_affine_field,
     connected,
     degree,
     diagonalised,
     merged,
     parts,
+    rates_of,
     single,
-    unmoved,
     without_flow,
 )
 
@@ -120,12 +121,8 @@ def affine_links(function: Any, world: Symbolics) -> list[tuple[int, ...]] | Non
     used, bracket = world.used(function), world.bracket
     if world.time in function.free_symbols or degree(function, world) > 2 or not all(map(bracket.is_affine, used)):
         return None
-    rates = world.rates({i: sympy.diff(function, world.variables[i]) for i in used})
-    for factor in unmoved(world):
-        changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
-        if all(degree(change, world) < 2 for change in changes.values()):
-            return [(row, *world.used(change)) for row, change in changes.items() if change != 0]
-    return None
+    found = affine_rates(rates_of(function, world), world)
+    return found and [(row, *world.used(change)) for row, change in found[1].items() if change != 0]
 
 
 def affine(function: Any, world: Symbolics) -> Term | None:

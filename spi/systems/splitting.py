@@ -470,12 +470,6 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
 _MOST_KEPT = 20  # linear functions s
 
 
-def unmoved(world: Symbolics) -> tuple[Any, ...]:
-    """1, and the components that nothing moves."""
-    linked = {i for pair in world.bracket.entries for i in pair}
-    return (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked))
-
-
 def by_quadratics(function: Any, world: Symbolics) -> Term | None:
     """A function of quadratic functions and of linear ones as a term; None if it is no such function."""
     factor, rest = split_in_time(function, world.time)
@@ -549,29 +543,39 @@ def _quadratic(u: Any, world: Symbolics, **more: Any) -> Quadratic:
     return Quadratic(u, {((), monomial): precise(c) for monomial, c in numbers.items()}, **more)
 
 
-def _rates(u: Any, world: Symbolics) -> dict[int, Any]:
-    """{w_i, u} by coordinate, at the values of the parameters."""
+def rates_of(u: Any, world: Symbolics, at: Mapping[Any, Any] = MappingProxyType({})) -> dict[int, Any]:
+    """{w_i, u} by coordinate, at some values of parameters."""
     rates = world.rates({i: sympy.diff(u, world.variables[i]) for i in world.used(u)})
-    return {i: rate.xreplace(dict(world.parameters)) for i, rate in rates.items()}
+    return {i: rate.xreplace(dict(at)) for i, rate in rates.items()}
+
+
+def affine_rates(rates: Mapping[int, Any], world: Symbolics) -> tuple[Any, dict[int, Any]] | None:
+    """(c, affine functions) of which the rates are the products, c being 1 or a component that nothing moves, or None.
+
+    Rates may be infinite or complex at the values of parameters.
+    """
+    linked = {i for pair in world.bracket.entries for i in pair}
+    for factor in (sympy.S.One, *(y for i, y in enumerate(world.variables) if i not in linked)):
+        changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
+        if any(change.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo) for change in changes.values()):
+            return None
+        if all(degree(change, world) < 2 for change in changes.values()):
+            return factor, changes
+    return None
 
 
 def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
     """The function with its affine field and the factor of that, if it has one."""
-    rates = _rates(u, world)
-    for factor in unmoved(world):
-        changes = {row: sympy.expand(rate / factor) for row, rate in rates.items()}
-        if any(change.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo) for change in changes.values()):
-            return None  # at these parameters
-        if all(degree(change, world) < 2 for change in changes.values()):
-            terms = ((row, monomials(change, world.variables)) for row, change in changes.items())
-            field = summed(((row, monomial), precise(c)) for row, of in terms for monomial, c in of.items())
-            return _quadratic(u, world, factor=factor, field=field)
-    return None
+    if (found := affine_rates(rates_of(u, world, world.parameters), world)) is None:
+        return None
+    terms = ((row, monomials(change, world.variables)) for row, change in found[1].items())
+    field = summed(((row, monomial), precise(c)) for row, of in terms for monomial, c in of.items())
+    return _quadratic(u, world, factor=found[0], field=field)
 
 
 def _by_kept(u: Any, world: Symbolics) -> Quadratic | None:
     """The function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
-    bracket, variables, rates = world.bracket, world.variables, _rates(u, world)
+    bracket, variables, rates = world.bracket, world.variables, rates_of(u, world, world.parameters)
     linked = connected({*pair}.union(*entry) for pair, entry in bracket.entries.items())
     within = set().union(*(part for part in linked if part & {*world.used(u)})) - bracket.logarithmic
     casimirs = [c for c in world.casimirs if degree(c, world) == 2 and within >= {*world.used(c)}]

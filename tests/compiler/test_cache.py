@@ -44,7 +44,7 @@ def copied(tmp_path_factory):
         ("drawing/style.py", False, False),
         ("kinds/strong/results.py", False, True),
         ("kinds/strong/keys.py", False, True),
-        ("kinds/stability/figure.py", False, False),
+        ("plugins/comparisons/kinds/stability/figure.py", False, False),
         ("running/run.py", False, False),
         ("cli/__init__.py", False, False),
     ],

@@ -134,12 +134,16 @@ ARRAYS = {
 
 @pytest.mark.parametrize("name", ARRAYS)
 def test_bits_of_array_states_do_not_depend_on_the_number_of_paths(name):
-    """Paths 64 and 65 of 66 and of 70, and the first five of 5 and of 64; steps are long, so that angles are large."""
-    of = functools.partial(run, *ARRAYS[name], h=0.25)
+    """Paths 64 and 65 of 66 and of 70, and the first five of 5 and of 64; steps are long, so that angles are large.
+
+    Of the midpoint rule, which takes longer, one step, and 12 paths, of which four stand in another batch.
+    """
+    steps, many = (1, 12) if "midpoint" in name else (2, LANES)
+    of = functools.partial(run, *ARRAYS[name], h=0.25, steps=steps)
     few, more = of(66, block=1)[0], of(70, block=1)[0]
     assert np.array_equal(few, more[:, :2]) and np.isfinite(few).all()  # others may diverge
-    few, more = of(5)[0], of(LANES)[0]
-    assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 55
+    few, more = of(5)[0], of(many)[0]
+    assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 0.85 * many
 
 
 def test_a_path_alone_is_not_compared_with_scratch():

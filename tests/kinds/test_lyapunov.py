@@ -142,7 +142,7 @@ def test_directions_that_never_turn(case_of, variables, bracket, hamiltonian, no
     model = f"{{variables: [{variables}], bracket: {{{bracket}}}{casimirs}, hamiltonian: {hamiltonian}"
     model += f", noises: ['{noise}'], sigma: [0.01]}}"
     count = [] if len(known) == 2 else [f"exponents={len(known)}"]
-    case = case_of(f"model={model}", f"initial={initial}", "step=1/8", settings, *count)
+    case = case_of(f"model={model}", f"initial={initial}", "step=1/4", settings, *count)
     found = in_python(plan_of(case))
     noisy = 4.5 * found.exponent_stderr[:, -1]
     assert case.warm_up == 8 and np.all(np.abs(found.exponent[:, -1] - known) < noisy + 2e-4) and noisy.max() < 0.01

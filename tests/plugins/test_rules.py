@@ -1,8 +1,10 @@
 """The rules of plug-ins: the core knows none of them, each can be left out, and one may come from elsewhere."""
 
+import importlib
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -20,6 +22,9 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 WORDS = {
     "fluids": [],
     "spins": [],
+    "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
+    "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
+    "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }
 
@@ -74,20 +79,16 @@ def test_words_of_a_plugin_stand_in_its_folder_only(name):
 
 
 def test_the_index_says_which_plugin_has_what():
-    index = json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8"))
-    fields = [field for field in plugins.Plugin._fields if field not in ("name", "needs")]
-    own = {field: {} for field in fields}
-    for name in NAMES:
-        for field in fields:
-            own[field] |= dict.fromkeys(getattr(plugins.installed()[name], field), name)
-    assert index == {field: names for field, names in own.items() if names}
+    program = runpy.run_path(str(PACKAGE.parent / "docs" / "generate" / "plugins.py"))
+    assert json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8")) == program["index"]()
 
 
-@pytest.mark.parametrize("field", [field for field in plugins.Plugin._fields if field not in ("name", "needs")])
+@pytest.mark.parametrize("field", [field for field in plugins.Plugin._fields if field not in ("name", "needs", "groups")])
 def test_all_that_is_offered_is_there(field):
+    importlib.import_module("spi.cli")  # which imports commands, and they import it
     for name, place in plugins.offers(field).items():
         if field == "kinds":
-            plugins.import_module(place)
+            importlib.import_module(place)
             continue
         thing = plugins.imported(place)
         if isinstance(thing, type):  # so that its name is known of the class alone, see Registry.name_of
@@ -104,7 +105,7 @@ def copy_without(names, tmp_path):
     return os.environ | {"PYTHONPATH": str(tmp_path)}
 
 
-def spi(environment, folder, *arguments):
+def answer_of(environment, folder, *arguments):
     """The outcome of `spi` with these arguments."""
     program = [sys.executable, "-c", "from spi.cli import main; main()", *arguments]
     return subprocess.run(program, cwd=folder, env=environment, capture_output=True, text=True)
@@ -112,19 +113,19 @@ def spi(environment, folder, *arguments):
 
 def test_without_a_plugin_the_others_answer_and_its_names_are_explained(tmp_path):
     environment = copy_without(NAMES, tmp_path)
-    answer = spi(environment, tmp_path, "--help")
+    answer = answer_of(environment, tmp_path, "--help")
     assert answer.returncode == 0 and " run " in answer.stdout and " report " not in answer.stdout
     kinds = json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8")).get("kinds", {})
     for kind, plugin in list(kinds.items())[:1]:
         (tmp_path / "s.yaml").write_text(f"kind: {kind}\n", encoding="utf-8")
-        answer = spi(environment, tmp_path, "check", "s.yaml")
+        answer = answer_of(environment, tmp_path, "check", "s.yaml")
         assert answer.returncode == 2
         assert answer.stderr == f"spi: s.yaml:1: kind: is '{kind}'; install the plug-in {plugin}, which has it\n"
 
 
 @pytest.mark.slow
 def test_the_rigid_body_needs_no_plugin(tmp_path):
-    answer = spi(copy_without(NAMES, tmp_path), tmp_path, "run", "rigid_body_strong", "--profile", "quick")
+    answer = answer_of(copy_without(NAMES, tmp_path), tmp_path, "run", "rigid_body_strong", "--profile", "quick")
     assert answer.returncode == 0, answer.stderr
 
 
@@ -133,65 +134,3 @@ def test_help_imports_no_more_of_a_plugin_than_its_commands():
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     for name in answer.stdout.split():
         assert name.count(".") == 2 or name.rpartition(".")[2] in ("plugin", "command"), name
-
-
-OUTSIDE = '''
-from typing import Annotated, NamedTuple
-
-from spi.plugins import Plugin
-
-
-def count():
-    """Return three."""
-    return 3
-
-
-PLUGIN = Plugin("counting", offered={"count": "spi_counting:count"})
-'''
-
-
-def outside(folder, text=OUTSIDE, object_name="PLUGIN"):
-    """Install a package with a plug-in into a folder, as pip does."""
-    (folder / "spi_counting.py").write_text(text, encoding="utf-8")
-    about = folder / "spi_counting-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: spi-counting\nVersion: 1.0\n", encoding="utf-8")
-    entry = f"[{plugins.GROUP}]\ncounting = spi_counting:{object_name}\n"
-    (about / "entry_points.txt").write_text(entry, encoding="utf-8")
-
-
-@pytest.fixture
-def elsewhere(tmp_path, monkeypatch):
-    """A folder of packages beside the installed ones."""
-    monkeypatch.syspath_prepend(tmp_path)
-    plugins.installed.cache_clear()
-    yield tmp_path
-    sys.modules.pop("spi_counting", None)
-    monkeypatch.undo()
-    plugins.installed.cache_clear()
-
-
-def test_a_package_with_an_entry_point_is_a_plugin(elsewhere):
-    import spi
-
-    outside(elsewhere)
-    assert plugins.installed()["counting"].offered and spi.count() == 3 and "count" in dir(spi)
-
-
-@pytest.mark.parametrize(
-    ("text", "name", "message"),
-    [
-        ("1/0", "PLUGIN", "cannot be loaded (ZeroDivisionError: division by zero); mend or uninstall it"),
-        ("PLUGIN = 3", "PLUGIN", "is a int, must be a spi.plugins.Plugin; mend or uninstall it"),
-        (OUTSIDE.replace('"counting"', '"report"'), "PLUGIN", "two plug-ins are called 'report'; rename or uninstall"),
-    ],
-)
-def test_a_plugin_that_cannot_be_used_is_named(elsewhere, text, name, message):
-    outside(elsewhere, text, name)
-    with pytest.raises(plugins.PluginError, match=re.escape(message)):
-        plugins.installed()
-
-
-def test_one_whose_needs_are_not_here_is_not_here(elsewhere):
-    outside(elsewhere, OUTSIDE.replace("offered=", "needs=('nothing',), offered="))
-    assert "counting" not in plugins.installed()

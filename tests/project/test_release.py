@@ -104,7 +104,7 @@ def test_the_readme_is_short_and_counts_the_experiments():
 
 #: Modules that come with a package of another name, and the packages that always bring them along.
 BROUGHT = {
-    **{"yaml": "pyyaml", "annotated_types": "annotated-types", "mpl_toolkits": "matplotlib", "dask": "distributed"},
+    **{"yaml": "pyyaml", "annotated_types": "annotated-types", "mpl_toolkits": "matplotlib"},
     **{"llvmlite": "numba", "markupsafe": "jinja2", "pydantic_core": "pydantic"},
 }
 

@@ -4,16 +4,18 @@ import gc
 import os
 import signal
 import struct
-import urllib.request
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import COMPILED
+from states import sums_files
 
 from spi import storage
-from spi.cli.running import _seconds
+from spi.cli.running import _seconds, _workers
 from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.running import shards, workers
@@ -40,9 +42,10 @@ def strong(*overrides):
 
 
 def weak(*overrides):
-    """Both estimators that sample."""
+    """Both estimators that sample, of the rigid body, whose kernel other tests need as well."""
     few = ["estimators=[plain, multilevel]", "seconds=0.02", f"samples={SAMPLES}", "prefixes=[100, 1000]"]
-    return load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, *overrides])
+    model = "model={name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1e-3, 1e-3, 1e-3]}"
+    return load(EXPERIMENTS / "maxwell_bloch_weak2.yaml", "quick", [*few, model, *overrides])
 
 
 def numbers(path):
@@ -94,7 +97,7 @@ def test_shards_are_merged_to_the_numbers_of_one_run(tmp_path, straight, count):
     path, rounds = merged(strong(), tmp_path, count, order=reversed)
     assert rounds == 1
     assert numbers(path) == straight["rigid_body_strong"]
-    assert [file.name for file in (tmp_path / "sums").iterdir()] == [runner.sums_path(strong(), tmp_path).name]
+    assert {*(tmp_path / "sums").iterdir()} == sums_files(strong(), tmp_path)
 
 
 def test_shards_of_a_multilevel_estimator_go_in_rounds(tmp_path, straight):
@@ -160,17 +163,19 @@ def test_more_samples_compute_only_the_rest(tmp_path, straight, few):
     assert runner.run(strong(), tmp_path, watch=Watch(report=reports)) == path
     assert reports.first("splitting") >= (few // LANES - 2) * LANES  # a chunk that ends within a block is begun anew
     assert numbers(path) == straight["rigid_body_strong"]
-    assert list((tmp_path / "sums").iterdir()) == [runner.sums_path(strong(), tmp_path)]
+    assert {*(tmp_path / "sums").iterdir()} == sums_files(strong(), tmp_path)
 
 
-def test_fewer_samples_do_not_replace_more(tmp_path, straight):
+def test_fewer_samples_follow_from_the_sums_of_more(tmp_path, straight):
+    """And more of them again from the same files, without a path."""
+    few, reports = [strong("samples=100"), strong(f"samples={9 * LANES + 5}")], Stop()
+    alone = [numbers(runner.run(one, tmp_path / "alone")) for one in few]
     path = runner.run(strong(), tmp_path)
-    with pytest.raises(storage.StorageError, match=r"holds results of more samples .*; use --fresh"):
-        runner.run(strong("samples=100"), tmp_path)
+    for one, right in zip(few, alone, strict=True):
+        assert numbers(runner.run(one, tmp_path)) == right
+    runner.run(strong(), tmp_path, watch=Watch(report=reports))
+    assert {report.done for report in reports.reports} == {SAMPLES}
     assert numbers(path) == straight["rigid_body_strong"]
-    small = numbers(runner.run(strong("samples=100"), tmp_path / "alone"))
-    os.remove(path)
-    assert numbers(runner.run(strong("samples=100"), tmp_path)) == small  # from the sums of many
 
 
 def test_an_interrupted_run_of_fewer_samples_is_gone_on_with(tmp_path, straight):
@@ -225,15 +230,34 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for(tmp_path):
         assert len(pool.processes) == 2
 
 
+@pytest.mark.parametrize(
+    "executor",
+    [
+        pytest.param(lambda: ThreadPoolExecutor(2), id="threads"),
+        pytest.param(lambda: ProcessPoolExecutor(1, get_context("spawn")), id="process", marks=pytest.mark.slow),
+    ],
+)
+def test_executors_compute_the_same(tmp_path, straight, executor):
+    with executor() as some, workers.workers_of(some) as pool:
+        for experiment in (strong(), weak()):
+            assert numbers(runner.run(experiment, tmp_path, workers=pool)) == straight[experiment.name]
+
+
 @pytest.mark.slow
-def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
-    with workers.connected("local:2") as pool:
-        assert pool.size == 2 and pool.machines() == {storage.machine()}
-        with pytest.raises(urllib.error.HTTPError, match="404"):  # no dashboard is opened
-            urllib.request.urlopen(pool.client.dashboard_link, timeout=10)
-        killer = Killer(lambda: list(pool.client.run(os.getpid).values()))
+def test_executors_with_a_process_that_is_killed(tmp_path, straight):
+    """An executor of processes is of no use then, and one line says so; Dask makes up for it."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as some, workers.workers_of(some) as pool:
+        killer = Killer(lambda: list(some._processes))
+        with pytest.raises(workers.WorkersLost, match=r"^the executor lost .* \(BrokenProcess.*\); progress is saved"):
+            runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client, workers.workers_of(client.get_executor()) as pool:
+        killer = Killer(lambda: list(client.run(os.getpid).values()))
         path = runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
-    assert killer.killed
+        assert killer.killed
+        with _workers(None, cluster.scheduler_address) as pool:
+            assert numbers(runner.run(strong(), tmp_path / "address", workers=pool)) == straight["rigid_body_strong"]
     assert numbers(path) == straight["rigid_body_strong"]
 
 
@@ -241,21 +265,21 @@ def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
 
 
 def test_a_run_ends_when_its_time_is_up_and_goes_on(tmp_path, straight):
-    with pytest.raises(runner.Stopped, match=r"the time limit is reached; progress is saved in .*sums: run the same"):
+    with pytest.raises(runner.Stopped, match=r"the time limit is reached; progress is saved in .*/sums: run the same"):
         runner.run(strong(), tmp_path, limits=Limits(max_seconds=0.0))
     assert numbers(runner.run(strong(), tmp_path)) == straight["rigid_body_strong"]
 
 
 def test_a_checkpoint_that_cannot_be_written_is_no_reason_to_stop(tmp_path, straight, monkeypatch):
-    write, news, failures = storage.write_sums, [], []
+    news, failures = [], []
 
-    def full(path, about, parts):
-        if not about["finished"]:
-            failures.append(path)
-            raise storage.StorageError(f"cannot write {path}: no space left on device")
-        write(path, about, parts)
+    def full(checkpoint, finished=False, save=Checkpoint.save):
+        if not finished:
+            failures.append(checkpoint)
+            raise storage.StorageError(f"cannot write {checkpoint.note}: no space left on device")
+        save(checkpoint, finished)
 
-    monkeypatch.setattr(storage, "write_sums", full)
+    monkeypatch.setattr(Checkpoint, "save", full)
     limits = Limits(checkpoint_seconds=0.0)
     path = runner.run(strong(), tmp_path, watch=Watch(tell=news.append), limits=limits)
     assert len(failures) > 1 and len(news) == 1  # said once
@@ -266,8 +290,8 @@ def test_a_checkpoint_that_cannot_be_written_is_no_reason_to_stop(tmp_path, stra
 def test_writing_checkpoints_takes_a_small_share_of_the_time(tmp_path, monkeypatch):
     """Where one takes long, the next is later."""
     monkeypatch.setattr("spi.running.checkpoint.time", clock := Clock())
-    monkeypatch.setattr(storage, "write_sums", lambda *_: clock.wait(2.0))
-    checkpoint = Checkpoint(strong(), tmp_path / "x.sums", Limits(checkpoint_seconds=5.0), print)
+    monkeypatch.setattr(Checkpoint, "write_note", lambda _: clock.wait(2.0))
+    checkpoint = Checkpoint(strong(), tmp_path, Limits(checkpoint_seconds=5.0), print)
     writes = 0
     for _ in range(1000):
         clock.wait(1.0)
@@ -293,33 +317,28 @@ def test_times_of_the_command_line(text, seconds):
     assert _seconds("--max-time", text) == seconds
 
 
-# --- results of others are not replaced ------------------------------------------------------------------------------
+# --- results and sums of others --------------------------------------------------------------------------------------
 
 
-def test_results_that_appear_during_a_run_are_not_replaced(tmp_path, straight):
-    """Two specs of one name at once, or two runs: the later one is told, and its paths are kept."""
+def test_results_that_appear_during_a_run_are_kept(tmp_path, straight):
+    """Of two specs of one name at once, or two runs."""
     other = strong("seed=2")._replace(overrides=strong().overrides)  # as if its file had another seed
 
     def meanwhile(progress):
         if progress.done and not runner.results_path(other, tmp_path).exists():
             runner.run(other, tmp_path)
 
-    with pytest.raises(storage.StorageError, match=r"another spec.*--fresh"):
-        runner.run(strong(), tmp_path, watch=Watch(report=meanwhile))
-    assert storage.read(runner.results_path(other, tmp_path)).groups[0].attributes["seed"] == 2
-    reports = Stop()
-    os.remove(runner.results_path(other, tmp_path))
-    path = runner.run(strong(), tmp_path, watch=Watch(report=reports))
-    assert reports.first("splitting") == SAMPLES
+    path = runner.run(strong(), tmp_path, watch=Watch(report=meanwhile))
+    assert storage.read(storage.former(path)).groups[0].attributes["seed"] == 2
     assert numbers(path) == straight["rigid_body_strong"]
 
 
 def test_the_checkpoint_of_a_long_run_outlives_a_quick_one(tmp_path, straight):
     with pytest.raises(runner.Stopped):
         runner.run(strong(), tmp_path, watch=Watch(report=Stop(after=3)))
-    kept = runner.sums_path(strong(), tmp_path).read_bytes()
+    kept = {path: path.read_bytes() for path in sums_files(strong(), tmp_path)}
     runner.run(strong("seed=2"), tmp_path)
-    assert runner.sums_path(strong(), tmp_path).read_bytes() == kept
+    assert kept and kept == {path: path.read_bytes() for path in sums_files(strong(), tmp_path)}
     assert numbers(runner.run(strong(), tmp_path)) == straight["rigid_body_strong"]
 
 

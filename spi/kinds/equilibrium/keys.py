@@ -90,6 +90,11 @@ class Case(CodeKeys, BaseCase):
         return self.final_time or max(self.steps) * (self.step_count or 0)
 
     @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """All steps: none has the increments of another."""
+        return self.steps
+
+    @property
     def counts(self) -> list[int]:
         """The number of steps of each step size."""
         return [self.step_count or round((self.final_time or 0) / h) for h in self.steps]

@@ -43,6 +43,15 @@ class SampledCase(FunctionsCase):
 
     unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
 
+    def check_driven(self) -> None:
+        """See ``BaseCase``: also estimators other than plain and extrapolation are for Brownian motion."""
+        super().check_driven()
+        others = [name for name in self.estimators if name != "plain"]
+        for key, entries in (("estimators", others), ("extrapolate", [count for count in self.extrapolate if count])):
+            if entries:
+                right = "use plain, not extrapolated"
+                raise wrong(f"has {entries[0]}, which is for Brownian motion", right, key)
+
     @condition
     def _check_extrapolate(self) -> Self:
         check_extrapolate(self)

@@ -92,12 +92,13 @@ class KolmogorovPlan(WeakPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """One solution serves all levels of extrapolation."""
-        return super().deciding(number) | {"part": self.part._replace(extrapolate=0, together=())}
+        return super().deciding(number) | {"part": self.part._replace(extrapolate=0)}
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
         need = demands_of(self.case, self.row.composition, self.case.steps)
-        return Cost(0, need.seconds * thread_count(), int(need.bytes))
+        first = self.part.extrapolate == min(self.case.extrapolate)  # whose solution serves the others
+        return Cost(0, need.seconds * thread_count() * first, int(need.bytes))
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All in one piece, as if it were one path."""
@@ -111,12 +112,12 @@ class KolmogorovPlan(WeakPlan):
 
     def advance(self, chunks: Sequence[Chunk], started: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
-        began, cpu_began = time.perf_counter(), time.process_time()
-        exact = solution(self.case, self.row.composition, self.case.steps)
+        began = time.perf_counter()
+        exact, cpu_seconds = _solution(*question(self.case, self.row.composition, self.case.steps))
         solved = Solution(
             paths=1,
             seconds=time.perf_counter() - began,
-            cpu_seconds=time.process_time() - cpu_began,
+            cpu_seconds=cpu_seconds,
             value=exact.value,
             value_bound=exact.value_bound,
             limit=exact.limit,
@@ -211,12 +212,14 @@ def _demands(
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
     """The ``spi.exact.kolmogorov.Expectations`` of a composition of flows for a case at the step sizes `steps`."""
-    return _solution(*question(case, rows, steps))
+    return _solution(*question(case, rows, steps))[0]
 
 
 @functools.lru_cache(maxsize=8, typed=True)
 def _solution(
     model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
-) -> Expectations:
-    callables = [*map(as_numpy, functions)]
-    return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
+) -> tuple[Expectations, float]:
+    """The expectations, and the seconds of all processors that they took."""
+    callables, began = [*map(as_numpy, functions)], time.process_time()
+    found = expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
+    return found, time.process_time() - began

@@ -100,7 +100,7 @@ class Errors(NamedTuple):
 
 
 class Decisions(NamedTuple):
-    """Results besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
+    """Results besides sums over paths, of F test functions at S step sizes."""
 
     seconds: float  #: wall clock
     cpu_seconds: float

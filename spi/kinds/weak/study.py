@@ -33,16 +33,12 @@ def label_of(name: str) -> str:
 
 def parts(case: Any) -> list[Part]:
     """The parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
-    each = [
-        Part(scheme, name, eps)
+    return [
+        Part(scheme, name, eps, levels)
         for scheme, eps in case.runs
         for name in case.estimators
         if ESTIMATORS[name].can_do(case, scheme)
-    ]
-    return [
-        part._replace(extrapolate=min(levels), together=tuple(sorted(levels)))
-        for part in each
-        for levels in ESTIMATORS[part.estimator].together(case, part)
+        for levels in sorted(case.extrapolate)
     ]
 
 

@@ -2,10 +2,15 @@
 
 from spi.plugins import Plugin
 
-_INITIAL = "spi.plugins.fluids.specs.initial"
-
 PLUGIN = Plugin(
     "fluids",
-    initial=dict.fromkeys(("modes", "vorticity", "random"), f"{_INITIAL}:Vorticity"),
-    grids=dict.fromkeys(("sine_euler", "zeitlin"), f"{_INITIAL}:of_grid"),
+    initial={
+        "modes": "spi.plugins.fluids.specs.initial:Vorticity",
+        "vorticity": "spi.plugins.fluids.specs.initial:Vorticity",
+        "random": "spi.plugins.fluids.specs.initial:Vorticity",
+    },
+    grids={
+        "sine_euler": "spi.plugins.fluids.specs.initial:of_grid",
+        "zeitlin": "spi.plugins.fluids.specs.initial:of_grid",
+    },
 )

@@ -20,10 +20,10 @@ from trajectory_results import trajectories, trajectory_group
 from spi import storage, views
 from spi.cli import app
 from spi.kinds.strong.results import StrongErrors
+from spi.plugins.answers.running import load_answer
 from spi.plugins.report.views import page, sections
 from spi.plugins.report.views.page import files
 from spi.plugins.report.views.sections import equation
-from spi.running.load import load_answer
 from spi.statistics import claims
 from spi.storage import Results
 

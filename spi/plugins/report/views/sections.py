@@ -19,7 +19,7 @@ from spi.printing.tables import Cell, Grid, unbroken
 from spi.printing.text import fraction, human_time, short
 from spi.running import shipped
 from spi.specs import text_of
-from spi.statistics.claims import VERDICTS, quantities
+from spi.statistics.claims import VERDICTS, orders_of, quantities
 from spi.statistics.curves import curves
 from spi.storage.records import Results
 from spi.storage.stored import Stored, by_case
@@ -299,16 +299,11 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
     """All fitted orders with their intervals, and what theory says; None if there are none."""
     several, rows = len(cases) > 1, []
     for title, case in zip(views.titles(cases), cases, strict=True):
-        for one in quantities(case):
-            if one.name in ("order", "uniform_order"):
-                subject = one.subject + ", largest over eps" * (one.name == "uniform_order")
-                interval = f"[{one.low:.3f}, {one.high:.3f}]"
-                fitted = (
-                    (f"{one.value:.3f}", interval) if math.isfinite(one.value) else (one.lost or "not resolved", "")
-                )
-                theory = "" if math.isnan(one.expected) else fraction(one.expected)
-                rows.append([Cell(text) for text in (*[title] * several, subject, *fitted, theory)])
-    headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
+        for one in orders_of(case):
+            subject = one.subject + ", largest over eps" * (one.name == "uniform_order")
+            theory = "" if math.isnan(one.expected) else fraction(one.expected)
+            rows.append([Cell(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
+    headings = (*["case"] * several, "scheme", "order (95 %)", "expected")
     return Titled.of(Grid("orders", headings, [rows], several + 1)) if rows else None
 
 
