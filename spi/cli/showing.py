@@ -162,7 +162,7 @@ def _about(path: Path) -> Iterator[None]:
 GROUPS = {
     "paper": "the figures of the paper, 1 to 17",
     "errors": "strong and weak errors of schemes, and what they cost",
-    "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
+    "dynamics": "paths, and what is known of them over time",
     **of_plugins("groups"),
     "fluids": "the sine-Euler equations and their limit",
     "yours": "those in the folder --experiments",

@@ -26,7 +26,7 @@ FLOORS = [
     {"drawing": [], "printing": [], "specs": []},
     {
         "kinds": [],
-        **{f"kinds.{kind}": ["kinds"] for kind in ("equilibrium", "stability", "strong", "trajectory", "weak")},
+        **{f"kinds.{kind}": ["kinds"] for kind in ("stability", "strong", "trajectory", "weak")},
         "kinds.answer": ["kinds", "kinds.weak"],
         "kinds.work_precision": ["kinds", "kinds.strong", "kinds.weak"],
     },
