@@ -17,8 +17,9 @@ from states import sums_files
 from spi import storage
 from spi.cli.running import _seconds, _workers
 from spi.numerics.rng import LANES
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards, workers
+from spi.running import workers
 from spi.running.checkpoint import Checkpoint, Shard
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
