@@ -152,6 +152,9 @@ def finish(model, h, dW, y, x, tolerance, report):
     return failures, np.sqrt(from_bits(largest))
 
 
+IN_NEWTON = 3  #: times as much code as for one derivative of the field, of schemes that solve equations
+
+
 class Midpoint(NamedTuple):
     """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
 
@@ -167,6 +170,9 @@ class Midpoint(NamedTuple):
     def work_size(scheme, model):
         d = dimension(model)
         return size_or(LANES * (d + d * (d + 1) + 2), model)
+
+    def compile_size(scheme, model):
+        return 0, IN_NEWTON
 
     def advance_large(scheme, model, h, dW, coins, y, work, report):
         most = 10 * scheme.most_iterations  # which converge more slowly than those of Newton's method
@@ -282,6 +288,9 @@ class IsospectralMidpoint(NamedTuple):
 
     def work_size(scheme, model):
         return LANES * dimension(model)
+
+    def compile_size(scheme, model):
+        return 0, IN_NEWTON
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):

@@ -88,7 +88,7 @@ def test_the_index_says_which_plugin_has_what():
 def test_all_that_is_offered_is_there(field):
     importlib.import_module("spi.cli")  # which imports commands, and they import it
     for name, place in plugins.offers(field).items():
-        if field == "kinds":
+        if ":" not in place:
             importlib.import_module(place)
             continue
         thing = plugins.imported(place)

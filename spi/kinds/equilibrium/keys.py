@@ -90,6 +90,11 @@ class Case(CodeKeys, BaseCase):
         return self.final_time or max(self.steps) * (self.step_count or 0)
 
     @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """Those of the uniform law, and of the distance from it."""
+        return tuple(panel for panel in self.panels if panel in ("law", "distance"))
+
+    @property
     def noise_steps(self) -> tuple[float, ...]:
         """All steps: none has the increments of another."""
         return self.steps
