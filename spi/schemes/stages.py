@@ -47,15 +47,11 @@ from ..ensemble.protocol import (
     noise_gradient,
     noise_hessian,
     noise_indices,
-    noise_structure,
-    noise_structure_derivative,
     noises,
     piece_gradient,
     piece_hessian,
     piece_indices,
     pieces,
-    structure,
-    structure_derivative,
 )
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -83,27 +79,11 @@ def hessian(part, model, k, y, v):
     """The Hessian of that Hamiltonian times v."""
 
 
-@method
-def structure_along(part, model, k, y, v):
-    """B(y) v for a v that is 0 wherever that gradient always is."""
-
-
-@method
-def structure_derivative_along(part, model, k, y, u, v):
-    """(DB(y)[u]) v for a v that is 0 wherever that gradient always is."""
-
-
 class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
     flow, angle = calling(drift_flow, "part"), calling(drift_angle, "part")
     gradient, hessian = calling(piece_gradient, "part"), calling(piece_hessian, "part")
-
-    def structure_along(part, model, k, y, v):
-        return structure(model, y, v)
-
-    def structure_derivative_along(part, model, k, y, u, v):
-        return structure_derivative(model, y, u, v)
 
 
 class Noise(NamedTuple):
@@ -111,8 +91,6 @@ class Noise(NamedTuple):
 
     flow, angle = calling(noise_flow, "part"), calling(noise_angle, "part")
     gradient, hessian = calling(noise_gradient, "part"), calling(noise_hessian, "part")
-    structure_along = calling(noise_structure, "part")
-    structure_derivative_along = calling(noise_structure_derivative, "part")
 
 
 class Joint(NamedTuple):

@@ -108,12 +108,12 @@ def test_the_digest_of_numbers_covers_all_that_plans_and_keys_import():
 
 
 CONSTANTS = {  # a constant in each of the files that a digest of studies alone leaves out
-    "kinds/equilibrium/keys.py": "_BURNT",
-    "kinds/equilibrium/results.py": "BATCHES",
+    "plugins/dynamics/kinds/equilibrium/keys.py": "_BURNT",
+    "plugins/dynamics/kinds/equilibrium/results.py": "BATCHES",
     "kinds/answer/keys.py": "FINEST",
-    "kinds/statistics/results.py": "LEAST_GROUPS",
-    "kinds/lyapunov/results.py": "EQUAL",
-    "kinds/lyapunov/keys.py": "_WARM_UP",
+    "plugins/dynamics/kinds/statistics/results.py": "LEAST_GROUPS",
+    "plugins/dynamics/kinds/lyapunov/results.py": "EQUAL",
+    "plugins/dynamics/kinds/lyapunov/keys.py": "_WARM_UP",
 }
 
 

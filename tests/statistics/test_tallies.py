@@ -16,7 +16,7 @@ from spi.kinds.plans import State
 from spi.numerics.rng import LANES
 from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
-from spi.storage.results import SUMS_VERSION
+from spi.storage.sums import SUMS_VERSION
 from spi.storage.stored import gathered
 
 COUNTS = range(1, 41)

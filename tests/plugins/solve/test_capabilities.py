@@ -7,12 +7,13 @@ import pytest
 from helpers import RIGID_BODY, by_quadrature
 from yaml_cases import definition
 
-from spi import systems
 from spi.checks.registration import check_class
 from spi.ensemble.protocol import hamiltonian, noises, squared_length_is_casimir
-from spi.exact import expectations, sphere_law
+from spi.exact import expectations
 from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
+from spi.plugins.dynamics.exact import sphere_law
 from spi.plugins.solve.exact.backward import joined
+from spi.plugins.systems import generated as systems
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 

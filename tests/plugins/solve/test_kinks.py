@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from scipy.special import eval_legendre, gamma, rgamma
 
 from spi.exact.expectations import refiner
-from spi.exact.gibbs import law_of
 from spi.models import MaxwellBloch, RigidBody
+from spi.plugins.dynamics.exact.gibbs import law_of
 from spi.plugins.solve.exact import kinks
 from spi.plugins.solve.exact.harmonics import harmonics_up_to
 from spi.plugins.solve.exact.refining import outlook, refined
