@@ -107,7 +107,7 @@ def spec_keys() -> str:
     text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
     text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
     text += "\n## A file under `initial`\n\n"
-    part = definitions["Stored"]
+    part = definitions["FromFile"]
     text += f"{plain(part['description'])}\n\n{key_table(key_rows(part, part, definitions))}\n"
     text += "\n## A vorticity under `initial`\n\nOf `sine_euler` and `zeitlin`; see [fluids](../fluids.md).\n\n"
     for name in ("Vorticity", "Random"):

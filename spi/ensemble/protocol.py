@@ -314,6 +314,14 @@ def report(model, y):
 
 
 @method(optional=True, compiled=False)
+def gibbs_law(model, temperature, sweeps):
+    """The law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
+
+    It has ``numbers``, ``sweeps``, ``states(z)`` and ``moved(states, seed, stream, first)``.
+    """
+
+
+@method(optional=True, compiled=False)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None."""
 

@@ -34,6 +34,8 @@ class Plugin(NamedTuple):
         _NOTHING  #: key of a model with a bracket -> what makes the model, not its formulas
     )
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
+    laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
+    grids: Mapping[str, str] = _NOTHING  #: name of a model -> what makes its state of values on a grid
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors

@@ -22,6 +22,8 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 WORDS = {
     "lattices": [r"\bspins_of\b", "uniaxial anisotropy of all spins"],
     "systems": ["written in yaml", "custom system", "definitionerror", "__system__", r"['\"]bracket['\"]"],
+    "fluids": [],
+    "spins": [],
     "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
     "dynamics": ["lyapunov", "pull-?back", r"\bequilibri", "uniform_on_surface", r"\bgibbs\b(?! law)"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],

@@ -19,11 +19,12 @@ from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
-from .whole import Whole
+from .whole import Sampled, Whole
 
 Vector = tuple[float, float, float]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
+_SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
 
 
 def in_words(record: Any) -> str:
@@ -120,6 +121,9 @@ class Spins(NamedTuple):
 
     def one_path(model, scheme, h):
         return Whole.of(model, math.inf, scheme, h)
+
+    def gibbs_law(model, temperature, sweeps):
+        return Sampled(model, temperature, sweeps or _SWEEPS)
 
     def fault(model):
         return _fault(model)
