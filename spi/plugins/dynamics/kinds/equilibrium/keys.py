@@ -19,6 +19,7 @@ from spi.specs.cases import CLIP, BaseCase, with_others
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
@@ -79,6 +80,7 @@ class Case(CodeKeys, BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
+    swept_in: ClassVar = (*PLACES, "reference", "step_count")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
     unsaid: ClassVar[dict[str, Any]] = {**BaseCase.unsaid, "derived": {}}
