@@ -14,6 +14,7 @@ from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
 from ..numerics.rng import LANES
 from .splitting import LIE_TROTTER, run_stages, stages_toss, stages_work
+from .stages import sweeps
 
 
 @method
@@ -75,6 +76,9 @@ class AsymptoticPreserving(NamedTuple):
 
     def work_size(scheme, model):
         return noises(model) * LANES + stages_work(model)
+
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         move_processes(model, y, scheme, h, dW, work)
