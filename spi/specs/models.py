@@ -70,18 +70,22 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
         definition["sigma"] = whole["sigma"]
     try:
         if whole.get("lattice", "false") not in ("false", False):
-            model = _lattice(systems.spins_of(definition, whole.get("sigma")))
+            from ..systems.bonds import spins_of  # which imports sympy, as the other one does
+
+            model = _lattice(spins_of(definition, whole.get("sigma")))
             systems.remember(model, definition)
             return model
         made = systems.made(definition, name)
-        strengths = systems.strengths(definition, whole.get("sigma"))
+        from ..systems.definition import strengths
+
+        of_noises = strengths(definition, whole.get("sigma"))
     except systems.DefinitionError as error:
         _report(error, data, document)
-    return systems.record(made, [strength or None for strength in strengths], definition)
+    return systems.record(made, [strength or None for strength in of_noises], definition)
 
 
 def _lattice(fields: Mapping[str, Any]) -> Spins:
-    """The model of spins with these fields, as ``systems.spins_of`` finds them."""
+    """The model of spins with these fields, as ``systems.bonds.spins_of`` finds them."""
     bonds, noise = tuple(Terms(**terms) for terms in fields["bonds"]), fields["noise"]
     own = {"lattice": Cell(**fields["lattice"]), "bonds": bonds, "anisotropy": Anisotropy(**fields["anisotropy"])}
     model = Spins(**{**fields, **own, "noise": noise and Transport(**noise)})

@@ -38,8 +38,6 @@ __all__ = [
     "record",
     "remember",
     "report",
-    "spins_of",
-    "strengths",
     "variables",
     "words",
 ]
@@ -138,20 +136,6 @@ _DEFINITIONS: dict[Any, str] = {}
 
 def _key(model: Any) -> Any:
     return type(model), model._replace(sigma=()) if "sigma" in model._fields else model
-
-
-def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
-    """The strengths of the noises of a definition, see :func:`.definition.strengths`."""
-    from .definition import strengths
-
-    return strengths(definition, given)
-
-
-def spins_of(definition: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
-    """The fields of the model ``spins`` that a definition is, see :func:`.bonds.spins_of`."""
-    from .bonds import spins_of
-
-    return spins_of(definition, sigma)
 
 
 def hidden(model: Any) -> tuple[str, ...]:
