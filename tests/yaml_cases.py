@@ -1,7 +1,7 @@
 """Systems written in YAML for several test files, and their brackets and flows by another road.
 
 A bracket is computed here from matrices whose commutators it is, or from modes; the flow of a function of commuting
-linear functions by SciPy's exponential of the matrix of its field.  Neither uses anything of ``spi.systems``.
+linear functions by SciPy's exponential of the matrix of its field.  Neither uses anything of ``spi.plugins.systems``.
 """
 
 import functools
@@ -17,12 +17,12 @@ import yaml
 
 from spi.checks.registration import vocabulary
 from spi.compiler import modules
-from spi.systems.definition import define
-from spi.systems.source import System, generate
+from spi.plugins.systems.definition import define
+from spi.plugins.systems.source import System, generate
 
 
 class Made(NamedTuple):
-    """A system of a definition, by the steps of which ``spi.systems.made`` consists."""
+    """A system of a definition, by the steps of which ``spi.plugins.systems.generated.made`` consists."""
 
     system: System
     text: str  #: of its module

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
+from ..plugins import PluginError, offers
 from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: the folder of results unless --out names another
@@ -139,6 +140,37 @@ def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., 
         return called
 
     return decorated
+
+
+def of_plugins(field: str) -> dict[str, str]:
+    """What plug-ins add to a registry; nothing where one of them cannot be used, which the program says elsewhere."""
+    try:
+        return offers(field)
+    except PluginError:
+        return {}
+
+
+def template_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each template of a plug-in, for its parameter `templates`, those that are wanted."""
+    words = [*of_plugins("templates")]
+
+    @functools.wraps(command)
+    def called(**values: Any) -> None:
+        command(templates=[word for word in words if values.pop(word)], **values)
+
+    signature = inspect.signature(command)
+    own = [parameter for name, parameter in signature.parameters.items() if name != "templates"]
+    flags = [
+        inspect.Parameter(
+            word,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=False,
+            annotation=Annotated[bool, typer.Option(f"--{word}", help=f"For a {word} of your own.")],
+        )
+        for word in words
+    ]
+    called.__dict__["__signature__"] = signature.replace(parameters=[*own, *flags])
+    return called
 
 
 def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:

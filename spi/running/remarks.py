@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from .. import specs, systems
+from .. import specs
+from ..ensemble.protocol import generated, report
 from ..kinds import KINDS
 from ..models.delegation import undamped
 from ..models.zeitlin import fields
@@ -43,13 +44,13 @@ def _noise(case: specs.BaseCase) -> Iterator[str]:
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
     """Reports on the models of an experiment, lines by the name of the system and its cases.
 
-    Of generated models how they are split, of fluids what they resolve.
+    Of generated models also what a step takes.
     """
     reports: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
         model = undamped(case.model)
-        lines = systems.report(model)
-        if lines:
+        lines = report(model, case.initial)
+        if lines and generated(model):
             steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
             lines = [*lines, *steps]
         if lines := lines or fields.report(model, case.initial):

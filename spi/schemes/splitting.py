@@ -151,6 +151,14 @@ def stages_work(model):
     return max(3, 1 + most_joined(model)) * LANES + inner_size(model)
 
 
+#: What the text of a step may name, besides the parts and the numbers of flows.
+_NAMES = {"LANES": LANES, "np": np} | {
+    function.__name__: function
+    for function in (
+        *(strengths, noises, sweep, inner_sweep, report_angle, friction_times, Together, bracket_factors),
+        *(friction_rate, friction_bend, decayed, exp),
+    )
+}
 #: The time of a drift flow, as source text.
 _DRIFT_TIME = "{share} * (stages[{stage}].fraction * h)"
 #: The time in a lane, as source text: in all lanes, in those with the coin 1, in those with the coin -1.
@@ -197,25 +205,8 @@ def _step(sweeps, inexact, most, linear=()):
         else:
             lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}, report))")
     lines.append("report_angle(largest, report)")
-    names = {
-        "LANES": LANES,
-        "np": np,
-        "strengths": strengths,
-        "noises": noises,
-        "sweep": sweep,
-        "inner_sweep": inner_sweep,
-        "report_angle": report_angle,
-        "friction_times": friction_times,
-        "Together": Together,
-        "bracket_factors": bracket_factors,
-        "friction_rate": friction_rate,
-        "friction_bend": friction_bend,
-        "decayed": decayed,
-        "exp": exp,
-    }
-    names |= PARTS
-    names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
-    return function_of(lines, names)
+    names = {f"index_{k}": index() for k, index in enumerate(INDICES)}
+    return function_of(lines, _NAMES | PARTS | names)
 
 
 def _are_one_flow(sweep, after=None):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic
 
-from ..compiler.dispatch import answers
+from ..compiler.dispatch import MOST, answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
 from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
@@ -17,6 +17,7 @@ from ..ensemble.protocol import (
     Positive,
     at_temperature,
     casimir_degrees,
+    component_names,
     conserved,
     dimension,
     flows_lacking,
@@ -25,6 +26,7 @@ from ..ensemble.protocol import (
     large,
     noise_indices,
     noises,
+    parameters,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
@@ -38,8 +40,6 @@ from ..models.spins import Spins
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import hidden, variables
-from ..systems.keys import MOST
 from .checks import (
     check_count,
     check_distinct,
@@ -240,7 +240,7 @@ class BaseCase(Keys):
     @property
     def variables(self) -> tuple[str, ...]:
         """The names of the components; () if the system gives them none."""
-        return variables(undamped(self.model))
+        return tuple(component_names(self.model))
 
     @property
     def clipping(self) -> int:
@@ -277,8 +277,7 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of the model by name, and the damping or temperature where there is one."""
-        model = undamped(self.model)
-        values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
+        values = dict(parameters(undamped(self.model)))
         for key, value in values.items():
             if hasattr(value, "_fields"):
                 values[key] = str(value)

@@ -32,7 +32,7 @@ def copied(tmp_path_factory):
         ("ensemble/loop.py", True, True),
         ("schemes/splitting.py", True, True),
         ("schemes/table.py", False, True),
-        ("exact/kolmogorov/sphere.py", False, True),
+        ("plugins/solve/exact/sphere.py", False, True),
         ("expressions/__init__.py", False, True),
         ("statistics/estimators.py", False, True),
         ("kinds/plans.py", False, True),

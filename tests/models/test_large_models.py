@@ -4,10 +4,10 @@ import pytest
 from extending import Oscillator
 from model_cases import MODELS_UNDER_TEST
 
-from spi import systems
 from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.protocol import area_pairs
 from spi.models import MODELS, Zeitlin, register_model
+from spi.plugins.systems import generated as systems
 from spi.running.load import plans
 from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError

@@ -13,8 +13,6 @@ from spi.plugins.dynamics.kinds.statistics.stationary import modes_of
 from spi.plugins.dynamics.kinds.statistics.waves import linear_waves
 from spi.storage import Part, Results
 
-pytestmark = pytest.mark.xdist_group("spins")
-
 SPEC = SPINS.replace("J: energy_current", "e: H")
 MODEL = "{name: spins, lattice: ring, size: [8], bonds: {exchange: 1}}"
 GIVEN = "until: 4, window: none, spins: [x, y, z], about: [0, 0, 1]"

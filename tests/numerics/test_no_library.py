@@ -11,10 +11,10 @@ from numba import njit
 from yaml_cases import definition
 
 import spi
-from spi import systems
 from spi.compiler.dispatch import OPTIONS
 from spi.compiler.inlining import TO_RUN
 from spi.ensemble.protocol import drift_gradient, hamiltonian
+from spi.plugins.systems import generated as systems
 
 PACKAGE = Path(spi.__file__).parent
 

@@ -22,7 +22,6 @@ FLOORS = [
         "schemes": ["checks"],
         "statistics": ["storage"],
         "storage": [],
-        "systems": ["checks", "expressions"],
     },
     {"drawing": [], "printing": [], "specs": []},
     {
@@ -41,8 +40,8 @@ THIRD_PARTY = {
     "yaml": ["specs.*"],
     "pydantic": ["specs.*", "kinds.*.keys"],
     "h5py": ["storage.*"],
-    "sympy": ["systems.*"],
-    "mpmath": ["systems.*"],
+    "sympy": ["expressions.symbols", "plugins.systems.*", "plugins.lattices.*"],
+    "mpmath": ["plugins.systems.*"],
     "matplotlib": ["drawing.*", "kinds.*.figure*"],
     "rich": ["printing.*", "api.*", "cli.*"],
     "jinja2": ["plugins.report.*"],

@@ -24,7 +24,7 @@ from yaml_cases import SYSTEMS, made
 from spi.checks.model_checks import check_model
 from spi.ensemble.protocol import area_pairs, joint_noises, joint_parts, noises
 from spi.ensemble.scheme_protocol import needs_areas
-from spi.exact.kolmogorov import exact_expectations, expectations
+from spi.exact.expectations import exact_expectations, expectations
 from spi.models import MaxwellBloch, RigidBody
 from spi.models.delegation import Damped
 from spi.schemes import composed as entry_of

@@ -132,7 +132,7 @@ def test_two_directions(h):
 def test_where_friction_is_linear(text, expected):
     """X_k X_k H is a number: the rate of friction is the same at all states."""
     if "cos(t)" in text:
-        from spi import systems
+        from spi.plugins.systems import generated as systems
 
         given = {"variables": ["q", "p"], "bracket": {"q p": "1"}, "noises": ["q"], "hamiltonian": "p^2*cos(t) + q^2"}
         record = systems.record(systems.made(given, "Driven"))

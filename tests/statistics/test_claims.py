@@ -254,6 +254,7 @@ MEANS = Statistics(
         omega=np.array([0.0, 2.0]),
         **{f"{name}{end}": np.array([[2.0, 3.0]]) for name in TIMES for end in ("", "_stderr")},
     ),
+    finite=np.ones((1, 2)),
     nonfinite=0,
     step=0.5,
     samples=10,

@@ -112,16 +112,11 @@ def test_a_mean_of_very_few_values_has_an_interval(load_text):
 @compiled_only
 def test_equal_paths_tell_as_much_as_one(load_text):
     """70 paths without noise: the mean, tau and the quantities that follow have the errors of one path."""
-    keys = (
-        "model.sigma=[0, 0, 0]",
-        "schemes=[splitting_symmetric]",
-        "steps=[1/4]",
-        "derived={twice: 2*height, constant: 3 + 2*casimir}",
-    )
+    keys = "model.sigma=[0, 0, 0]", "schemes=[splitting_symmetric]", "steps=[1/4]"
+    keys += ("derived={twice: 2*height, constant: 3 + 2*casimir}",)
     text = LONG.replace("functions: {", "functions: {casimir: C1, ")
-    plans = [
-        equilibrium.plan(load_text(text, *keys, f"samples={n}").cases[0], Part("splitting_symmetric")) for n in (70, 1)
-    ]
+    cases = [load_text(text, *keys, f"samples={n}").cases[0] for n in (70, 1)]
+    plans = [equilibrium.plan(case, Part("splitting_symmetric")) for case in cases]
     many, one = (plan.results(finished(plan)) for plan in plans)
     height = 1
     for name in ("average_half", "stderr_tau", "stderr_batches", "tau_stderr", "variance_stderr"):

@@ -13,7 +13,7 @@ from spi.ensemble.random_states import first_states
 from spi.models import MaxwellBloch
 from spi.plugins.dynamics.exact.chains import Chain
 from spi.plugins.dynamics.exact.gibbs import law_of, mean_divergence
-from spi.specs.initial import random_state
+from spi.specs.initial import state_in
 
 HEIGHT = made("{algebra: so(3), hamiltonian: y3, noises: [y1]}").record
 SPINS = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5 + y3*y6 + y1^2 - y6, noises: [y3]}").record
@@ -47,7 +47,7 @@ def test_states_that_are_drawn_have_its_law():
     chi_squared = []
     for model, point in ((RIGID_BODY, INITIAL), (SPINS, (0.0, 0.6, 0.8, 1.0, 0.0, 0.0))):
         given = {"law": "gibbs", "through": [repr(v) for v in map(float, point)], "temperature": "0.7"}
-        drawn = random_state(given, model, None)
+        drawn = state_in(given, model, None)
         energy = hamiltonian(model, tuple(first_states(drawn, brownian(4), 0, 1000)))
         deviations = []
         for temperature in (0.7, 1.0):

@@ -5,7 +5,7 @@ import pytest
 from helpers import RIGID_BODY
 from statistics_cases import results_of, written
 
-from spi.exact.kolmogorov import exact_expectations
+from spi.exact.expectations import exact_expectations
 from spi.plugins.dynamics.kinds.statistics.figure import draw
 from spi.plugins.dynamics.kinds.statistics.references import REFERENCES
 from spi.specs import SpecError

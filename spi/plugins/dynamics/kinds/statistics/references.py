@@ -8,7 +8,7 @@ import numpy as np
 
 from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import RandomState
-from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations, seconds_of_equation
+from spi.exact.expectations import can_solve_equation, demands, exact_expectations, seconds_of_equation
 from spi.exact.linear import Moments
 from spi.expressions import canonical, parse_expression
 from spi.kinds.functions import PathFunction, function_of

@@ -142,7 +142,7 @@ class Statistics(Stored):
     band: Array = array("function", "standard errors in half the width of a band that holds all means with 95 %")
     mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
     mean_high: Array | None = array("function t", "upper end of the 95 % interval of the mean", default=None)
-    finite: Array | None = array("function t", "share of the paths whose value is finite", default=None)
+    finite: Array = array("function t", "share of the paths whose value is finite")
     rounding: Array | None = array(
         "function t", "root mean square change since t = 0 where that is rounding; NaN elsewhere", default=None
     )
@@ -191,11 +191,6 @@ class Statistics(Stored):
         return freedom if freedom + 1 >= LEAST_GROUPS else np.nan
 
     @property
-    def finite_share(self) -> Array:
-        """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
-        return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
-
-    @property
     def is_constant(self) -> Array:
         """(F,) which functions keep their value up to rounding, on all paths and at all times."""
         if self.rounding is None:
@@ -206,7 +201,7 @@ class Statistics(Stored):
     @derived("function t", "share of the paths whose value is finite, if not all are")
     def some(self) -> Array | None:
         """(F, T) None if all values are finite."""
-        return self.finite_share if (self.finite_share < 1.0).any() else None
+        return self.finite if (self.finite < 1.0).any() else None
 
     @derived("function t", "deviation from the reference in standard errors", name="deviations")
     def deviation(self) -> Array | None:
@@ -277,7 +272,7 @@ class Statistics(Stored):
 
     def remarks(self) -> Iterator[str]:
         """Values that are not finite, errors that are not known, heavy tails, and passages."""
-        if (self.finite_share < 1.0).any():
+        if (self.finite < 1.0).any():
             paths = ", and quantiles are those of these paths" * bool(self.quantiles)
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
         for f in np.flatnonzero(self.is_constant):
