@@ -24,7 +24,7 @@ INITIAL = (0.5, -0.3, 0.7)
 def record(text, name="Driven", **keys):
     """The record of a definition, with other values of some keys."""
     keys = {**definition(text), **keys}
-    sigma = strengths(keys, keys.get("sigma"))
+    sigma = systems.strengths(keys, keys.get("sigma"))
     return systems.record(systems.made(keys, name), [strength or None for strength in sigma])
 
 
