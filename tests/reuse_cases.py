@@ -20,10 +20,10 @@ from own_models import OSCILLATOR
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.clusters.running.verify import TIMES
 from spi.running import run as runner
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
-from spi.running.verify import TIMES
 from spi.specs import SpecError
 from spi.specs.experiment import ONLY_IN_FILES
 from spi.specs.files import array_text, as_text

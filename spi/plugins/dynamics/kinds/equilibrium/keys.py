@@ -19,6 +19,7 @@ from spi.specs.cases import CLIP, BaseCase, with_others
 from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
@@ -79,6 +80,7 @@ class Case(CodeKeys, BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
+    swept_in: ClassVar = (*PLACES, "reference", "step_count")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
     unsaid: ClassVar[dict[str, Any]] = {**BaseCase.unsaid, "derived": {}}
@@ -89,6 +91,11 @@ class Case(CodeKeys, BaseCase):
     def last_time(self) -> float:
         """The final time of the largest step size."""
         return self.final_time or max(self.steps) * (self.step_count or 0)
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """Those of the uniform law, and of the distance from it."""
+        return tuple(panel for panel in self.panels if panel in ("law", "distance"))
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
