@@ -24,7 +24,6 @@ from spi.cli import app, options
 from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
-from spi.plugins.systems.keys import KEYS as SYSTEM_KEYS
 from spi.printing.text import fraction
 from spi.running import shipped
 from spi.running.load import layers
@@ -104,6 +103,8 @@ def spec_keys() -> str:
         text += _claimable(module.keys.Case.quantities)
         names = ", ".join(f"`{name}`" for name, keys in experiments_known().items() if keys["kind"] == kind)
         text += f"\nExperiments: {names}.\n" if names else ""
+    from spi.plugins.systems.keys import KEYS as SYSTEM_KEYS  # no page is written where a plug-in is left out
+
     text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
     text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
     text += "\n## A file under `initial`\n\n"

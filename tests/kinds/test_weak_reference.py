@@ -62,6 +62,7 @@ def by_each_step(case, found):
     return of(found.error), of(found.sampled.error_without)
 
 
+@pytest.mark.needs("systems")
 @compiled_only
 @pytest.mark.parametrize(
     ("levels", "keys", "blocks"),

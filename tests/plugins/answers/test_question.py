@@ -18,7 +18,7 @@ SOURCES = [
     "rigid_body_noise_sweep",
     "stability_long_time",
     "rigid_body_weak",
-    "toda_strong",
+    pytest.param("toda_strong", marks=pytest.mark.needs("systems")),
     "zeitlin_strong",
 ]
 

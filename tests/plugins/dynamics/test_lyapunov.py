@@ -164,6 +164,7 @@ def test_the_area_that_flows_keep_on_surfaces_that_are_no_spheres():
     assert np.abs(found - np.log(y[:, 0] * y[:, 1])).max() < 1e-12
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.parametrize(
     "system",
     [
@@ -216,6 +217,7 @@ def test_where_the_energy_drifts_no_stationary_law_is_said_to_be_known(case_of):
     assert body.is_stationary and "no stationary law" not in text.getvalue()
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.slow
 @compiled_only
 def test_the_sum_at_a_temperature_is_known(case_of):

@@ -125,6 +125,7 @@ def test_the_dimension_of_kaplan_and_yorke():
     assert found[0] == pytest.approx(1.2) and np.isnan(found[1:]).all()
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.slow
 @compiled_only
 def test_near_bodies_meet_at_the_rate_of_the_largest_exponent(plan_of):
