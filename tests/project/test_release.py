@@ -13,8 +13,8 @@ from packaging.specifiers import SpecifierSet
 
 import spi
 from spi.cli import app
-from spi.plugins import offers
 from spi.kinds import KINDS
+from spi.plugins import offers
 from spi.running import shipped
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
