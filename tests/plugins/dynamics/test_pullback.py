@@ -10,10 +10,10 @@ from test_lyapunov import in_python
 
 import spi
 from spi.ensemble.random_states import block_states
+from spi.plugins.dynamics.drawing.maps import mollweide
 from spi.plugins.dynamics.kinds.lyapunov import figure, study
 from spi.plugins.dynamics.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.running.load import load
-from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, mollweide
 from spi.storage import Part
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
@@ -86,8 +86,13 @@ def test_bits_and_the_file(plan_of):
         assert same_numbers(finished(plain).total(), whole.total())
     again = Exponents.of(found.group())
     pictures = again.pictures
-    assert np.array_equal(pictures.count, found.pictures.count) and again.panels == ("lyapunov", "pullback")
-    assert pictures.count.sum(axis=(1, 2)).tolist() == [150, 150] and not pictures.outside.any() and pictures.is_sphere
+    assert np.array_equal(pictures.density, found.pictures.density) and again.panels == ("lyapunov", "pullback")
+    area = pictures.width.prod(axis=1)
+    assert (
+        pictures.density.sum(axis=(1, 2)) * area == pytest.approx([1, 1])
+        and not pictures.outside.any()
+        and pictures.is_sphere
+    )
     d = states(plan)[1]
     pairs = np.linalg.norm(d - np.roll(d.reshape(2, 64, 3), 32, axis=1).reshape(128, 3), axis=1)
     assert abs(pictures.distance[1] - pairs.mean()) < 4 * pictures.distance_stderr[1]
@@ -100,7 +105,7 @@ def test_pictures_where_the_surface_is_no_sphere(plan_of):
     plan = plan_of(*model, "initial={law: gaussian, mean: [0, 1, 0], sd: 0.1}")
     found = in_python(plan).pictures
     assert found.sides == ("y1", "y2") and not found.is_sphere
-    assert (found.count.sum(axis=(1, 2)) / 150 + found.outside).tolist() == [1, 1]
+    assert found.density.sum(axis=(1, 2)) * found.width.prod(axis=1) + found.outside == pytest.approx([1, 1])
 
 
 def test_the_projection_keeps_areas():
@@ -108,7 +113,8 @@ def test_the_projection_keeps_areas():
     dx = [(mollweide(z, turn + e)[0] - mollweide(z, turn - e)[0]) / (2 * e) for e in (1e-3,)]
     dy = [(mollweide(z + e, turn)[1] - mollweide(z - e, turn)[1]) / (2 * e) for e in (1e-3,)]
     assert np.abs(dx[0] * dy[0] - 1).max() < 5e-3
-    assert math.pi * HALF_WIDTH * HALF_HEIGHT == pytest.approx(4 * math.pi)
+    width, height = mollweide(np.array([0.0, 1.0]), np.array([math.pi, 0.0]))
+    assert math.pi * width[0] * height[1] == pytest.approx(4 * math.pi)
 
 
 def test_the_dimension_of_kaplan_and_yorke():

@@ -7,7 +7,7 @@ from yaml_cases import made
 
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import path_function
-from spi.plugins.dynamics.kinds.statistics.estimates import Cells
+from spi.plugins.dynamics.kinds.maps import Cells
 
 
 def test_the_law_on_a_map_is_that_of_the_temperature():

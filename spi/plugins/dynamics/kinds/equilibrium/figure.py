@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots, style
+from spi.plugins.dynamics.drawing import maps
 
 from .results import Averages, Equilibrium
 
@@ -202,7 +203,7 @@ PANELS: dict[str, Any] = {
         ),
     ],
     "histogram": [
-        panels.HistogramPanel(
+        maps.HistogramPanel(
             "density", "cell_low", "cell_width", lambda one: one.largest_finite, exact="density_exact", only=_varies
         )
     ],

@@ -8,9 +8,10 @@ import numpy as np
 
 from spi.kinds.functions import PathFunction, evaluated, origin_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.plugins.dynamics.statistics import correlation
+from spi.plugins.dynamics.statistics.cells import range_of
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array
-from spi.statistics.cells import range_of
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
@@ -174,8 +175,8 @@ class Recorder(NamedTuple):
         """Add the products of a full stretch with itself and with the one before it, which it then replaces."""
         lags = self.series.lags
         for f, both in enumerate(paths.stretch):
-            spectrum = estimators.by_group(estimators.lagged_products(both[..., :lags], both[..., lags:]), first, end)
-            paths.lagged[f] += np.moveaxis(estimators.lagged_sums(np.moveaxis(spectrum, -1, 0)), 0, -1)
+            spectrum = estimators.by_group(correlation.lagged_products(both[..., :lags], both[..., lags:]), first, end)
+            paths.lagged[f] += np.moveaxis(correlation.lagged_sums(np.moveaxis(spectrum, -1, 0)), 0, -1)
             if is_first:
                 paths.ends[f, 1:] -= estimators.by_group(np.cumsum(both[..., lags : 2 * lags - 1], axis=-1), first, end)
         paths.stretch[..., :lags] = paths.stretch[..., lags:]
@@ -273,13 +274,13 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         exact = is_rounding(*of)
         independent = np.where(_are_equal(mean, without[:, 0], *of[1:]) & ~exact, 1, samples)  # number of paths
         total = independent * used
-        covariance, correlation = estimators.of_means(covariance, total)
-        time = estimators.resolved_times(correlation, total)
+        covariance, integrated = correlation.of_means(covariance, total)
+        time = correlation.resolved_times(integrated, total)
         enough = independent >= LEAST_PATHS
         of_tau = np.sqrt(2 * time.least * covariance[:, 0] / total)
         of_paths = np.where(enough, np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)), np.nan)
         tails = estimators.kurtosis_of_groups(square - mean**2, without[:, 1] - without[:, 0] ** 2, counts)
-        freedom = np.where(enough, samples - 1, total / (2 * correlation.window + 1))
+        freedom = np.where(enough, samples - 1, total / (2 * integrated.window + 1))
         of_drift = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1))
         spread = np.where(enough, of_drift, 2 * of_tau)
         of_batches = np.sqrt(np.maximum(batches - mean**2 * parted, 0) / parted / (independent * parted - 1))
@@ -303,7 +304,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
             "halves": np.where(spread > 0, known * drift / spread, np.nan),
             "tau": known * spacing * time.tau,
             "tau_stderr": known * spacing * time.stderr,
-            "window": np.where(correlation.closed, known * spacing * correlation.window, np.nan),
+            "window": np.where(integrated.closed, known * spacing * integrated.window, np.nan),
             "variance": covariance[:, 0],
             "variance_stderr": _stderr_of_variance(covariance[:, 0], left_out[..., 0], counts, paths, enough),
             "correlation": known[:, np.newaxis] * rho,

@@ -7,9 +7,10 @@ from statistics import NormalDist
 import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
+from spi.plugins.dynamics.statistics.correlation import WINDOW
 from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, decimal, interval_text, power_of_two, short
-from spi.statistics.estimators import WINDOW, few_carry
+from spi.statistics.estimators import few_carry
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
 from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 

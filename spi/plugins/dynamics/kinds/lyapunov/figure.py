@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import panels, plots
+from spi.plugins.dynamics.drawing import maps
 
 _FEW = 16  # cells with states that get a circle, since they could not be seen
 
@@ -12,18 +13,18 @@ _FEW = 16  # cells with states that get a circle, since they could not be seen
 def _picture(ax: plots.Axes, reading: Any, i: Any, readings: Any) -> list[plots.Entry]:
     """A picture of the states that noise has moved since -t."""
     pictures = reading.pictures
-    shown = np.where(pictures.count[i] > 0, pictures.density[i], np.nan)
-    least, most = (
-        end([end(one.pictures.density[one.pictures.count > 0]) for one in readings]) for end in (np.min, np.max)
-    )
-    edges = plots.cell_edges(pictures, i)
-    cells = (edges[1], edges[0], shown) if pictures.is_sphere else (*edges, shown.T)
-    plots.draw_cells(ax, reading.about, pictures, cells, plots.log_colours(least, most))
-    few = np.argwhere(pictures.count[i] > 0)
+    density = pictures.density[i]
+    seen = [one.pictures.density[one.pictures.density > 0] for one in readings]
+    least, most = (end([end(values) for values in seen]) for end in (np.min, np.max))
+    maps.draw_cells(ax, reading.about, pictures, i, density, maps.log_colours(least, most))
+    few = np.argwhere(density > 0)
     if not 0 < len(few) <= _FEW:
         return []
-    places = pictures.low[i] + pictures.width[i] * (few + 0.5)
-    across, up = places.T[::-1] if pictures.is_sphere else places.T
+    up, across = (pictures.low[i] + pictures.width[i] * (few + 0.5)).T
+    if pictures.is_sphere:
+        across, up = maps.mollweide(up, across)
+    else:
+        across, up = up, across
     ax.plot(across, up, "o", color="black", markerfacecolor="none", markersize=9, zorder=4)
     return [plots.mark("o", "all cells that have states", markerfacecolor="none", markersize=9)]
 
@@ -43,7 +44,7 @@ PANELS: dict[str, Any] = {
             only=lambda reading, _: len(reading.number) > 1,
         ),
     ],
-    "pullback": [panels.MapPanel("pictures", _picture)],
+    "pullback": [maps.MapPanel("pictures", _picture)],
 }
 
 draw = panels.Figures(PANELS, ("samples", "step"))

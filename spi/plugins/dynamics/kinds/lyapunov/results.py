@@ -6,18 +6,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from spi.numerics.groups import filled_groups
+from spi.plugins.dynamics.kinds.maps import DensityMap
 from spi.printing.tables import Column, Table
 from spi.printing.text import short, with_interval
 from spi.statistics.claims import lost_among
 from spi.statistics.estimators import RESOLVED
 from spi.storage.records import student
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact, nested
 
 #: The panels of a figure.
 PANELS = ("lyapunov", "pullback")
-
-#: The sides of a picture of a sphere.
-SPHERE_SIDES = "Mollweide y", "Mollweide x"
 
 #: The relative spread of values that are alike on all paths.
 EQUAL = 1e-6
@@ -25,39 +23,22 @@ EQUAL = 1e-6
 _SMALL = 0.1  # share of the spread of H up to which a change of its mean does not count
 
 
-class Pictures(Described):
+class Pictures(DensityMap):
     """Many states on one path of noise that ends now: their places, and their distances from each other.
 
     A picture at t is of the noise from -t to 0, which all pictures share as far as they go, so that they converge.
-    Its cells have equal areas; on a sphere they are those of Mollweide's projection, whose area is 4 pi.
     """
 
-    t: Array = axis("how long the noise has acted", "time", name="pullback_t")
-    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
-    low: Array = array("pullback_t side", "lower end of the first cell")
-    width: Array = array("pullback_t side", "width of a cell")
-    count: Array = array("pullback_t row column", "number of states in the cell")
-    outside: Array = array("pullback_t", "share of the states outside of all cells")
-    distance: Array = array("pullback_t", "mean distance of two states", formula="E |y - z|")
-    distance_stderr: Array = array("pullback_t", "standard error of that, for this path of noise")
-    typical: Array = array("pullback_t", "typical distance of two states", formula="exp E log |y - z|")
+    t: Array = axis("how long the noise has acted", "time", name="map_t")
+    distance: Array = array("map_t", "mean distance of two states", formula="E |y - z|")
+    distance_stderr: Array = array("map_t", "standard error of that, for this path of noise")
+    typical: Array = array("map_t", "typical distance of two states", formula="exp E log |y - z|")
     points: int = fact("number of states")
-
-    @property
-    def is_sphere(self) -> bool:
-        """Whether the cells are those of a sphere."""
-        return self.sides == SPHERE_SIDES
 
     @property
     def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
         return student(filled_groups(self.points) - 1) * self.distance_stderr
-
-    @property
-    def density(self) -> Array:
-        """(times, rows, columns) share of the states in the cell by its area: on a sphere per steradian."""
-        density: Array = self.count / (self.points * self.width.prod(axis=1)[:, np.newaxis, np.newaxis])
-        return density
 
 
 def _dimension(reading: "Exponents", readings: Sequence["Exponents"]) -> str:

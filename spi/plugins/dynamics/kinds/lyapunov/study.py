@@ -24,7 +24,6 @@ import numpy as np
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import Given, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated, limited_threads, states_at
-from spi.ensemble.observer import count_values
 from spi.ensemble.protocol import casimirs, conserved, dimension, structure
 from spi.ensemble.random_states import block_states
 from spi.ensemble.random_states import normals as normal_numbers
@@ -37,10 +36,12 @@ from spi.kinds.plans import Cost, KernelCall, PathsPlan, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
+from spi.plugins.dynamics.ensemble.counting import count_values
 from spi.plugins.dynamics.exact.gibbs import mean_divergence
+from spi.plugins.dynamics.kinds.maps import Cells
+from spi.plugins.dynamics.statistics.cells import count_places
 from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, added, counted, largest, moments
-from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cells_around, count_places, mollweide, places_in_cells
 from spi.statistics.estimators import (
     group_counts,
     jackknife_stderr,
@@ -51,7 +52,7 @@ from spi.statistics.rounding import rounding, with_rounding
 from spi.statistics.tallies import PathSet
 from spi.storage.records import Part
 
-from .results import EQUAL, PANELS, SPHERE_SIDES, Exponents, Pictures, kaplan_yorke
+from .results import EQUAL, PANELS, Exponents, Pictures, kaplan_yorke
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Pull-back pictures: many states on one path of noise that ends now and began a time t ago, for several t.
@@ -66,7 +67,6 @@ from .results import EQUAL, PANELS, SPHERE_SIDES, Exponents, Pictures, kaplan_yo
 
 _OF_SPHERE, _OF_PLANE = (192, 384), (256, 256)  # cells of a picture
 _PILOT = 4  # blocks by which the ends of the cells are found, where they are not those of a sphere
-_MARGIN = 0.125  # of their range on each side
 _LEAST = 1e-16  # distance, relative to |y|, that counts as this one
 
 
@@ -125,46 +125,19 @@ class Pulled:
             states[:, i] = moved.reshape(count, d, LANES)
         return states
 
-    def sides(self, states: np.ndarray) -> np.ndarray:
-        """(2, ...) the coordinates of states (blocks, T, d, LANES) in the plane of the picture."""
-        y = np.moveaxis(states, 2, 0)
-        if self._sphere is None:
-            return y[:2]
-        at, lengths = self._sphere
-        with np.errstate(all="ignore"):
-            a, b, c = (y[i] / length for i, length in zip(at, lengths, strict=True))
-            x, height = mollweide(c / np.sqrt(a * a + b * b + c * c), np.arctan2(b, a))
-        return np.array([height, x])
-
     @cached_property
-    def _sphere(self) -> tuple[tuple[int, ...], tuple[float, ...]] | None:
-        """The first sphere of the Casimir surface: its components, and half the axes where it is an ellipsoid."""
-        p = self.plan
-        surface = spheres(undamped(p.model), p.initial)
-        if surface is None:
-            return None
-        at = surface.triples[0]
-        return at, tuple(surface.lengths[i] for i in at)
-
-    @property
-    def _number(self) -> tuple[int, int]:
-        """Rows and columns of cells."""
-        return _OF_PLANE if self._sphere is None else _OF_SPHERE
-
-    @cached_property
-    def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """(T, 2) the lower ends of the first cell, and (T, 2) the widths of a cell."""
-        shape = len(self.steps), 2
-        if self._sphere is not None:
-            half = np.array([HALF_HEIGHT, HALF_WIDTH])
-            return np.broadcast_to(-half, shape), np.broadcast_to(2 * half / self._number, shape)
-        values = self.sides(self.states(0, _PILOT, _PILOT * LANES)).transpose(2, 0, 1, 3).reshape(*shape, -1)
-        return cells_around(values, self._number, _MARGIN)
+    def cells(self) -> Cells:
+        """Those of the first sphere of the Casimir surface, or else of the first two components."""
+        p, times = self.plan, len(self.steps)
+        if surface := spheres(undamped(p.model), p.initial):
+            return Cells.of_sphere(times, _OF_SPHERE, surface)
+        values = self.states(0, _PILOT, _PILOT * LANES)[:, :, :2].transpose(1, 2, 0, 3).reshape(times, 2, -1)
+        return Cells.around(values, (0, 1), _OF_PLANE)
 
     @property
     def lengths(self) -> dict[str, int]:
         """The lengths of the axes of the sums."""
-        return {"time": len(self.steps), "one": 1, "count": 2 + math.prod(self._number), "distance": 2}
+        return {"time": len(self.steps), "one": 1, "count": 2 + math.prod(self.cells.number), "distance": 2}
 
     def observe(self, first: int, count: int, end: int) -> dict[str, Array]:
         """The contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group.
@@ -176,7 +149,8 @@ class Pulled:
             apart = y - np.roll(y, LANES // 2, axis=-1)
             distance = np.sqrt((apart * apart).sum(axis=2))
             size = np.sqrt((y * y).sum(axis=2))
-        places = places_in_cells(self.sides(y), *self.ends, self._number, closed=self._sphere is not None)
+        states = np.moveaxis(y, 2, 0)
+        places = self.cells.places(states, states[:2])
         return {"cells": places, "distances": np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2)}
 
     def added(self, sums: Counts, contributions: dict[str, Array], at: slice, first: int, end: int) -> Counts:
@@ -187,17 +161,11 @@ class Pulled:
 
     def results(self, sums: Counts) -> Pictures:
         """The pictures, from the sums over all states."""
-        low, width = self.ends
         groups = group_counts(sums.paths)
         mean, without = mean_over_paths(sums.distances[0], groups)
-        names = self.plan.case.variables[:2] or ("y1", "y2")
+        names = tuple(self.plan.case.variables[:2]) or ("y1", "y2")
         return Pictures(
-            t=np.array(self._keys.times),
-            sides=SPHERE_SIDES if self._sphere is not None else tuple(names),
-            low=low.copy(),
-            width=width.copy(),
-            count=sums.cells[:, 0, 1:-1].reshape(-1, *self._number),
-            outside=(sums.cells[:, 0, 0] + sums.cells[:, 0, -1]) / sums.paths,
+            **self.cells.densities(sums.cells, np.array(self._keys.times), names, np.zeros(2)),
             distance=mean[:, 0],
             distance_stderr=jackknife_stderr(mean, without, groups)[:, 0],
             typical=exp(mean[:, 1]),

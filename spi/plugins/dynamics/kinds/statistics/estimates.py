@@ -7,22 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import answers
 from spi.ensemble.loop import thread_count
-from spi.ensemble.protocol import dimension, frozen, structure
-from spi.ensemble.random_states import RandomState
-from spi.kinds.functions import PathFunction, origin_of, path_function
-from spi.models.delegation import undamped
+from spi.ensemble.protocol import dimension, structure
+from spi.kinds.functions import PathFunction, origin_of
 from spi.numerics.rng import LANES
-from spi.statistics.cells import cells_around, places_in_cells
+from spi.plugins.dynamics.statistics.cells import share_stderr
+from spi.plugins.dynamics.statistics.quantiles import quantiles_of
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, kurtosis_of_groups, mean_over_paths
 from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
-from spi.statistics.quantiles import quantiles_of
 from spi.statistics.rounding import is_rounding, rounding, size_of_values, with_rounding
 from spi.storage.records import INTERVAL
 
 from .passages import Looks, corrected
-from .results import LEAST_GROUPS, DensityMap, Histogram, Passages, Quantiles
+from .results import LEAST_GROUPS, Histogram, Passages, Quantiles
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The columns that are summed up: functions of the state or of the path, and others beside them.
@@ -216,12 +213,6 @@ def quantiles(
     return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
 
 
-def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
-    """Standard error of a share of independent paths; of none or all of them by the rule of three."""
-    unseen = zero_share_bound(samples) / student_of_paths(samples)
-    return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
-
-
 def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarray, exact: np.ndarray) -> Histogram:
     """Densities in the bins of counts; NaN as for :func:`quantiles`, and where functions are constant (F, T)."""
     share, width = np.moveaxis(counts[..., 1:-1] / samples, 0, 1), bins.width.T
@@ -238,9 +229,10 @@ def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: np.ndarra
 
 
 SPHERE = "sphere"
+
+
+SPHERE = "sphere"
 _POINTS = 5  # at which B(y) y is evaluated
-_MARGIN = 0.125  # of the range of the first paths on each side
-_WITHIN = 8  # points along a side of a cell, over which a known density is averaged
 
 
 def on_sphere(model: Any) -> bool:
@@ -249,72 +241,6 @@ def on_sphere(model: Any) -> bool:
         return False
     y = np.random.default_rng(1).standard_normal((_POINTS, 3))
     return all(np.abs(structure(model, tuple(point), tuple(point))).max() < 1e-12 for point in y)
-
-
-class Cells(NamedTuple):
-    """Cells of equal size at some times, by two sides."""
-
-    low: np.ndarray  #: (times, 2)
-    width: np.ndarray  #: (times, 2)
-    number: tuple[int, int]
-    pair: tuple[int, ...]  #: the functions of the sides; () for the sphere
-
-    @classmethod
-    def of_sphere(cls, times: int, number: tuple[int, int]) -> "Cells":
-        """Bands of equal height in cells of equal width."""
-        low = np.tile([-1.0, -np.pi], (times, 1))
-        return cls(low, -2 * low / number, number, ())
-
-    @classmethod
-    def around(cls, values: np.ndarray, pair: tuple[int, ...], number: tuple[int, int]) -> "Cells":
-        """Cells that hold the values (times, 2, paths) of two functions, and an eighth of their range on each side."""
-        return cls(*cells_around(values, number[0], _MARGIN), number, pair)
-
-    def places(self, states: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """(blocks, times, 1, LANES) the number of the cell, and a half; -1 outside of all cells, NaN where lost.
-
-        Of states (3, blocks, times, LANES) or of the values (2, blocks, times, LANES) of two functions.
-        """
-        sides = values if self.pair else _directions(states)
-        return places_in_cells(sides, self.low, self.width, self.number, closed=not self.pair)
-
-    def gibbs(self, model: Any, initial: Any, temperature: float) -> np.ndarray | None:
-        """The density of exp(-H/T) in the cells of the sphere through `initial`; None where that is not the law."""
-        of_law = initial.law.surface if isinstance(initial, RandomState) else initial
-        if self.pair or not np.isfinite(temperature) or of_law is None or answers(frozen, undamped(model)):
-            return None
-        fine = [(np.arange(_WITHIN * n) + 0.5) / (_WITHIN * n) for n in self.number]
-        z, longitude = np.meshgrid(2 * fine[0] - 1, np.pi * (2 * fine[1] - 1), indexing="ij")
-        across = np.sqrt(1 - z**2)
-        y = np.linalg.norm(initial) * np.array([across * np.cos(longitude), across * np.sin(longitude), z])
-        exponent = -path_function(model, (), "H").values(y) / temperature
-        weight = np.exp(exponent - exponent.max())
-        rows, columns = self.number
-        return weight.reshape(rows, _WITHIN, columns, _WITHIN).mean(axis=(1, 3)) / (4 * np.pi * weight.mean())
-
-    def densities(
-        self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray, law: Any
-    ) -> DensityMap:
-        """The maps from counts (times, 1, 2 + cells), where functions were counted less their `origins` (2,)."""
-        n = counts[0, 0].sum()
-        share = counts[:, 0, 1:-1].reshape(-1, *self.number) / n
-        area = self.width.prod(axis=1)[:, np.newaxis, np.newaxis]
-        return DensityMap(
-            sides=names,
-            t=t,
-            low=self.low + origins,
-            width=self.width,
-            density=share / area,
-            stderr=share_stderr(share, n) / area,
-            outside=(counts[:, 0, 0] + counts[:, 0, -1]) / n,
-            law=law,
-        )
-
-
-def _directions(y: np.ndarray) -> np.ndarray:
-    """y_3 / |y| and the longitude (2, ...) of states (3, ...)."""
-    with np.errstate(all="ignore"):
-        return np.array([y[2] / np.sqrt((y**2).sum(axis=0)), np.arctan2(y[1], y[0])])
 
 
 Array = np.ndarray

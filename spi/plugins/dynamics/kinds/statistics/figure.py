@@ -7,6 +7,7 @@ import numpy as np
 
 from spi.drawing import panels, plots, style
 from spi.expressions import as_numpy, parse_expression
+from spi.plugins.dynamics.drawing import maps
 from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
@@ -102,12 +103,12 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
     values = density_map.law if m is None else density_map.density[m]
     highest = max(float(one.density_map.density[at].max()) for one in readings if one.density_map) or 1.0
     density = np.where(values > 0, values, np.nan)
-    edges = plots.cell_edges(density_map, at)
-    cells = plots.on_sphere(density_map, at, density) if density_map.is_sphere else (*edges, density.T)
-    plots.draw_cells(ax, reading.about, density_map, cells, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
+    maps.draw_cells(ax, reading.about, density_map, at, values, {"cmap": "YlGnBu", "vmin": 0.0, "vmax": highest})
     used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
     if not density_map.is_sphere and used[0].size:  # as far as there are paths
-        xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
+        xlim, ylim = (
+            (edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(maps.cell_edges(density_map, at), used, strict=True)
+        )
         ax.set(xlim=xlim, ylim=ylim)
     return []
 
@@ -211,7 +212,7 @@ PANELS: dict[str, Any] = {
         )
     ],
     "histogram": [
-        panels.HistogramPanel("density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_varies),
+        maps.HistogramPanel("density", "bin_low", "bin_width", lambda one: -1, "density of ${f}$", only=_varies),
         panels.CurvePanel(
             "passage_density",
             "until_t",
@@ -242,7 +243,7 @@ PANELS: dict[str, Any] = {
     ],
     "structure": [panels.Own(_structure)],
     "spreading": [panels.Own(_spreading)],
-    "maps": [panels.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
+    "maps": [maps.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
 }
 
 draw = panels.Figures(PANELS, ("samples", "step"))

@@ -15,6 +15,7 @@ from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, funct
 from spi.models.delegation import undamped
 from spi.models.spins import Spins
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, curve
+from spi.plugins.dynamics.statistics.quantiles import EDGES
 from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
@@ -22,7 +23,6 @@ from spi.specs.names import CodeKeys
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
-from spi.statistics.quantiles import EDGES
 
 from . import waves
 from .estimates import SPHERE, on_sphere

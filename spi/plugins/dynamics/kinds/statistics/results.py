@@ -5,16 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from spi.kinds.blocks import Acceptance
+from spi.plugins.dynamics.kinds.maps import DensityMap
 from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, decimal, interval_text, joined, short
 from spi.statistics.claims import lost_among
 from spi.statistics.estimators import few_carry
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
-
-#: The sides of cells of equal area on a sphere, by Archimedes.
-SPHERE_SIDES = "y3 / |y|", "longitude"
-
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
 OF_SPINS = ("structure", "spreading")
@@ -67,24 +64,6 @@ class Passages(Described):
     until_t: Array | None = axis("end of an interval of first times", "time", name="until_t", default=None)
     density: Array | None = array("function until_t", "density of the first time in the interval", default=None)
     density_stderr: Array | None = array("function until_t", "standard error of this density", default=None)
-
-
-class DensityMap(Described):
-    """Densities in cells of equal size, on a sphere by steradian or of two functions."""
-
-    sides: tuple[str, ...] = axis("what the cells divide: their rows and their columns", name="side")
-    t: Array = axis("time of the map", "time", name="map_t")
-    low: Array = array("map_t side", "lower end of the first cell")
-    width: Array = array("map_t side", "width of a cell")
-    density: Array = array("map_t row column", "share of the paths in the cell, by its area")
-    stderr: Array = array("map_t row column", "standard error of the density")
-    outside: Array = array("map_t", "share of the paths outside of all cells")
-    law: Array | None = array("row column", "the Gibbs law in the cells of a sphere, as a density", default=None)
-
-    @property
-    def is_sphere(self) -> bool:
-        """Whether the cells are those of a sphere."""
-        return self.sides == SPHERE_SIDES
 
 
 class Structure(Described):

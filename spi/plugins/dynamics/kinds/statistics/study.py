@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.loop import one_step, thread_count
-from spi.ensemble.observer import add_moments, count_values, rank_values
 from spi.ensemble.protocol import strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
@@ -17,19 +16,20 @@ from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
 from spi.kinds.functions import ns_to_evaluate
 from spi.kinds.plans import Cost, KernelCall, each_scheme
 from spi.numerics.rng import LANES
+from spi.plugins.dynamics.ensemble.counting import add_moments, count_values, rank_values
+from spi.plugins.dynamics.kinds.maps import Cells, DensityMap
+from spi.plugins.dynamics.statistics.cells import cells_around, count_places
+from spi.plugins.dynamics.statistics.quantiles import edges_around
 from spi.schemes import typical_ns
 from spi.statistics.accumulators import Array, Sums, added, by_group, counted, moments
-from spi.statistics.cells import cells_around, count_places
 from spi.statistics.estimators import GROUPS, mean_over_paths
 from spi.statistics.intervals import clopper_pearson, student_of_paths
-from spi.statistics.quantiles import edges_around
 from spi.statistics.rounding import with_rounding
 
 from . import stationary
 from .estimates import (
     SPHERE,
     Bins,
-    Cells,
     Columns,
     Constant,
     Map,
@@ -41,7 +41,7 @@ from .estimates import (
 )
 from .passages import Distances, Looks, corrected
 from .references import REFERENCES, reference_formulas, seconds_of_means
-from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Statistics
+from .results import LEAST_GROUPS, PANELS, Statistics
 
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
@@ -455,11 +455,10 @@ class StatisticsPlan(BlocksPlan):
         """The maps; None if the case has none."""
         if self.cells is None:
             return None
-        sides, origins = SPHERE_SIDES, np.zeros(2)
-        if pair := self.cells.pair:
-            sides, origins = (names[pair[0]], names[pair[1]]), self.columns.origins[list(pair), 0]
-        law = self.cells.gibbs(self.model, self.initial, self.case.temperature)
-        return self.cells.densities(counts, self.case.t[self.map_times], sides, origins, law)
+        pair = list(self.cells.pair)
+        origins = self.columns.origins[pair, 0] if pair else np.zeros(2)
+        found = self.cells.densities(counts, self.case.t[self.map_times], tuple(names[f] for f in pair), origins)
+        return DensityMap(**found, law=self.cells.gibbs(self.model, self.initial, self.case.temperature))
 
 
 plan = StatisticsPlan.of

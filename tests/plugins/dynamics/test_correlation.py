@@ -4,17 +4,15 @@ import numpy as np
 import pytest
 
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import (
-    GROUPS,
+from spi.plugins.dynamics.statistics.correlation import (
     Correlation,
-    by_group,
-    group_counts,
     integrated,
     lagged_products,
     lagged_sums,
     of_means,
     resolved_times,
 )
+from spi.statistics.estimators import GROUPS, by_group, group_counts
 
 
 def test_groups_are_those_of_the_jackknife():

@@ -5,9 +5,9 @@ import pytest
 from helpers import COMPILED
 from scipy import stats
 
-from spi.ensemble.observer import rank_values
 from spi.numerics.rng import LANES
-from spi.statistics.quantiles import EDGES, edges_around, quantiles_of
+from spi.plugins.dynamics.ensemble.counting import rank_values
+from spi.plugins.dynamics.statistics.quantiles import EDGES, edges_around, quantiles_of
 
 LEVELS = (1e-4, 1e-3, 0.01, 0.05, 0.5, 0.95, 0.99, 0.9999)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .intervals import order_statistics
+from spi.statistics.intervals import order_statistics
 
 Array = np.ndarray
 

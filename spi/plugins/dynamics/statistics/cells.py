@@ -1,8 +1,9 @@
-"""Cells of equal size that hold values, and Mollweide's projection of the sphere, which keeps areas."""
+"""Cells of equal size that hold values, and shares of paths in them."""
 
 import numpy as np
 
-from ..ensemble.observer import count_values
+from spi.plugins.dynamics.ensemble.counting import count_values
+from spi.statistics.intervals import student_of_paths, zero_share_bound
 
 Array = np.ndarray
 
@@ -51,20 +52,7 @@ def count_places(places: Array, first: int, end: int, cells: Array) -> None:
     count_values(places, first, end, begin, begin + 1, cells, (0, places.shape[1]))
 
 
-#: Half the axes of the ellipse that the sphere becomes, of area 4 pi.
-HALF_WIDTH, HALF_HEIGHT = 2 * np.sqrt(2.0), np.sqrt(2.0)
-
-_TABLE = np.linspace(-np.pi / 2, np.pi / 2, 2001)  # auxiliary angles a with 2 a + sin 2 a = pi sin(latitude)
-_HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
-
-
-def heights(low: float, high: float, count: int) -> Array:
-    """`count` heights from `low` to `high`, dense near the poles, where meridians bend, so that curves look smooth."""
-    angle = np.linspace(np.interp(low, _HEIGHT, _TABLE), np.interp(high, _HEIGHT, _TABLE), count)
-    return (2 * angle + np.sin(2 * angle)) / np.pi
-
-
-def mollweide(z: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) in the plane of the point of the unit sphere at height `z` and longitude in [-pi, pi]."""
-    angle = np.interp(z, _HEIGHT, _TABLE)
-    return HALF_WIDTH / np.pi * longitude * np.cos(angle), HALF_HEIGHT * np.sin(angle)
+def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
+    """Standard error of a share of independent paths; of none or all of them by the rule of three."""
+    unseen = zero_share_bound(samples) / student_of_paths(samples)
+    return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
