@@ -6,7 +6,19 @@ import inspect
 from ..compiler.dispatch import MOST
 from ..ensemble import protocol, scheme_protocol
 
-_OF_PARAMETERS = ("in_kernels", "fault", "at_temperature", "one_path", "gibbs_law", "state_fault", "observables")
+_OF_PARAMETERS = (
+    "in_kernels",
+    "fault",
+    "at_temperature",
+    "one_path",
+    "gibbs_law",
+    "state_fault",
+    "observables",
+    "geometry",
+    "report",
+    "bath_fault",
+    "function_calls",
+)
 
 
 def vocabulary(asked):

@@ -77,7 +77,7 @@ def plot(
     font: Annotated[
         str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
+    film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
     *,
     options: RunOptions,
 ) -> None:
@@ -173,8 +173,7 @@ GROUPS = {
     "errors": "strong and weak errors of schemes, and what they cost",
     "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
     **_groups_of_plugins(),
-    "systems": "systems written in YAML, and lattices of spins",
-    "fluids": "the sine-Euler equations and their limit",
+    "systems": "systems written in YAML, and lattices",
     "yours": "those in the folder --experiments",
 }
 WORDS = ("experiments", *GROUPS, "models", "schemes", "kinds", "results")
@@ -285,14 +284,18 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
 
 def _group(heading: "Heading") -> str:
     """The group of an experiment that comes with spi."""
+    from ..ensemble.protocol import listed_under
     from ..kinds import KINDS
+    from ..models import MODELS
 
     if heading.figure:
         return "paper"
-    if "system" in heading.model or heading.model.get("name") == "spins":
+    if "system" in heading.model:
         return "systems"
-    if heading.model.get("name") in ("sine_euler", "zeitlin"):
-        return "fluids"
+    name = heading.model.get("name", "")
+    of_model: str = listed_under(MODELS[name]) if name in MODELS else ""
+    if of_model in GROUPS:
+        return of_model
     group: str = KINDS[heading.kind].keys.Case.listed_under
     return group
 

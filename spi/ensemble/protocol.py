@@ -101,6 +101,26 @@ def commuting_noises(model):
     """Pairs (k, l), k < l, of noises whose flows commute; schemes need no Lévy areas of theirs."""
 
 
+@trait(str, default="")
+def equation(model):
+    """Structure and Hamiltonians in LaTeX, for reports."""
+
+
+@trait(dict, default={})
+def symbols(model):
+    """Parameter -> its symbol in mathtext where the name is none; empty for one that is not shown."""
+
+
+@trait(tuple, default=())
+def complex_modes(model):
+    """(symbol, names of the modes) where the components are the real and imaginary parts of complex modes."""
+
+
+@trait(str, default="")
+def listed_under(model):
+    """The word of ``spi list`` for experiments with the model; by default that of their kind."""
+
+
 @trait(bool, default=False)
 def large(model):
     """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
@@ -285,6 +305,22 @@ def one_path(model, scheme, h):
 
 
 @method(optional=True)
+def bath_fault(model):
+    """(fault, advice) where the model has no bath at a temperature, or None.  Called in Python only."""
+
+
+@method(optional=True)
+def function_calls(model):
+    """(kernel, arguments) of calls that only compile what functions of one long state need.  Called in Python only."""
+
+
+@method(default=True)
+def report(model, initial):
+    """Lines on a model and an initial state, which ``spi check`` prints.  Called in Python only."""
+    return []
+
+
+@method(optional=True)
 def gibbs_law(model, temperature, sweeps):
     """The law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
 
@@ -295,6 +331,15 @@ def gibbs_law(model, temperature, sweeps):
 @method(optional=True)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
+
+
+@method(default=True)
+def geometry(model):
+    """What the components of a state belong to: a mapping that JSON can hold, whose entry ``on`` says on what they are.
+
+    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``.  Called in Python only.
+    """
+    return {}
 
 
 @method(optional=True)

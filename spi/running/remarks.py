@@ -5,11 +5,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from .. import specs, systems
-from ..ensemble.protocol import dimension, large, strengths
+from ..ensemble.protocol import dimension, large, report, strengths
 from ..exact.gibbs import reach
 from ..kinds import KINDS
 from ..models.delegation import undamped
-from ..models.zeitlin import fields
 from ..schemes import typical_ns
 
 _MOST_COMPONENTS = 24  #: of states whose reachable set is computed
@@ -67,7 +66,7 @@ def _noise(case: specs.BaseCase) -> Iterator[str]:
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
     """Reports on the models of an experiment, lines by the name of the system and its cases.
 
-    Of generated models how they are split, of fluids what they resolve.
+    Of generated models how they are split, of others what they say themselves.
     """
     reports: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
@@ -76,7 +75,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines:
             steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
             lines = [*lines, *steps]
-        if lines := lines or fields.report(model, case.initial):
+        if lines := lines or report(model, case.initial):
             reports.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: lines for (name, *lines), cases in reports.items()}

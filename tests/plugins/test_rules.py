@@ -83,7 +83,9 @@ def test_the_index_says_which_plugin_has_what():
     assert json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8")) == program["index"]()
 
 
-@pytest.mark.parametrize("field", [field for field in plugins.Plugin._fields if field not in ("name", "needs", "groups")])
+@pytest.mark.parametrize(
+    "field", [field for field in plugins.Plugin._fields if field not in ("name", "needs", "groups")]
+)
 def test_all_that_is_offered_is_there(field):
     importlib.import_module("spi.cli")  # which imports commands, and they import it
     for name, place in plugins.offers(field).items():
