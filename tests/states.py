@@ -10,8 +10,8 @@ import numpy as np
 from spi import storage
 from spi.ensemble import loop
 from spi.kinds import blocks
-from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.plans import State
+from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
 from spi.running import workers
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans

@@ -24,12 +24,12 @@ from spi.cli import app, options
 from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
+from spi.plugins.systems.keys import KEYS as SYSTEM_KEYS
 from spi.printing.text import fraction
 from spi.running import shipped
 from spi.running.load import layers
 from spi.schemes import SCHEMES
 from spi.specs.keys import text_in
-from spi.systems.keys import KEYS as SYSTEM_KEYS
 
 FOLDER = Path(__file__).parents[1] / "reference"
 NOTE = "<!-- Written by docs/generate/reference.py; `make docs` writes it again. -->\n\n"

@@ -12,6 +12,7 @@ import xarray as xr
 
 from ..ensemble.loop import Grid, integrated, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
+from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
@@ -28,7 +29,6 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
-from ..systems import words
 from .progress import Line
 from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
@@ -67,9 +67,9 @@ def trajectory(
 ) -> xr.Dataset:
     """Paths of a scheme: states, Hamiltonian and Casimirs at the times 0, k h, 2 k h, ..., T with k = `every`.
 
-    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a custom system such as
-    ``{"system": "heavy_top.yaml"}``; or a model's class, or a record of it.  `initial`, `final_time` T, `step` h and
-    `seed` are as in a spec, and so are further `options`: damping, eps, truncate_noise, compositions.
+    `model` is what stands under ``model:`` in a spec: a name or a mapping; or a model's class, or a record of it.
+    `initial`, `final_time` T, `step` h and `seed` are as in a spec, and so are further `options`: damping, eps,
+    truncate_noise, compositions.
 
     Without `samples` it is the one path of number `path`: ``y`` (t, component), ``hamiltonian`` (t) and ``casimirs``
     (t, casimir).  With `samples` there are those of the numbers 0, ..., samples - 1, and a first axis ``path``.  The
@@ -268,7 +268,7 @@ def functions_by_name(functions: Any) -> Mapping[str, Any]:
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     """The functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
-    own = finest.case.variables, words(undamped(finest.case.model))
+    own = finest.case.variables, named_numbers(undamped(finest.case.model))
     for name, phi in functions_by_name(functions).items():
         try:
             phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, *own))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from ..plugins import PluginError, offers
 from .options import (
     FAILED,
     INVALID,
@@ -18,6 +17,7 @@ from .options import (
     Several,
     complete_results,
     end,
+    of_plugins,
     run_options,
     stored,
 )
@@ -26,7 +26,6 @@ from .terminal import STOP, takes_all_characters, tell
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..specs.experiment import Heading
     from ..storage.records import Results
 
 
@@ -159,21 +158,12 @@ def _about(path: Path) -> Iterator[None]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _groups_of_plugins() -> dict[str, str]:
-    """The groups of experiments that plug-ins add; none where one cannot be used, which the program says elsewhere."""
-    try:
-        return offers("groups")
-    except PluginError:
-        return {}
-
-
 #: The groups of experiments, and those in them; with those of plug-ins that are here.
 GROUPS = {
     "paper": "the figures of the paper, 1 to 17",
     "errors": "strong and weak errors of schemes, and what they cost",
-    "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
-    **_groups_of_plugins(),
-    "systems": "systems written in YAML, and lattices",
+    "dynamics": "paths, and what is known of them over time",
+    **of_plugins("groups"),
     "yours": "those in the folder --experiments",
 }
 WORDS = ("experiments", *GROUPS, "models", "schemes", "kinds", "results")
@@ -265,13 +255,14 @@ def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part
 
 
 def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
-    """The experiments that come with spi and those in a folder, by group."""
+    """The experiments that come with spi, of the groups that are here, and those in a folder, by group."""
     from ..running import shipped
     from ..running.load import headings
 
     rows: dict[str, list[tuple[str, str, str]]] = {group: [] for group in GROUPS}
     for path, heading in headings(map(shipped.path_of, shipped.names()))[0].items():
-        rows[_group(heading)].append((path.stem, str(heading.figure or "-"), heading.title))
+        if (group := "paper" if heading.figure else heading.group) in rows:
+            rows[group].append((path.stem, str(heading.figure or "-"), heading.title))
     rows["paper"].sort(key=lambda row: int(row[1]))
     if folder.is_dir() and not folder.samefile(shipped.folder()):
         others, mistakes = headings(sorted(folder.glob("*.yaml")))
@@ -280,24 +271,6 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
     for group, members in rows.items():
         if members:
             yield Part(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
-
-
-def _group(heading: "Heading") -> str:
-    """The group of an experiment that comes with spi."""
-    from ..ensemble.protocol import listed_under
-    from ..kinds import KINDS
-    from ..models import MODELS
-
-    if heading.figure:
-        return "paper"
-    if "system" in heading.model:
-        return "systems"
-    name = heading.model.get("name", "")
-    of_model: str = listed_under(MODELS[name]) if name in MODELS else ""
-    if of_model in GROUPS:
-        return of_model
-    group: str = KINDS[heading.kind].keys.Case.listed_under
-    return group
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:

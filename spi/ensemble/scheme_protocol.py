@@ -24,6 +24,14 @@ def advance_large(scheme, model, h, dW, coins, y, work, report):
     """One step of an array-state model, for the lanes in use of :func:`lanes_in_use`; others may stay as they are."""
 
 
+@method(optional=True)
+def move_group(scheme, array_state_model, h, width, count, states, x, new, times, work, report):
+    """A step of `count` paths for ``large.step_by_groups``: the array of new states, `states`, `x` or `new`.
+
+    Component i of state j stands at [i * width + j], and the time of noise k at [k * width + j].
+    """
+
+
 @method(default=True)
 def of_arrays(scheme, array_state_model):
     """The record that kernels get in place of the scheme where states are arrays.  Called in Python only.
@@ -67,6 +75,15 @@ def needs_areas(scheme):
 def work_size(scheme, model):
     """The floats of scratch for one block."""
     return 0
+
+
+@method(default=True)
+def compile_size(scheme, model):
+    """(flows, fields): the flows whose code a step has, else how often it has the derivative of the whole field.
+
+    Called in Python only, to predict how long its kernel takes to be compiled.
+    """
+    return 0, 1
 
 
 @method(default=True)

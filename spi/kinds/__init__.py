@@ -45,8 +45,5 @@ _OWN = {
     "strong": Kind("spi.kinds.strong"),
     "trajectory": Kind("spi.kinds.trajectory"),
     "weak": Kind("spi.kinds.weak"),
-    "equilibrium": Kind("spi.kinds.equilibrium"),
-    "statistics": Kind("spi.kinds.statistics"),
-    "lyapunov": Kind("spi.kinds.lyapunov"),
 }
 KINDS = Registry("kinds", _OWN, Kind)

@@ -150,7 +150,6 @@ class SineEuler(NamedTuple):
     joint_noises = ((0,), (1,), (2,), (3,))
     equation = r"y = \omega, \quad H = \sum_k H_k, \quad H_k = \widehat H_k = \frac{|\omega_k|^2}{|k|^2}"
     complex_modes = (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))
-    listed_under = "fluids"
 
     def geometry(model):
         return {"on": "torus", "modes": 3}

@@ -22,7 +22,7 @@ BRIDGES = 2**15  # Brownian bridges, channel = 2^12 * number of the bridge + pro
 AREAS = 2**14  # Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
 INITIAL = 2**13  # random initial states
 DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brownian motion
-TANGENTS = 2**12 + 2**11  # the first tangent vectors of Lyapunov exponents
+TANGENTS = 2**12 + 2**11  # the first tangent vectors along paths
 SITES = 2**15 + 2**14  # turns, normal and uniform numbers of the sites of one large lattice, channel = site of a part
 UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
 # streams of increments and of points, all below what is added to them, each with its coins behind it:

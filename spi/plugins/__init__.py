@@ -27,7 +27,12 @@ class Plugin(NamedTuple):
     name: str
     needs: tuple[str, ...] = ()  #: plug-ins without which it is not used
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
-    sources: Mapping[str, str] = _NOTHING  #: key under ``model`` -> what reads such a mapping
+    sources: Mapping[str, str] = (
+        _NOTHING  #: key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping
+    )
+    definitions: Mapping[str, str] = (
+        _NOTHING  #: key of a model with a bracket -> what makes the model, not its formulas
+    )
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
     grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
@@ -36,8 +41,12 @@ class Plugin(NamedTuple):
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
+    solvers: Mapping[str, str] = _NOTHING  #: method that a model answers -> module, see ``spi.exact.expectations``
+    warnings: Mapping[str, str] = _NOTHING  #: name -> what says the limits of the results of a case, in a line
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
+    ways: Mapping[str, str] = _NOTHING  #: option of `spi run` -> ``spi.cli.options.Way``, how experiments are computed
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
+    templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text
 
 

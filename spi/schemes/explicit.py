@@ -23,7 +23,7 @@ from ..ensemble.increments import first_lane
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, strengths
 from ..numerics.rng import LANES
-from .large import euler_step_of_large, heun_step_of_large, size_or
+from .large import euler_group, heun_group, size_or, step_by_groups
 
 
 @device
@@ -45,7 +45,11 @@ class EulerMaruyama(NamedTuple):
             store_lane(y, lane, euler_step(model, h, dW, lane, load_lane(model, y, lane)))
 
     def advance_large(scheme, model, h, dW, coins, y, work, report):
-        euler_step_of_large(model, h, dW, y, work, report)
+        step_by_groups(scheme, model, h, dW, 1.0, y, work, report)
+
+    def move_group(scheme, model, h, width, count, states, x, new, times, work, report):
+        euler_group(model, h, width, states, new, times, work)
+        return new
 
     def work_size(scheme, model):
         return size_or(0, model)
@@ -79,7 +83,11 @@ class RenormalisedHeun(NamedTuple):
             store_lane(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))
 
     def advance_large(scheme, model, h, dW, coins, y, work, report):
-        heun_step_of_large(model, h, dW, y, work, report)
+        step_by_groups(scheme, model, h, dW, 0.5, y, work, report)
+
+    def move_group(scheme, model, h, width, count, states, x, new, times, work, report):
+        heun_group(model, h, width, states, new, times, work)
+        return new
 
     def work_size(scheme, model):
         return size_or(0, model)

@@ -29,21 +29,20 @@ from ..ensemble.protocol import (
     sphere_size,
     strengths,
 )
-from ..ensemble.scheme_protocol import REPORT, lanes_in_use
-from ..numerics.elementary import bits, from_bits
+from ..ensemble.scheme_protocol import REPORT, lanes_in_use, move_group
+from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES, accepts
 from .sweeps import lanes_of, report_each_solve, report_judged
 
 _ALONE = 3  #: at most this many paths go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
-_SMALL = 0.25 * np.pi  # angles above it are reported
 _ENOUGH = 2.0**-48  # relative change of the last iteration
 
 
-@device(by_type=True)
+@device
 def width_of(model):
     """The number of states that flows move at once."""
-    return (lambda model: LANES) if in_place(model) else (lambda model: WIDTH)
+    return LANES if in_place(model) else WIDTH
 
 
 @device
@@ -58,17 +57,13 @@ def size_or(small, model):
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
-@device
-def lanes_to_move(model, report):
-    """(first, end) of the lanes that steps move: those in use, or all where sines are chosen for all lanes at once."""
-    first, end = lanes_in_use(report)
-    return (0, LANES) if in_place(model) else (first, end)
-
-
 @device(inline=False)
 def lanes_by_coin(model, report, coins, tossed):
-    """The numbers of the lanes that steps move, those with the coin 1 first, or all the same, and their number."""
-    first, end = lanes_to_move(model, report)
+    """The numbers of the lanes that steps move, those with the coin 1 first, or all the same, and their number.
+
+    They are those in use, or all where sines are chosen for all lanes at once.
+    """
+    first, end = (0, LANES) if in_place(model) else lanes_in_use(report)
     lanes, heads = np.empty(end - first, np.int64), 0
     for lane in range(first, end):
         if not tossed or coins[lane] > 0.0:
@@ -82,12 +77,12 @@ def lanes_by_coin(model, report, coins, tossed):
     return lanes, heads
 
 
-@device(by_type=True)
+@device
 def group_size(model, left):
     """(paths, width) of the next group where `left` paths are left."""
     if in_place(model):
-        return lambda model, left: (left, LANES)
-    return lambda model, left: (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
+        return left, LANES
+    return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
 @device(inline=False)
@@ -121,7 +116,7 @@ def take_times(model, dW, lanes, width, first, end, n, share, times):
 
 @device
 def report_large_angle(largest, report):
-    if largest > _SMALL:
+    if largest > SMALL:
         report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
 
 
@@ -139,22 +134,27 @@ def copy(states, new):
 
 
 @device(inline=False)
-def euler_step_of_large(model, h, dW, y, work, report):
-    """A step of Euler-Maruyama for the states of a block, in place."""
+def step_by_groups(scheme, model, h, dW, share, y, work, report):
+    """A step of the states of a block, in place; times of noises are a share of sigma_k times the increment."""
     (first, end), done = lanes_in_use(report), 0
     lanes = np.arange(first, end)
-    states, new, _, times, scratch = parts_of_work(model, work)
+    states, x, new, times, scratch = parts_of_work(model, work)
     while done < len(lanes):
         count, width = group_size(model, len(lanes) - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
-        copy(states, new)
-        add_block_drift(model, h, width, states, new, scratch)
-        add_block_ito_correction(model, h, width, states, new, scratch)
-        take_times(model, dW, some, width, 0, 1, 1, 1.0, times)
-        add_block_noises(model, times, width, states, new, scratch)
-        put(y, some, width, new)
+        take_times(model, dW, some, width, 0, 1, 1, share, times)
+        put(y, some, width, move_group(scheme, model, h, width, count, states, x, new, times, scratch, report))
         done += count
+
+
+@device(inline=False)
+def euler_group(model, h, width, states, new, times, work):
+    """A step of Euler-Maruyama."""
+    copy(states, new)
+    add_block_drift(model, h, width, states, new, work)
+    add_block_ito_correction(model, h, width, states, new, work)
+    add_block_noises(model, times, width, states, new, work)
 
 
 @device(inline=False)
@@ -165,24 +165,14 @@ def add_half_field(model, h, width, at, out, times, work):
 
 
 @device(inline=False)
-def heun_step_of_large(model, h, dW, y, work, report):
-    """A step of Heun's scheme for the states of a block, in place, back on the spheres."""
-    (first, end), done = lanes_in_use(report), 0
-    lanes = np.arange(first, end)
-    states, new, _, times, scratch = parts_of_work(model, work)
-    while done < len(lanes):
-        count, width = group_size(model, len(lanes) - done)
-        some = lanes[done : done + count]
-        take(y, some, width, states)
-        take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
-        copy(states, new)
-        add_half_field(model, h, width, states, new, times, scratch)
-        for i in range(len(states)):
-            states[i] = 2.0 * new[i] - states[i]
-        add_half_field(model, h, width, states, new, times, scratch)
-        renormalise(model, width, new)
-        put(y, some, width, new)
-        done += count
+def heun_group(model, h, width, states, new, times, work):
+    """A step of Heun's scheme, back on the spheres; replaces `states` by those in between."""
+    copy(states, new)
+    add_half_field(model, h, width, states, new, times, work)
+    for i in range(len(states)):
+        states[i] = 2.0 * new[i] - states[i]
+    add_half_field(model, h, width, states, new, times, work)
+    renormalise(model, width, new)
 
 
 @device(inline=False)
@@ -200,49 +190,39 @@ def renormalise(model, width, states):
 
 
 @device(inline=False)
-def midpoint_step_of_large(model, h, dW, y, work, report, tolerance, most_iterations):
-    """A step of the implicit midpoint rule for the states of a block, in place.
+def midpoint_group(model, h, width, count, states, x, new, times, work, report, tolerance, most_iterations):
+    """A step of the implicit midpoint rule, in place.
 
     x = y + F(x) / 2 by iteration from x = y.  Each state stops by itself, when no component of it changes by more than
     2^-48 of its largest one, so that its bits do not depend on the states beside it.
     """
-    (first, end), done = lanes_in_use(report), 0
-    lanes = np.arange(first, end)
-    left, changes = np.empty(LANES), np.empty(LANES)
-    while done < len(lanes):
-        count, width = group_size(model, len(lanes) - done)
-        some, made, iterations, moving = lanes[done : done + count], 0, 0, count
-        whole, x, new, times, scratch = parts_of_work(model, work)
-        take(y, some, width, whole)
-        d = dimension(model) * width  # one path alone takes less than there is room for
-        states, x, new = whole[:d], x[:d], new[:d]
-        take_times(model, dW, some, width, 0, 1, 1, 0.5, times)
-        copy(states, x)
+    left, changes, made, iterations, moving = np.empty(LANES), np.empty(LANES), 0, 0, count
+    d = dimension(model) * width  # one path alone takes less than there is room for
+    states, x, new = states[:d], x[:d], new[:d]
+    copy(states, x)
+    for j in range(LANES):
+        left[j] = np.inf
+    while moving > 0 and made < most_iterations:
+        copy(states, new)
+        add_half_field(model, h, width, x, new, times, work)
+        distances(x, new, width, changes)
+        if moving < count:  # a pass over all states that is seldom needed
+            keep_still(x, left, new)
+        x, new = new, x
+        made, iterations, moving = made + 1, iterations + moving, 0
         for j in range(LANES):
-            left[j] = np.inf
-        while moving > 0 and made < most_iterations:
-            copy(states, new)
-            add_half_field(model, h, width, x, new, times, scratch)
-            distances(x, new, width, changes)
-            if moving < count:  # a pass over all states that is seldom needed
-                keep_still(x, left, new)
-            x, new = new, x
-            made, iterations, moving = made + 1, iterations + moving, 0
-            for j in range(LANES):
-                left[j] = changes[j] if left[j] > _ENOUGH else left[j]
-            for j in range(count):
-                moving += 1 if left[j] > _ENOUGH else 0  # False for NaN
-        residual, failures = largest_of(left[:count]), failures_of(left[:count], tolerance)
-        if failures > 0:  # unless the last iterate solves the equation
-            copy(states, new)
-            add_half_field(model, h, width, x, new, times, scratch)
-            distances(x, new, width, left)
-            failures = failures_of(left[:count], tolerance)
-        for i in range(len(states)):
-            states[i] = 2.0 * x[i] - states[i]
-        put(y, some, width, whole)
-        done += count
-        report_each_solve(report, count, iterations, failures, residual)
+            left[j] = changes[j] if left[j] > _ENOUGH else left[j]
+        for j in range(count):
+            moving += 1 if left[j] > _ENOUGH else 0  # False for NaN
+    residual, failures = largest_of(left[:count]), failures_of(left[:count], tolerance)
+    if failures > 0:  # unless the last iterate solves the equation
+        copy(states, new)
+        add_half_field(model, h, width, x, new, times, work)
+        distances(x, new, width, left)
+        failures = failures_of(left[:count], tolerance)
+    for i in range(len(states)):
+        states[i] = 2.0 * x[i] - states[i]
+    report_each_solve(report, count, iterations, failures, residual)
 
 
 @device
@@ -317,12 +297,12 @@ def failures_of(values, tolerance):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@device(by_type=True)
+@device
 def judged_work(model):
     """The further floats of scratch for judged steps: directions, energies, refusals."""
     if in_place(model):
-        return lambda model: 3 * LANES
-    return (lambda model: LANES + 2 * WIDTH) if large(model) else (lambda model: 0)
+        return 3 * LANES
+    return LANES + 2 * WIDTH if large(model) else 0
 
 
 @device(by_type=True)

@@ -39,14 +39,15 @@ from ..ensemble.protocol import (
     flows_lacking,
     inner,
     structure,
+    structure_derivative,
     structure_is_kept,
 )
 from ..ensemble.scheme_protocol import advance, lanes_in_use, work_size
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
-from .large import midpoint_step_of_large, size_or
+from .large import midpoint_group, size_or, step_by_groups
 from .munthe_kaas import MuntheKaasMidpoint
-from .stages import gradient, hessian, structure_along, structure_derivative_along
+from .stages import gradient, hessian
 from .sweeps import report_solves
 
 ENOUGH = 2.0**-60  # for squares
@@ -152,6 +153,9 @@ def finish(model, h, dW, y, x, tolerance, report):
     return failures, np.sqrt(from_bits(largest))
 
 
+IN_NEWTON = 3  #: times as much code as for one derivative of the field, of schemes that solve equations
+
+
 class Midpoint(NamedTuple):
     """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
 
@@ -168,9 +172,16 @@ class Midpoint(NamedTuple):
         d = dimension(model)
         return size_or(LANES * (d + d * (d + 1) + 2), model)
 
+    def compile_size(scheme, model):
+        return 0, IN_NEWTON
+
     def advance_large(scheme, model, h, dW, coins, y, work, report):
+        step_by_groups(scheme, model, h, dW, 0.5, y, work, report)
+
+    def move_group(scheme, model, h, width, count, states, x, new, times, work, report):
         most = 10 * scheme.most_iterations  # which converge more slowly than those of Newton's method
-        midpoint_step_of_large(model, h, dW, y, work, report, scheme.tolerance, most)
+        midpoint_group(model, h, width, count, states, x, new, times, work, report, scheme.tolerance, most)
+        return states
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         d = dimension(model)
@@ -283,6 +294,9 @@ class IsospectralMidpoint(NamedTuple):
     def work_size(scheme, model):
         return LANES * dimension(model)
 
+    def compile_size(scheme, model):
+        return 0, IN_NEWTON
+
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):
             state = load_lane(model, y, lane)
@@ -393,10 +407,10 @@ class Alone(NamedTuple):
         return cross_product(field(model, "model"))
 
     def structure(model, y, v):
-        return structure_along(model.part, model.model, number(model.index), y, v)
+        return structure(model.model, y, v)
 
     def structure_derivative(model, y, u, v):
-        return structure_derivative_along(model.part, model.model, number(model.index), y, u, v)
+        return structure_derivative(model.model, y, u, v)
 
     def drift_gradient(model, y):
         return unit(component_indices(model), -1)

@@ -51,7 +51,7 @@ class Splitting(NamedTuple):
     stages: tuple
 
     def tosses(scheme):
-        return stages_toss(scheme)
+        return needs_coins(field(scheme, "stages"))
 
     def substeps(scheme):
         return substeps(field(scheme, "stages"))
@@ -61,6 +61,9 @@ class Splitting(NamedTuple):
 
     def work_size(scheme, model):
         return stages_work(model)
+
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
 
     def of_arrays(scheme, model):
         within = not (has_loops(scheme.stages) or has_joint(scheme.stages))
@@ -120,11 +123,6 @@ ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True
 SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))
 
 
-def stages_toss(scheme):
-    """Whether the stages of a scheme, or of the Numba type of one, need coins."""
-    return needs_coins(field(scheme, "stages"))
-
-
 def has_antithetic_path(scheme):
     """Whether a step with its increments in reversed order and its coin turned is the step with all flows reversed."""
     return isinstance(scheme, Splitting) and is_reversed_by_coin(scheme.stages)
@@ -151,6 +149,14 @@ def stages_work(model):
     return max(3, 1 + most_joined(model)) * LANES + inner_size(model)
 
 
+#: What the text of a step may name, besides the parts and the numbers of flows.
+_NAMES = {"LANES": LANES, "np": np} | {
+    function.__name__: function
+    for function in (
+        *(strengths, noises, sweep, inner_sweep, report_angle, friction_times, Together, bracket_factors),
+        *(friction_rate, friction_bend, decayed, exp),
+    )
+}
 #: The time of a drift flow, as source text.
 _DRIFT_TIME = "{share} * (stages[{stage}].fraction * h)"
 #: The time in a lane, as source text: in all lanes, in those with the coin 1, in those with the coin -1.
@@ -197,25 +203,8 @@ def _step(sweeps, inexact, most, linear=()):
         else:
             lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}, report))")
     lines.append("report_angle(largest, report)")
-    names = {
-        "LANES": LANES,
-        "np": np,
-        "strengths": strengths,
-        "noises": noises,
-        "sweep": sweep,
-        "inner_sweep": inner_sweep,
-        "report_angle": report_angle,
-        "friction_times": friction_times,
-        "Together": Together,
-        "bracket_factors": bracket_factors,
-        "friction_rate": friction_rate,
-        "friction_bend": friction_bend,
-        "decayed": decayed,
-        "exp": exp,
-    }
-    names |= PARTS
-    names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
-    return function_of(lines, names)
+    names = {f"index_{k}": index() for k, index in enumerate(INDICES)}
+    return function_of(lines, _NAMES | PARTS | names)
 
 
 def _are_one_flow(sweep, after=None):

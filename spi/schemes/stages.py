@@ -1,7 +1,7 @@
 """Compositions of flows as data: stages, each of them all pieces of H, or all noises, in some order, or loops.
 
 All properties of a splitting scheme derive from its stages by :func:`flows_in_order`: its kernel, the backward
-operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and the cost of a step.
+operators of solvers, whether it needs coins, whether it has antithetic paths, and the cost of a step.
 
 The fraction of a stage is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the
@@ -47,15 +47,11 @@ from ..ensemble.protocol import (
     noise_gradient,
     noise_hessian,
     noise_indices,
-    noise_structure,
-    noise_structure_derivative,
     noises,
     piece_gradient,
     piece_hessian,
     piece_indices,
     pieces,
-    structure,
-    structure_derivative,
 )
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -83,27 +79,11 @@ def hessian(part, model, k, y, v):
     """The Hessian of that Hamiltonian times v."""
 
 
-@method
-def structure_along(part, model, k, y, v):
-    """B(y) v for a v that is 0 wherever that gradient always is."""
-
-
-@method
-def structure_derivative_along(part, model, k, y, u, v):
-    """(DB(y)[u]) v for a v that is 0 wherever that gradient always is."""
-
-
 class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
     flow, angle = calling(drift_flow, "part"), calling(drift_angle, "part")
     gradient, hessian = calling(piece_gradient, "part"), calling(piece_hessian, "part")
-
-    def structure_along(part, model, k, y, v):
-        return structure(model, y, v)
-
-    def structure_derivative_along(part, model, k, y, u, v):
-        return structure_derivative(model, y, u, v)
 
 
 class Noise(NamedTuple):
@@ -111,8 +91,6 @@ class Noise(NamedTuple):
 
     flow, angle = calling(noise_flow, "part"), calling(noise_angle, "part")
     gradient, hessian = calling(noise_gradient, "part"), calling(noise_hessian, "part")
-    structure_along = calling(noise_structure, "part")
-    structure_derivative_along = calling(noise_structure_derivative, "part")
 
 
 class Joint(NamedTuple):

@@ -131,7 +131,7 @@ sweep_up_to = device(by_size(sweep_within))
 
 @device(by_type=True)
 def friction_times(index, model, t, y, times):
-    """The time that the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    """Friction along noise number(index) over the time t as a time s of its flow in each lane: exp(s X_k) y."""
     k = number(class_of(index)())
     if tables := friction_tables(model):
         return table_friction(*tables[k], k in linear_friction(model))
@@ -256,36 +256,31 @@ def turn_rows_within(angles, shape, size, count, model, y, t, rows):
 turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 
-@functools.lru_cache
-def table_friction(shape, row, is_linear=False):
+def table_friction(shape, row, is_linear):
     """The function that takes the place of ``friction_times`` for the noise with this shape and row."""
-    names = {"shape": INDICES[shape](), "size": INDICES[len(row)](), "rows": places([row])}
-    names |= {"friction_in_rows": friction_in_rows, "friction_rate": friction_rate, "number": number}
-    call = "friction_in_rows(shape, size, model, friction_rate(model, number(index)), t, y, times, rows)"
+    shape, size, rows = INDICES[shape](), INDICES[len(row)](), places([row])
     if is_linear:
-        names |= {"linear_friction_in_rows": linear_friction_in_rows, "linear_share": linear_share}
-        call = "linear_friction_in_rows(shape, size, model, linear_share(index, model, t), y, times, rows)"
-    return function_of(["def friction(index, model, t, y, times):", call], names)
+        return lambda index, model, t, y, times: friction_in_rows(
+            shape, size, model, linear_share(index, model, t), None, y, times, rows
+        )
+    return lambda index, model, t, y, times: friction_in_rows(
+        shape, size, model, friction_rate(model, number(index)), t, y, times, rows
+    )
 
 
 @device(inline=False)
 def friction_in_rows(shape, size, model, rate, t, y, times, rows):
-    """The times of a noise of which the friction has this rate."""
+    """The times of a noise of which the friction has this rate, or where t is None this :func:`linear_share`."""
     durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
     for lane in range(LANES):
         slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
-        durations[lane] = friction_after(rate, t, slope, bend)
+        durations[lane] = time_along(rate, t, slope, bend)
     copy_lanes(durations, 0, times, 0)
 
 
-@device(inline=False)
-def linear_friction_in_rows(shape, size, model, share, y, times, rows):
-    """The same of a noise of which the friction is linear, given :func:`linear_share`."""
-    durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
-    for lane in range(LANES):
-        slope, _ = shape_slopes(model, number(shape), load_at(model, at, y, lane))
-        durations[lane] = -share * slope
-    copy_lanes(durations, 0, times, 0)
+@device(by_type=True)
+def time_along(rate, t, slope, bend):
+    return (lambda rate, t, slope, bend: -rate * slope) if is_none(t) else friction_after
 
 
 @device

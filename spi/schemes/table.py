@@ -113,7 +113,7 @@ class Scheme(NamedTuple):
 
     @property
     def solvable_without_sampling(self):
-        """Whether ``spi.exact.kolmogorov`` can do it: a composition, each noise flow with an increment of its own."""
+        """Whether solvers can be asked for it: a composition, each noise flow with an increment of its own."""
         stages = self.composition
         return stages is not None and not self.multiscale and not has_loops(stages) and not has_shared(stages)
 
@@ -141,7 +141,14 @@ def register_scheme(name, **entry):
     SCHEMES[name] = scheme
 
 
+#: What several schemes have: compositions without and with areas, schemes that have f_k' f_k only in the mean, midpoint
+#: rules and Heun's, and those of the fast processes, which are explicit in y.
 POISSON = {"strong_order": 0.5, "strong_order_commuting": 1.0, "preserves": "Casimirs, Poisson structure"}
+_WITH_AREAS = POISSON | {"strong_order": 1.0}
+_EULER = {"strong_order": 0.5, "strong_order_commuting": 0.5, "weak_order": 1.0, "order_without_noise": 1.0}
+_MIDPOINT = {"strong_order": 0.5, "strong_order_commuting": 1.0, "weak_order": 1.0, "order_without_noise": 2.0}
+_MULTISCALE_EULER = {"strong_order": 1.0, "strong_order_commuting": 1.0, "weak_order": 1.0, "order_without_noise": 1.0}
+_MULTISCALE_EULER |= {"reference": "ours, for comparison", "preserves": "nothing", "work": 4.0, "multiscale": True}
 _DRIFT, _NOISE = "exp(h Y_{H_p})...exp(h Y_{H_1})", "exp(sigma_m dW_m Y_{Ĥ_m})...exp(sigma_1 dW_1 Y_{Ĥ_1})"
 
 register_scheme(
@@ -172,10 +179,8 @@ register_scheme(
     "a b = -sigma_k sigma_l J_lk",
     reference="ours; areas as in doi:10.1214/aoap/1015345301",
     look=("*", "#000000"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
     weak_order=1.0,
-    preserves=POISSON["preserves"],
+    **_WITH_AREAS,
 )
 register_scheme(
     "splitting_joint_lie",
@@ -205,10 +210,8 @@ register_scheme(
     "or loops in their place",
     reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
     look=("H", "#332288"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
     weak_order=1.0,
-    preserves=POISSON["preserves"],
+    **_WITH_AREAS,
 )
 register_scheme(
     "splitting_order2",
@@ -252,13 +255,10 @@ register_scheme(
     formula="z = y + h (f(y) + 1/2 sum_k sigma_k^2 f_k'(y) f_k(y)) + sum_k sigma_k dW_k f_k(y)",
     reference="doi:10.1007/978-3-662-12616-5",
     look=("x", "#D55E00"),
-    strong_order=0.5,
-    strong_order_commuting=0.5,
-    weak_order=1.0,
-    order_without_noise=1.0,
     preserves="nothing",
     work=5.0,
     left_out=noise_field_derivative,
+    **_EULER,
 )
 register_scheme(
     "euler_maruyama_renormalised",
@@ -267,14 +267,11 @@ register_scheme(
     formula="|y| z / |z| with the z of Euler-Maruyama",
     reference="ours, for comparison",
     look=("v", "#56B4E9"),
-    strong_order=0.5,
-    strong_order_commuting=0.5,
-    weak_order=1.0,
-    order_without_noise=1.0,
     preserves="|y|",
     work=5.5,
     needs=squared_length_is_casimir,
     left_out=noise_field_derivative,
+    **_EULER,
 )
 register_scheme(
     "heun_renormalised",
@@ -283,13 +280,10 @@ register_scheme(
     formula="|y| z / |z|, z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k; of a lattice each spin",
     reference="doi:10.1007/978-3-662-12616-5",
     look=("P", "#E69F00"),
-    strong_order=0.5,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    order_without_noise=2.0,
     preserves="|y|",
     work=6.0,
     needs=on_spheres,
+    **_MIDPOINT,
 )
 register_scheme(
     "midpoint",
@@ -298,14 +292,11 @@ register_scheme(
     formula="z = y + h f((y+z)/2) + sum_k sigma_k dW_k f_k((y+z)/2)",
     reference="doi:10.1137/S0036142901395588",
     look=("o", "#0072B2"),
-    strong_order=0.5,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    order_without_noise=2.0,
     preserves="quadratic Casimirs",
     work=25.0,
     solves=True,
     needs_truncation=True,
+    **_MIDPOINT,
 )
 register_scheme(
     "munthe_kaas_euler",
@@ -314,15 +305,12 @@ register_scheme(
     formula="z = exp(M(v)) y, v = h (grad H + 1/2 sum_k sigma_k^2 Hess Ĥ_k f_k) + sum_k sigma_k dW_k grad Ĥ_k at y",
     reference="doi:10.1137/060666743, its Euler type; see docs/literature_schemes.md",
     look=(">", "#CC79A7"),
-    strong_order=0.5,
-    strong_order_commuting=0.5,
-    weak_order=1.0,
-    order_without_noise=1.0,
     preserves="Casimirs",
     work=6.0,
     solves=True,
     needs=lie_poisson,
     left_out=left_out_by_euler,
+    **_EULER,
 )
 register_scheme(
     "munthe_kaas_midpoint",
@@ -331,14 +319,11 @@ register_scheme(
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k",
     reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/literature_schemes.md",
     look=("<", "#AA4499"),
-    strong_order=0.5,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    order_without_noise=2.0,
     preserves="Casimirs",
     work=10.0,
     solves=True,
     needs=lie_poisson,
+    **_MIDPOINT,
 )
 register_scheme(
     "munthe_kaas_areas",
@@ -415,29 +400,15 @@ register_scheme(
     record=MultiscaleEuler(0.0, ExplicitEuler()),
     label="explicit Euler-Maruyama",
     formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^(n-1) / eps, xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps",
-    reference="ours, for comparison",
     look=("+", "#D55E00"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    order_without_noise=1.0,
-    preserves="nothing",
-    work=4.0,
-    multiscale=True,
     needs_eps=True,
+    **_MULTISCALE_EULER,
 )
 register_scheme(
     "multiscale_euler_semi_implicit",
     record=MultiscaleEuler(0.0, ImplicitEuler()),
     label="semi-implicit Euler-Maruyama",
     formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^n / eps, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
-    reference="ours, for comparison",
     look=("1", "#CC79A7"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    order_without_noise=1.0,
-    preserves="nothing",
-    work=4.0,
-    multiscale=True,
+    **_MULTISCALE_EULER,
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic
 
-from ..compiler.dispatch import answers
+from ..compiler.dispatch import MOST, answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
 from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
@@ -18,6 +18,7 @@ from ..ensemble.protocol import (
     at_temperature,
     bath_fault,
     casimir_degrees,
+    component_names,
     conserved,
     dimension,
     flows_lacking,
@@ -26,6 +27,7 @@ from ..ensemble.protocol import (
     large,
     noise_indices,
     noises,
+    parameters,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
@@ -38,8 +40,6 @@ from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import hidden, variables
-from ..systems.keys import MOST
 from .checks import (
     check_count,
     check_distinct,
@@ -75,7 +75,6 @@ from .noise import Noise
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
-LAWS = ("law", "distance")  # panels about a stationary law
 CLIP = (
     "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes; at a temperature they are then divided by the "
     "standard deviation of clipped normal numbers"
@@ -233,6 +232,11 @@ class BaseCase(Keys):
         return (self.sweep and self.sweep.case) or self.name
 
     @property
+    def scopes(self) -> list[str]:
+        """The names to which a claim may be restricted: entries of the keys :attr:`scoping`."""
+        return [entry for key in self.scoping for entry in getattr(self, key)]
+
+    @property
     def claims(self) -> tuple[Claim, ...]:
         """The claims of ``expect``."""
         return claims(self)
@@ -240,7 +244,7 @@ class BaseCase(Keys):
     @property
     def variables(self) -> tuple[str, ...]:
         """The names of the components; () if the system gives them none."""
-        return variables(undamped(self.model))
+        return tuple(component_names(self.model))
 
     @property
     def clipping(self) -> int:
@@ -252,6 +256,11 @@ class BaseCase(Keys):
     def driver(self) -> str:
         """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
         return self.noise.text if self.noise else ""
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """The panels about a stationary law, which is known without damping and temperature only."""
+        return ()
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
@@ -277,8 +286,7 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of the model by name, and the damping or temperature where there is one."""
-        model = undamped(self.model)
-        values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
+        values = dict(parameters(undamped(self.model)))
         for key, value in values.items():
             if hasattr(value, "_fields"):
                 values[key] = str(value)
@@ -481,7 +489,7 @@ def _damped(case: Any) -> Any:
     if len(degrees) != conserved(case.model):
         fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+    if laws := case.laws_shown:
         raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
@@ -517,7 +525,7 @@ def _thermal(case: Any) -> Any:
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+    if laws := case.laws_shown:
         raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
     return thermal(model, temperature)
 

@@ -29,7 +29,7 @@ from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
 from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, shown, suggestion, wrong
-from .models import ModelPart, check_overrides, is_another, overridden
+from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
@@ -42,7 +42,7 @@ __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", 
 PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
-ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
+ONLY_IN_FILES = ("kind", "group", "asks", "figure", "cases", "profiles")
 
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
@@ -64,6 +64,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
+        "group": (key_of(str | None, "the group in which `spi list` shows it; default: that of its kind"), None),
         "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
@@ -143,7 +144,7 @@ class Heading(NamedTuple):
     title: str
     figure: int | None  #: of the paper
     kind: str
-    model: Mapping[str, Any]  #: its keys, or those of the first case
+    group: str  #: in ``spi list``
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
@@ -155,8 +156,8 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
         file = kinds.read(Document(text_of(path), str).data)
     except (SpecError, ValidationError):
         return None
-    model: Mapping[str, Any] = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
-    return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
+    group = file.group or kinds.case(file.kind).listed_under
+    return Heading(file.title or Path(path).stem, file.figure, file.kind, group)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -283,8 +284,10 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.kinds)}")
-    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
-        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
+    if isinstance(document.data, dict) and "kind" not in document.data:
+        key = source_of(document.data).in_file
+        if key and key not in document.data:
+            document.fail((), f"is a {key}, no experiment; an experiment has it as model: {{{key}: {Path(path).name}}}")
     return document
 
 

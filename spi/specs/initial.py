@@ -20,13 +20,22 @@ from annotated_types import Ge, Le
 
 from ..compiler.dispatch import answers
 from ..ensemble.long_states import LONG, LongState, state_of
-from ..ensemble.protocol import NonNegative, dimension, geometry, gibbs_law, large, populations
+from ..ensemble.protocol import (
+    NonNegative,
+    component_names,
+    dimension,
+    geometry,
+    gibbs_law,
+    large,
+    named_numbers,
+    populations,
+)
 from ..ensemble.random_states import Gaussian, Gibbs, Listed, LongRandomState, RandomState, Spheres, Uniform
 from ..exact.surfaces import least_on, quadratic, spheres
 from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
-from ..systems import expanded, has_range, variables
 from .files import Files, array_in, check_finite, content, unpacked
 from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, quantity, shown, suggestion, wrong
 
@@ -271,7 +280,7 @@ def _cholesky(matrix: _MATRIX) -> list[list[float]]:
 
 
 def _names(model: Any) -> list[str]:
-    return list(variables(model)) or [f"y{i + 1}" for i in range(dimension(model))]
+    return list(component_names(model)) or [f"y{i + 1}" for i in range(dimension(model))]
 
 
 def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -388,13 +397,13 @@ class _AnyInitial:
 
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
-    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
+    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the whole numbers of the model."""
     if not isinstance(value, list):
         return value
     if info.data.get("model") is None:  # it is wrong, which is reported, and its sizes are not known
         return [entry for entry in value if not has_range(entry)]
     try:
-        return expanded(value, info.data["model"])
+        return without_ranges(value, named_numbers(info.data["model"]))
     except NumberError as error:
         raise wrong(f"has a range that cannot be read ({error})", "write it as in cos(i), 0 for i = 1..n") from None
 

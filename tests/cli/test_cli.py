@@ -289,7 +289,7 @@ def test_runs_with_other_options_are_files_of_their_own(spi):
             assert spi("show", called, *options)[1] == tables[tuple(options)]
     assert spi("run", "body.yaml", "--samples", "20")[0] == 0
     assert {row["samples"] for row in json.loads(spi("show", "body", "--format", "json")[1])} == {20}
-    assert {path.stem for path in Path("results").glob("*.h5")} == set(every)
+    assert {path.stem for path in Path("results").glob("*.h5")} == {*every, "body.previous"}
     assert spi("plot", "body", "--seed", "2")[0] == 0 and len([*Path("results").glob("body.*.pdf")]) == 1
     assert spi("verify", "body", "--profile", "quick", "--chunks", "1")[0] == 0
     assert spi("report", "body", "--profile", "quick")[0] == 0

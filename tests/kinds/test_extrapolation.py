@@ -9,7 +9,7 @@ from helpers import INITIAL, ONE_NOISE, RIGID_BODY, SCHEMES
 from scipy.linalg import expm
 from weak_cases import SPEC, case_of, has_order
 
-from spi.exact.kolmogorov import expectations
+from spi.exact.expectations import expectations
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise

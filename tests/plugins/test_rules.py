@@ -20,16 +20,26 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 #: Words of each plug-in, as regular expressions, that stand nowhere in ``spi/`` but in its own folder and in those of
 #: plug-ins that need it.
 WORDS = {
+    "lattices": [r"\bspins_of\b", "uniaxial anisotropy of all spins"],
+    "systems": ["written in yaml", "custom system", "definitionerror", "__system__", r"['\"]bracket['\"]"],
     "fluids": [],
     "spins": [],
     "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
+    "dynamics": ["lyapunov", "pull-?back", r"\bequilibri", "uniform_on_surface", r"\bgibbs\b(?! law)"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
+    "clusters": ["dask", "spi merge", "--shard", "run_shard", "verification"],
+    "solve": ["kolmogorov", "harmonics_up_to", r"cylinder\b", r"exact\.(sphere|cylinder)\b"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }
 
 #: Offences of today, (file, word), which only become fewer.
-ALLOWED: set[tuple[str, str]] = set()
+ALLOWED: set[tuple[str, str]] = {
+    ("ensemble/random_states.py", r"\bgibbs\b(?! law)"),  # laws of initial states, which are to be a registry
+    ("specs/initial.py", r"\bgibbs\b(?! law)"),
+    ("specs/initial.py", "uniform_on_surface"),
+    ("specs/cases.py", r"\bequilibri"),  # a message about one large lattice
+}
 
 
 def modules(folder):
@@ -89,7 +99,7 @@ def test_the_index_says_which_plugin_has_what():
 def test_all_that_is_offered_is_there(field):
     importlib.import_module("spi.cli")  # which imports commands, and they import it
     for name, place in plugins.offers(field).items():
-        if field == "kinds":
+        if ":" not in place:  # kinds and solvers are modules
             importlib.import_module(place)
             continue
         thing = plugins.imported(place)

@@ -4,21 +4,25 @@ from pathlib import Path
 
 import pytest
 import yaml
+from damage import call
 from helpers import compiled_only
+from reuse_cases import Spec, laid
 
 from spi import storage
+from spi.kinds import KINDS
 from spi.kinds.plans import State
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import TIMES, differing, verify
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
-from spi.running.verify import TIMES, differing, verify
 
 BODY = {
     "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
     "initial": ["cos(1.1)", 0, "sin(1.1)"],
 }
+BOTH = ("splitting", "splitting_order2")
 STRONG = {
     **BODY,
     **{"kind": "strong", "final_time": 1, "steps": "2^-2 .. 2^-4", "reference_step": "2^-5", "samples": 200},
@@ -179,6 +183,40 @@ def test_a_large_path_goes_on_to_a_later_time(extended, computed):
     assert extended(keys | {"final_time": 3}) == set()
     assert extended(keys | {"final_time": "13/4"}) == {("main/splitting", 0)}
     assert extended(keys | {"final_time": 1}) == {("main/splitting", 0)}
+
+
+#: By kind the key that is edited, its values before and after, and the path sets that the second run computes.
+EDITED = {
+    "strong": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
+    "weak": ("schemes", ["splitting"], ["splitting", "splitting_order2"], {("main/splitting_order2/plain", 0)}),
+    "work_precision": ("repeats", "3", "4", set()),
+    "stability": ("sweep", {"s": ["1"]}, {"s": ["1", "1/2"]}, {(f"s=0.5/{s}", 0) for s in BOTH}),
+    "trajectory": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
+    "equilibrium": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
+    "statistics": ("reference", {"b": "t"}, {"b": "2*t"}, set()),
+    "lyapunov": ("samples", "64", "65", {("main/splitting", 0)}),
+    "answer": ("seconds", "1000", "2000", set()),
+}
+
+
+@compiled_only
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_spec_is_edited_and_run_again(kind, tmp_path, monkeypatch, computed):
+    """Of every kind: no refusal, what is alike is not computed again, and the former results are kept."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+    key, before, after, new = EDITED[kind]
+    one_scheme = {"schemes": ["splitting"]} if kind == "lyapunov" else {}  # whose kernels others need
+    files = []
+    for value in (before, after):
+        spec = Spec.of(laid(kind, "extrapolate: 0\npullback:") | one_scheme | {key: value})
+        for name, text in (("s.yaml", spec.text), *spec.files):
+            Path(name).write_text(text, encoding="utf-8")
+        computed.clear()
+        assert call("run", "s.yaml")[0] == 0
+        files.append(Path("results/s.h5").read_bytes())
+    assert computed == new
+    assert Path("results/s.previous.h5").read_bytes() == files[0] != files[1]
 
 
 def test_shards_of_a_spec_that_has_more(tmp_path, monkeypatch, computed):

@@ -11,11 +11,11 @@ from kills import numbers
 
 import spi
 from spi import storage
-from spi.exact import kolmogorov, work
-from spi.kinds.statistics import references
-from spi.kinds.weak import kolmogorov as study
+from spi.exact import work
+from spi.kinds.weak import solved as study
 from spi.plugins.answers.running import predictions
 from spi.plugins.comparisons.kinds.stability import study as stability
+from spi.plugins.dynamics.kinds.statistics import references
 from spi.running import run as runner
 from spi.running import workers
 from spi.running.run import Limits, Stopped, Watch
@@ -98,7 +98,7 @@ def test_what_is_solved_for_is_in_the_prediction(spec, monkeypatch, kind):
     cost = runner.cost(experiment)
     assert cost.seconds > runner.STARTING_SECONDS and math.isfinite(cost.seconds)
     if kind in ("statistics", "stability"):
-        monkeypatch.setattr(kolmogorov.sphere, "seconds_of_equation", lambda *_, **__: 1000.0)
+        monkeypatch.setattr("spi.plugins.solve.exact.sphere.seconds_of_equation", lambda *_, **__: 1000.0)
         times = 2 if kind == "stability" else 1  # values of the parameter
         assert runner.cost(experiment).seconds - cost.seconds == pytest.approx(1000.0 * times, rel=0.1)
 

@@ -508,4 +508,4 @@ def test_json_schema():
     assert [option["type"] for option in keys["eps"]["anyOf"]] == ["array", "number", "string", "null"]
     estimators = schema["$defs"]["weak"]["properties"]["estimators"]["items"]["enum"]
     assert estimators == ["plain", "multilevel", "quasi", "kolmogorov"]
-    assert schema["$defs"]["_FromElsewhere"]["additionalProperties"] is True
+    assert schema["$defs"]["FromElsewhere"]["additionalProperties"] is True

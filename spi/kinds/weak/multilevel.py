@@ -25,7 +25,7 @@ from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
-from spi.exact.kolmogorov import can_solve
+from spi.exact.expectations import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
@@ -37,7 +37,6 @@ from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
 
-from .kolmogorov import check_demands
 from .levels import (
     EQUAL,
     PILOT,
@@ -54,6 +53,7 @@ from .levels import (
 )
 from .plans import WeakPlan, sampled_errors, stderr_of
 from .results import Differences, History, Sampled, WeakErrors
+from .solved import check_demands
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Multilevel differences: E phi(y_h) - E phi(y_{h/2}) level by level (Giles, Operations Research 56, 2008), added up.
@@ -132,7 +132,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES))
+        target = self.case.standard_error is not None
+        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""

@@ -96,7 +96,6 @@ class Spins(NamedTuple):
 
     large, in_place = True, True
     conserved, sphere_size = 1, 3
-    listed_under = "systems"
 
     def has_friction(model):
         return isinstance(model, Spins) and model.alpha > 0  # of the class it is not known
@@ -160,18 +159,17 @@ class Spins(NamedTuple):
     def observables(model):
         return observables_of(model)
 
-    @property
-    def names(model) -> tuple[str, ...]:
-        """The names of the components; none of very many."""
+    def component_names(model):
+        """None of very many."""
         count = dimension(model) // 3
         if model.variables or count > _MOST_NAMED:
             return model.variables
         return tuple(f"{x}({i})" for i in range(1, count + 1) for x in "xyz")
 
-    @property
-    def sizes(model) -> dict[str, int]:
-        """Words for whole numbers in formulas: n sites."""
-        return {"n": dimension(model) // 3}
+    def named_numbers(model):
+        """The fields that are numbers, n sites, and the numbers of a definition."""
+        numbers = {key: x for key, x in model._asdict().items() if isinstance(x, float)}
+        return numbers | {"n": dimension(model) // 3} | _NAMED.get(model, {})
 
     @property
     def cell(model) -> Cell:
@@ -187,6 +185,14 @@ class Spins(NamedTuple):
     def sites(model) -> Lattice:
         """The sites and bonds."""
         return lattice(model.cell, model.size, model.is_periodic)
+
+
+_NAMED: dict[Spins, dict[str, float]] = {}
+
+
+def name_numbers(model: Spins, numbers: dict[str, float]) -> None:
+    """Have formulas about a model name further numbers in this process, those of the definition that it was made of."""
+    _NAMED[model] = numbers
 
 
 @answering_as_inner()

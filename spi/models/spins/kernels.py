@@ -314,7 +314,7 @@ def move_members(model, k, t, alpha, begin, end, y, work):
     """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
     near = abs(alpha * t) * model.fastest[k] <= NEAR
-    if form in (Form.PAIRS, Form.TURNED_PAIRS):
+    if form <= Form.PRODUCTS:
         if small:
             turn_pairs(SMALL_ANGLES, model, k, t, begin, end, y, work)
         else:
@@ -324,8 +324,6 @@ def move_members(model, k, t, alpha, begin, end, y, work):
             turn_sites(SMALL_ANGLES, model, t, alpha, near, begin, end, y, work)
         else:
             turn_sites(REDUCED_ANGLES, model, t, alpha, near, begin, end, y, work)
-    elif form == Form.PRODUCTS:
-        turn_products(model, t, begin, end, y, work)
     elif form == Form.DAMPED_SITES:
         damp_sites(model, alpha * t, near, begin, end, y, work)
     elif form in (Form.DAMPED_AXES, Form.DAMPED_CUBES):
@@ -346,19 +344,23 @@ def largest_angle(model, k, t, y):
 
 @device(inline=False)
 def turn_pairs(angles, model, k, t, begin, end, y, work):
-    """Pairs with the energy -K s . R s': s and R s' turn about mu s + mu' R s' at the rate K / (mu mu')."""
+    """Pairs with the energy -K s . R s': s and R s' turn about mu s + mu' R s' at the rate K / (mu mu').
+
+    Those with the energy -K (a . s)(c . s'): s turns about a by the angle K (c . s') t / mu, s' likewise.
+    """
     for e in range(begin, end):
-        i, j, lanes = model.member[e, 0], model.member[e, 1], model.member_lanes[e]
+        i, j, lanes, f = model.member[e, 0], model.member[e, 1], model.member_lanes[e], model.frames[model.frame[e]]
         mu, other, rate = model.moment[i], model.moment[j], t * model.rate[e]
         second = spin_of(y, j) if lanes == 0 else work[:SPIN]
         if lanes > 0:
             copy_other(model, lanes, spin_of(y, j), second, False)
         if model.form[k] == Form.PAIRS:
             turn_pair(angles, rate, mu, other, None, spin_of(y, i), second)
-        else:
-            f = model.frames[model.frame[e]]
+        elif model.form[k] == Form.TURNED_PAIRS:
             frame = f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]
             turn_pair(angles, rate, mu, other, frame, spin_of(y, i), second)
+        else:
+            turn_product(rate / mu, rate / other, f, spin_of(y, i), second)
         if lanes > 0:
             copy_other(model, lanes, spin_of(y, j), second, True)
 
@@ -391,12 +393,9 @@ def rotated(r, x, y, z):
 @device(by_type=True)
 def less(frame, ratio, x, y, z, bx, by, bz):
     """b - ratio R^T s, or b - ratio s, where products and differences are rounded together."""
-    return less_vector if is_none(frame) else less_rotated
-
-
-@device
-def less_vector(frame, ratio, x, y, z, bx, by, bz):
-    return bx - ratio * x, by - ratio * y, bz - ratio * z
+    if is_none(frame):
+        return lambda frame, ratio, x, y, z, bx, by, bz: (bx - ratio * x, by - ratio * y, bz - ratio * z)
+    return less_rotated
 
 
 @device
@@ -414,20 +413,6 @@ def turn_about(s, v, x, y, z, ax, ay, az):
 
 
 @device(inline=False)
-def turn_products(model, t, begin, end, y, work):
-    """Pairs with the energy -K (a . s)(c . s'): s turns about a by the angle K (c . s') t / mu, s' likewise."""
-    for e in range(begin, end):
-        i, j, f, lanes = model.member[e, 0], model.member[e, 1], model.frames[model.frame[e]], model.member_lanes[e]
-        first, second = t * model.rate[e] / model.moment[i], t * model.rate[e] / model.moment[j]
-        other = spin_of(y, j) if lanes == 0 else work[:SPIN]
-        if lanes > 0:
-            copy_other(model, lanes, spin_of(y, j), other, False)
-        turn_product(first, second, f, spin_of(y, i), other)
-        if lanes > 0:
-            copy_other(model, lanes, spin_of(y, j), other, True)
-
-
-@device
 def turn_product(first, second, f, a, b):
     x, y, z, p, q, r = f[0], f[1], f[2], f[3], f[4], f[5]
     for lane in range(LANES):
@@ -541,14 +526,9 @@ def noise_of(model, i, a, times):
     What does not depend on the lane is chosen here, so that loops over lanes become vector instructions.
     """
     along = len(model.noise_axis) > 0
-    first = noise_row(model, i if along else 3 * i + a) * LANES
+    k = i if along else 3 * i + a
+    first = (model.noise_rows[k] if len(model.noise_rows) > 0 else k) * LANES
     return without_refcount(times[first : first + LANES]), model.noise_axis[a] if along else 1.0
-
-
-@device
-def noise_row(model, k):
-    """The row of increments of noise k, site after site."""
-    return model.noise_rows[k] if len(model.noise_rows) > 0 else k
 
 
 @device(inline=False)

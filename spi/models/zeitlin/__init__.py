@@ -58,7 +58,6 @@ class Zeitlin(NamedTuple):
 
     large = True
     symbols = {"n": "N", "casimirs_watched": ""}  # noqa: RUF012
-    listed_under = "fluids"
 
     def dimension(model):
         return model.n**2 - 1

@@ -10,7 +10,7 @@ from paths_by_hand import paths_by_hand, rigid_euler_step
 from stability_cases import PHI, PREDATORS, RIGID, plans_of, study, summary_by_hand
 from states import ignore
 
-from spi.exact import kolmogorov
+from spi.exact import expectations as kolmogorov
 from spi.kinds.plans import State
 from spi.models import MaxwellBloch
 from spi.running import workers

@@ -28,9 +28,8 @@ from spi.ensemble.increments import RandomStream, dimensions_of, points_of
 from spi.ensemble.loop import grid, thread_count
 from spi.ensemble.protocol import has_friction, large
 from spi.ensemble.random_states import RandomState
-from spi.exact.kolmogorov import SOLVING as TITLE
-from spi.exact.kolmogorov import can_solve, demands, refiner
-from spi.exact.kolmogorov.refining import Known, Outlook, Refined, outlook, refined
+from spi.exact.expectations import SOLVING as TITLE
+from spi.exact.expectations import can_solve, demands, refiner
 from spi.exact.linear import Moments
 from spi.exact.work import work as working
 from spi.expressions import as_numpy, canonical, range_of
@@ -40,6 +39,7 @@ from spi.kinds.linear import linear_moments
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import LANES, PATH_SETS
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
+from spi.plugins.solve.exact.refining import Known, Outlook, Refined, outlook, refined
 from spi.printing.text import joined, short
 from spi.schemes import typical_ns, weak_exponents
 from spi.schemes.splitting import has_antithetic_path
@@ -729,7 +729,7 @@ class AnswerPlan(SamplesPlan):
 
     @cached_property
     def refining(self) -> Any:
-        """The solver that refines the solution of the case, see :func:`spi.exact.kolmogorov.refiner`."""
+        """The solver that refines the solution of the case, see :func:`spi.exact.expectations.refiner`."""
         if self.moments is not None:
             value, error = self.moments.expectations(self.case.initial, (self.case.final_time,))
             return Known(value[:, 0], error[:, 0])

@@ -21,7 +21,7 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, populations
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
-from spi.exact.kolmogorov import can_solve_equation, exact_expectations, seconds_of_equation
+from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
 from spi.kinds.plans import Cost, State, each_scheme, reference_grid
