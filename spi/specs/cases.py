@@ -75,7 +75,6 @@ from .noise import Noise
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
-LAWS = ("law", "distance")  # panels about a stationary law
 CLIP = (
     "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes; at a temperature they are then divided by the "
     "standard deviation of clipped normal numbers"
@@ -480,8 +479,6 @@ def _damped(case: Any) -> Any:
     if len(degrees) != conserved(case.model):
         fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
-        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
         fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
@@ -520,8 +517,6 @@ def _thermal(case: Any) -> Any:
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
-        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
     return thermal(model, temperature)
 
 
