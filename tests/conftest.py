@@ -83,6 +83,14 @@ def _each_value_once(cases):
     return [case for case in cases if tuple(case.callspec._idlist) in diagonal]
 
 
+def pytest_runtest_setup(item):
+    from spi.plugins import installed
+
+    for mark in item.iter_markers("needs"):
+        if absent := {*mark.args} - installed().keys():
+            pytest.skip(f"without {', '.join(absent)}")
+
+
 def pytest_collection_finish():
     """What has been imported by now stays: the garbage collector, busy while kernels are compiled, may pass it by."""
     gc.collect()

@@ -11,8 +11,8 @@ from states import sums_files
 
 from spi import storage
 from spi.plugins.answers.running import load_answer
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.run import Limits, Stopped, Watch, load
 

@@ -20,13 +20,14 @@ from own_models import OSCILLATOR
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.clusters.running.verify import TIMES
 from spi.running import run as runner
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
-from spi.running.verify import TIMES
 from spi.specs import SpecError
 from spi.specs.experiment import ONLY_IN_FILES
 from spi.specs.files import array_text, as_text
+from spi.specs.models import SOURCES
 from spi.specs.noise import NOISES
 
 BODY = "model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
@@ -83,7 +84,6 @@ LAYERS = (
     "schemes: [heun, splitting]",
     "model: {python: oscillator.py, name: Oscillator}\ninitial: [1, 0]\n---\nschemes: [splitting]\n"
     "functions: {b: y1}\nreference:\ndensity:",
-    "model: {system: top.yaml, parameters: {c: 2}}\n---\nschemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
     "reference_scheme: splitting\n---\nschemes: [splitting]\nextrapolate: 0",
     "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nsteps: [1/2, 1/4, 1/8]\n---\n"
     "schemes: [splitting_order2]\npanels: [errors]\nfunctions: {b: y1^2}",
@@ -103,6 +103,11 @@ LAYERS = (
     "pullback: {points: 64}",
     "steps: [1/2, 1/4, 1/8, 1/16, 1/32]\nextrapolate: [0, 1]",
 )
+if "system" in SOURCES:
+    LAYERS += (
+        "model: {system: top.yaml, parameters: {c: 2}}\n---\n"
+        "schemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
+    )
 if "file" in NOISES:
     LAYERS += (
         "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",

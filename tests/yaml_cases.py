@@ -2,6 +2,7 @@
 
 A bracket is computed here from matrices whose commutators it is, or from modes; the flow of a function of commuting
 linear functions by SciPy's exponential of the matrix of its field.  Neither uses anything of ``spi.plugins.systems``.
+A test file that imports this is skipped where that plug-in is left out.
 """
 
 import functools
@@ -11,12 +12,15 @@ from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
+import pytest
 import scipy.linalg
 import sympy
 import yaml
 
 from spi.checks.registration import vocabulary
 from spi.compiler import modules
+
+pytest.importorskip("spi.plugins.systems.source")
 from spi.plugins.systems.definition import define
 from spi.plugins.systems.source import System, generate
 

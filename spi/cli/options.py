@@ -4,12 +4,13 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
-from ..plugins import PluginError, offers
+from ..plugins import PluginError, imported, offers
 from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: the folder of results unless --out names another
@@ -45,6 +46,7 @@ def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
 
 
 if TYPE_CHECKING:
+    from ..running.run import Limits, Watch
     from ..specs import Experiment
 
 DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
@@ -150,27 +152,44 @@ def of_plugins(field: str) -> dict[str, str]:
         return {}
 
 
-def template_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command an option for each template of a plug-in, for its parameter `templates`, those that are wanted."""
-    words = [*of_plugins("templates")]
+def _with_options(command: Callable[..., None], parameter: str, given: dict[str, Any]) -> Callable[..., None]:
+    """A command with further options, name -> annotation; `parameter` of the command has those that are given."""
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
-        command(templates=[word for word in words if values.pop(word)], **values)
+        chosen = {name: value for name in given if (value := values.pop(name))}
+        command(**values, **{parameter: chosen})
 
     signature = inspect.signature(command)
-    own = [parameter for name, parameter in signature.parameters.items() if name != "templates"]
-    flags = [
-        inspect.Parameter(
-            word,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=False,
-            annotation=Annotated[bool, typer.Option(f"--{word}", help=f"For a {word} of your own.")],
-        )
-        for word in words
-    ]
+    own = [one for name, one in signature.parameters.items() if name != parameter]
+    kind = inspect.Parameter.KEYWORD_ONLY
+    flags = [inspect.Parameter(name, kind, default=None, annotation=hint) for name, hint in given.items()]
     called.__dict__["__signature__"] = signature.replace(parameters=[*own, *flags])
     return called
+
+
+def template_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each template of a plug-in, for its parameter `templates`, those that are wanted."""
+    words = of_plugins("templates")
+    help_of = {word: typer.Option(f"--{word}", help=f"For a {word} of your own.") for word in words}
+    return _with_options(command, "templates", {word: Annotated[bool, help_of[word]] for word in words})
+
+
+#: (experiment, folder of results, whether from scratch, who is told, limits) -> its results, None if not yet complete.
+Compute = Callable[["Experiment", Path, bool, "Watch", "Limits"], Path | None]
+
+
+class Way(NamedTuple):
+    """A way to compute experiments, by the value of an option of `spi run`."""
+
+    option: Any  #: its annotation
+    start: Callable[[Any], AbstractContextManager[Compute]]
+
+
+def way_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the ways of plug-ins, for its parameter `ways`: the values of those that are asked for."""
+    options = {name: imported(place).option for name, place in of_plugins("ways").items()}
+    return _with_options(command, "ways", options)
 
 
 def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:

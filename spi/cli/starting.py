@@ -4,7 +4,6 @@ import contextlib
 import re
 import shlex
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -64,7 +63,7 @@ def new(
         ),
     ] = None,
     *,
-    templates: Sequence[str],
+    templates: dict[str, bool],
 ) -> None:
     """Write a commented experiment as a starting point: NAME.yaml.
 
@@ -79,7 +78,7 @@ def new(
         end(INVALID, f"{' and '.join(f'--{word}' for word in given)} exclude one another; give one of them")
     stored: StoredSpec | None = None
     if source is None:
-        template = imported(offers("templates")[templates[0]]) if templates else shipped.template()
+        template = imported(offers("templates")[next(iter(templates))]) if templates else shipped.template()
         path = shlex.quote(target.as_posix())
         files = {target: template.replace("NAME.yaml", path).replace("NAME", target.stem).encode()}
     else:

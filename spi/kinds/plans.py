@@ -202,6 +202,7 @@ class Cost(NamedTuple):
     seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
     bytes: int  #: of memory
     kept: int = 0  #: those of them that are needed until all parts are written
+    at_most: bool = False  #: whether a target may be reached before
 
 
 class Done(NamedTuple):

@@ -42,6 +42,7 @@ class Plugin(NamedTuple):
     solvers: Mapping[str, str] = _NOTHING  #: method that a model answers -> module, see ``spi.exact.expectations``
     warnings: Mapping[str, str] = _NOTHING  #: name -> what says the limits of the results of a case, in a line
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
+    ways: Mapping[str, str] = _NOTHING  #: option of `spi run` -> ``spi.cli.options.Way``, how experiments are computed
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
     templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text

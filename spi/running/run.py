@@ -68,7 +68,7 @@ def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> C
         path_steps=math.fsum(part.path_steps for part in costs),
         seconds=STARTING_SECONDS + sum(part.seconds for part in costs) / thread_count(),
         megabytes=_bytes(costs) / 1e6,
-        at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
+        at_most=any(part.at_most for part in costs),
     )
 
 

@@ -9,11 +9,13 @@ xi_k/eps as its dW_k; this is written without dividing by eps and without cancel
 from typing import NamedTuple
 
 from ..compiler.dispatch import method, number, unrolled
+from ..compiler.records import field
 from ..ensemble.fields import add_noise_fields, add_scaled, drift_field
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
 from ..numerics.rng import LANES
-from .splitting import LIE_TROTTER, run_stages, stages_toss, stages_work
+from .splitting import LIE_TROTTER, run_stages, stages_work
+from .stages import needs_coins, sweeps
 
 
 @method
@@ -68,13 +70,16 @@ class AsymptoticPreserving(NamedTuple):
     stages: tuple = LIE_TROTTER.stages
 
     def tosses(scheme):
-        return stages_toss(scheme)
+        return needs_coins(field(scheme, "stages"))
 
     def memory_size(scheme, model):
         return noises(model) * LANES
 
     def work_size(scheme, model):
         return noises(model) * LANES + stages_work(model)
+
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         move_processes(model, y, scheme, h, dW, work)

@@ -39,10 +39,10 @@ _LARGEST_ANGLE = REPORT.index("largest_angle")
 _ENOUGH = 2.0**-48  # relative change of the last iteration
 
 
-@device(by_type=True)
+@device
 def width_of(model):
     """The number of states that flows move at once."""
-    return (lambda model: LANES) if in_place(model) else (lambda model: WIDTH)
+    return LANES if in_place(model) else WIDTH
 
 
 @device
@@ -77,12 +77,12 @@ def lanes_by_coin(model, report, coins, tossed):
     return lanes, heads
 
 
-@device(by_type=True)
+@device
 def group_size(model, left):
     """(paths, width) of the next group where `left` paths are left."""
     if in_place(model):
-        return lambda model, left: (left, LANES)
-    return lambda model, left: (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
+        return left, LANES
+    return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
 @device(inline=False)
@@ -297,12 +297,12 @@ def failures_of(values, tolerance):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@device(by_type=True)
+@device
 def judged_work(model):
     """The further floats of scratch for judged steps: directions, energies, refusals."""
     if in_place(model):
-        return lambda model: 3 * LANES
-    return (lambda model: LANES + 2 * WIDTH) if large(model) else (lambda model: 0)
+        return 3 * LANES
+    return LANES + 2 * WIDTH if large(model) else 0
 
 
 @device(by_type=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import FieldOf, answers, device
+from ..compiler.dispatch import FieldOf, answers, device, trait
 from ..compiler.records import class_of
 from ..ensemble.protocol import (
     block_drift_flow,
@@ -118,8 +118,7 @@ def run_flow(model, flow, h, dW, lanes, width, states, times, work):
     return block_noise_flow(model, k, times, width, states, work)
 
 
-@device(by_type=True)
+@trait
 def is_along_noises(model):
     """Whether flows of the noises replace friction."""
-    along = answers(block_friction_times, class_of(model))
-    return (lambda model: True) if along else (lambda model: False)
+    return answers(block_friction_times, class_of(model))

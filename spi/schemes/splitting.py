@@ -51,7 +51,7 @@ class Splitting(NamedTuple):
     stages: tuple
 
     def tosses(scheme):
-        return stages_toss(scheme)
+        return needs_coins(field(scheme, "stages"))
 
     def substeps(scheme):
         return substeps(field(scheme, "stages"))
@@ -61,6 +61,9 @@ class Splitting(NamedTuple):
 
     def work_size(scheme, model):
         return stages_work(model)
+
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
 
     def of_arrays(scheme, model):
         within = not (has_loops(scheme.stages) or has_joint(scheme.stages))
@@ -118,11 +121,6 @@ JOINT_AREAS = splitting(
 ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True), flows("drift", "symmetric", 1 / 2))
 #: A palindrome: a step is its own reverse in law, since the half increments of a noise are independent.
 SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))
-
-
-def stages_toss(scheme):
-    """Whether the stages of a scheme, or of the Numba type of one, need coins."""
-    return needs_coins(field(scheme, "stages"))
 
 
 def has_antithetic_path(scheme):

@@ -232,6 +232,11 @@ class BaseCase(Keys):
         return (self.sweep and self.sweep.case) or self.name
 
     @property
+    def scopes(self) -> list[str]:
+        """The names to which a claim may be restricted: entries of the keys :attr:`scoping`."""
+        return [entry for key in self.scoping for entry in getattr(self, key)]
+
+    @property
     def claims(self) -> tuple[Claim, ...]:
         """The claims of ``expect``."""
         return claims(self)
@@ -251,6 +256,11 @@ class BaseCase(Keys):
     def driver(self) -> str:
         """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
         return self.noise.text if self.noise else ""
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """The panels about a stationary law, which is known without damping and temperature only."""
+        return ()
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
@@ -479,6 +489,8 @@ def _damped(case: Any) -> Any:
     if len(degrees) != conserved(case.model):
         fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
+    if laws := case.laws_shown:
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
         fault = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
@@ -517,6 +529,8 @@ def _thermal(case: Any) -> Any:
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
+    if laws := case.laws_shown:
+        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
     return thermal(model, temperature)
 
 

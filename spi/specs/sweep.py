@@ -30,8 +30,8 @@ from .keys import powers_of_two, suggestion, wrong
 from .models import SOURCES, names_under, source_of
 
 POINT = ("model", "damping", "temperature", "initial", "eps")  #: where a parameter of the system may stand
-_NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand by default
+PLACES = (*POINT, "noise", "functions", "final_time", "step", "reference_step")  #: where it may stand by default
+_FORMULAS = ("model", "initial", "noise", "functions")  # those that have formulas; the others have numbers
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
 SWEEP += "of two parameters a map"
@@ -133,7 +133,7 @@ def _putting(
     place = _place(data, word, declared, keys)
     within = [key for key in keys if key in data and not (key == "model" and word in declared)]
     if not place and not any(_names(data[key], word) for key in within):
-        meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key in _NUMBERS)])
+        meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key not in _FORMULAS)])
         right = meant if meant.startswith("did you") else f"use it in one of {', '.join(keys)}"
         raise wrong(f"the parameter '{word}' is not used", right)
 
@@ -173,7 +173,7 @@ def _place(data: Mapping[str, Any], word: str, declared: Mapping[str, str], keys
         return "model", declared[word], word
     if word in _parameters(model) and not _names(model.get(word), word):
         return "model", word
-    return (word,) if word in keys and word in _NUMBERS and not _names(data.get(word), word) else ()
+    return (word,) if word in keys and word not in _FORMULAS and not _names(data.get(word), word) else ()
 
 
 def _declared(model: Any, files: Files) -> dict[str, str]:

@@ -97,6 +97,7 @@ def test_a_file_of_a_later_layout_is_not_said_to_be_worth_replacing(monkeypatch)
 # --- paths that lead out of a folder ---------------------------------------------------------------------------------
 
 
+@pytest.mark.needs("systems")
 def test_a_copy_of_an_experiment_writes_nothing_outside_the_folder_of_the_copy(tmp_path):
     Path("sub").mkdir()
     Path("top.yaml").write_text(TOP)

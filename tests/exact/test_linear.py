@@ -121,6 +121,7 @@ def test_polynomials_are_multiplied_out():
     assert of("(1 + y1 + y2 + y3)^9") is None and of("sin(y1)") is None and of("y1/y1") is None
 
 
+@pytest.mark.needs("systems")
 def test_answers_and_references_have_them(tmp_path):
     """Nothing is sampled, at any accuracy; with `sampling: true` it is."""
     decay = math.exp(-0.245) * math.cos(2.0)

@@ -13,9 +13,9 @@ from spi import storage
 from spi.exact.expectations import expectations
 from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
+from spi.plugins.clusters.running.verify import verify
 from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.running.run import load, run
-from spi.running.verify import verify
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError

@@ -64,6 +64,7 @@ def test_a_table_names_title_and_schemes_and_cuts_nothing(kind):
     assert kind == "answer" or ("splitting" in text and "midpoint" in text)  # the program chose the scheme
 
 
+@pytest.mark.share(15)
 @pytest.mark.parametrize(("kind", "panel"), [(kind, panel) for kind in KINDS for panel in panels_of(kind) or [None]])
 def test_every_panel_shows_something(kind, panel):
     results = results_of(kind, **({"panels": (panel,)} if panel else {}))

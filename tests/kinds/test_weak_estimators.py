@@ -33,8 +33,8 @@ def test_a_further_estimator_is_a_file_and_an_entry(tmp_path):
     folder = package / "kinds" / "weak"
     shutil.copy(guess_estimator.__file__, folder / "guess.py")
     text = (folder / "study.py").read_text(encoding="utf-8")
-    text = text.replace("from .kolmogorov", "from .guess import GuessPlan\nfrom .kolmogorov")
-    text = text.replace('    "quasi": QuasiPlan,\n', '    "quasi": QuasiPlan,\n    "guess": GuessPlan,\n')
+    text = text.replace("from .multilevel", "from .guess import GuessPlan\nfrom .multilevel")
+    text = text.replace('"quasi": QuasiPlan}', '"quasi": QuasiPlan, "guess": GuessPlan}')
     (folder / "study.py").write_text(text, encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(WEAK, encoding="utf-8")
     (tmp_path / "none.yaml").write_text(WEAK.replace("accuracy: 3\n", ""), encoding="utf-8")

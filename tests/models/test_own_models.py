@@ -14,8 +14,8 @@ from own_models import OSCILLATOR, check_other_processes
 from spi import storage
 from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
+from spi.plugins.clusters.running import shards, verify
 from spi.running import run as runs
-from spi.running import shards, verify
 from spi.running.run import Watch
 from spi.specs import SpecError, models
 

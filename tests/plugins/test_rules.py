@@ -28,6 +28,7 @@ WORDS = {
     "dynamics": ["lyapunov", "pull-?back", r"\bequilibri", "uniform_on_surface", r"\bgibbs\b(?! law)"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
+    "clusters": ["dask", "spi merge", "--shard", "run_shard", "verification"],
     "solve": ["kolmogorov", "harmonics_up_to", r"cylinder\b", r"exact\.(sphere|cylinder)\b"],
     "report": [r"page\.html", "jinja", "latex2mathml", "longtable"],
 }

@@ -48,7 +48,7 @@ THIRD_PARTY = {
     "latex2mathml": ["plugins.report.*"],
     "xarray": ["api.*"],
     "pandas": ["api.*", "printing.*", "plugins.report.*"],
-    "distributed": ["cli.running"],
+    "distributed": ["plugins.clusters.command"],
     "numba": ["compiler.*", "ensemble.loop", "models.spins.*", "numerics.elementary"],  # prange and vectors
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],

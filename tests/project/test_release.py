@@ -14,6 +14,7 @@ from packaging.specifiers import SpecifierSet
 import spi
 from spi.cli import app
 from spi.kinds import KINDS
+from spi.plugins import offers
 from spi.running import shipped
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
@@ -148,4 +149,4 @@ def test_the_page_of_stable_names_lists_all_of_them():
     commands = {command.name or command.callback.__name__ for command in app.registered_commands}
     rows = [line for line in page.splitlines() if line.startswith("|")]
     names, listed = (set(re.findall(r"`(?:spi )?(\w+)`", line.partition(" | ")[0])) for line in rows[2:4])
-    assert names == set(spi.__all__) and listed == commands
+    assert names == {*spi.__all__, *offers("offered")} and listed == commands

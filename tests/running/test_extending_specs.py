@@ -11,12 +11,12 @@ from reuse_cases import Spec, laid
 from spi import storage
 from spi.kinds import KINDS
 from spi.kinds.plans import State
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import TIMES, differing, verify
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
-from spi.running.verify import TIMES, differing, verify
 
 BODY = {
     "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},

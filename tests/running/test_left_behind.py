@@ -17,11 +17,12 @@ import spi
 from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import verify
 from spi.running import run as runner
-from spi.running import shards, workers
+from spi.running import workers
 from spi.running.checkpoint import Shard, note_path, read_note
 from spi.running.run import Limits, Watch, load
-from spi.running.verify import verify
 from spi.statistics import tallies
 
 fcntl = pytest.importorskip("fcntl")  # there is none on Windows, where files of living processes cannot be removed

@@ -21,8 +21,8 @@ from reuse_cases import (
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard, note_path, sums_keys
 from spi.running.load import plans
 from spi.specs import SpecError

@@ -55,6 +55,11 @@ class SampledCase(FunctionsCase):
 
     unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
 
+    @property
+    def scopes(self) -> list[str]:
+        """Also levels of extrapolation."""
+        return [*super().scopes, *(f"extrapolate {levels}" for levels in self.extrapolate)]
+
     def check_driven(self) -> None:
         """See ``BaseCase``: also estimators other than plain and extrapolation are for Brownian motion."""
         super().check_driven()

@@ -132,7 +132,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES))
+        target = self.case.standard_error is not None
+        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""

@@ -354,7 +354,9 @@ class _Generator:
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[Moved]) -> list[str]:
         """The methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"{part}_flow(model, k, t, y, angles)", f"{part}_angle(model, k, t, y)"
-        return self.writer.words(heads, _calls(flows, moved)) if flows else method(heads[0], {0: ["return y"]})
+        each = enumerate(zip(flows, moved, strict=True))
+        calls = [flow_code.Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
+        return self.writer.words(heads, calls) if flows else method(heads[0], {0: ["return y"]})
 
     def tables(self, tables: flow_code.Tables, *moved: Sequence[Moved]) -> list[str]:
         """Further methods of a model of many components, whose flows are loops over tables."""
@@ -448,9 +450,3 @@ class _Generator:
         noises = ", ".join(names(flow.expression) for flow in self.system.noises)
         text = f"H = {names(self.system.hamiltonian)}" + (f"; noises {noises}" if noises else "")
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
-
-
-def _calls(flows: Sequence[Flow], moved: Sequence[Moved]) -> list[flow_code.Call]:
-    """The calls of flows, each by itself."""
-    each = enumerate(zip(flows, moved, strict=True))
-    return [flow_code.Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]

@@ -160,19 +160,14 @@ def _space(matrices: Sequence[Any], mixed: Any, eigen: Eigen, order: Sequence[in
     """The generalised eigenspace of the mixture, which is that of all."""
     d, multiplicity = mixed.rows, eigen.multiplicity
     power = (mixed - eigen.value * mpmath.eye(d)) ** multiplicity  # 0 on this space alone
-    left = _null_rows(power.T, multiplicity)  # rows u with u power = 0
-    columns = _null_rows(power, multiplicity)
-    gram = mpmath.matrix([[_product(u, v) for v in columns] for u in left])
-    inverse = gram**-1
-    right = [
-        {r: mpmath.fsum(columns[m].get(r, 0) * inverse[m, n] for m in range(multiplicity)) for r in range(d)}
-        for n in range(multiplicity)
-    ]
+    left, columns = (  # rows u with u power = 0, and columns
+        mpmath.matrix([[row.get(c, 0) for c in range(d)] for row in _null_rows(matrix, multiplicity)])
+        for matrix in (power.T, power)
+    )
+    right = (columns * left.T) ** -1 * columns  # its rows, as columns, belong to those of `left`
     rates, phases, shears = [], [], []
     for matrix in matrices:
-        rows = [_row(matrix, r) for r in range(d)]
-        moved = [{r: _product(row, v) for r, row in enumerate(rows) if row} for v in right]
-        acting = mpmath.matrix([[_product(u, v) for v in moved] for u in left])
+        acting = left * matrix * right.T
         trace = mpmath.fsum(acting[n, n] for n in range(multiplicity)) / multiplicity
         rates.append(_cleaned(mpmath.re(trace)))
         phases.append(_cleaned(mpmath.im(trace)))
@@ -183,8 +178,8 @@ def _space(matrices: Sequence[Any], mixed: Any, eigen: Eigen, order: Sequence[in
     return Space(
         tuple(rates),
         tuple(phases),
-        tuple(_placed(row, order, 1) for row in left),
-        tuple(_placed(row, order, factor) for row in right),
+        tuple(_placed(_row(left, n), order, 1) for n in range(multiplicity)),
+        tuple(_placed(_row(right, n), order, factor) for n in range(multiplicity)),
         tuple(shears),
     )
 
@@ -202,10 +197,6 @@ def _multiplied(shear: Sequence[tuple[int, int, Any]], product: Mapping[tuple[in
 
 def _row(matrix: Any, r: int) -> Row:
     return {c: matrix[r, c] for c in range(matrix.cols) if matrix[r, c]}
-
-
-def _product(u: Row, v: Row) -> Any:
-    return mpmath.fsum(u[i] * v[i] for i in u if i in v)
 
 
 def _placed(row: Row, order: Sequence[int], factor: int) -> Row:

@@ -145,3 +145,11 @@ def test_another_bracket_or_time_is_no_exponential_of_these():
     system, (y,) = made(text), states(6, 1)
     for (act, gradient, _), wrong in itertools.product(all_flows(system, y), (1.001, -1.0)):
         assert not np.allclose(act(1.0, y), exponential(wrong * c, gradient, 1.0, y), rtol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [1e4, 1e6])
+def test_a_function_that_oscillates_fast_passes(rate):
+    """Also beside a component that is much larger."""
+    record = made(f"{{bracket: {{q p: 1}}, variables: [q, p], hamiltonian: p^2/2 - cos({rate}*q), noises: [q]}}").record
+    for y in ((1.0, 0.5), (1e-6, 1.0)):
+        assert check_model(record, [y], written=False) == []

@@ -24,8 +24,8 @@ INITIAL = (0.5, -0.3, 0.7)
 def record(text, name="Driven", **keys):
     """The record of a definition, with other values of some keys."""
     keys = {**definition(text), **keys}
-    strengths = systems.strengths(keys, keys.get("sigma"))
-    return systems.record(systems.made(keys, name), [strength or None for strength in strengths])
+    sigma = systems.strengths(keys, keys.get("sigma"))
+    return systems.record(systems.made(keys, name), [strength or None for strength in sigma])
 
 
 #: H = H_0 + eps cos(w t) H_1, H_1 a product that becomes two squares, and a travelling wave.

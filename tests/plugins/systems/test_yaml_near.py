@@ -84,7 +84,7 @@ def test_six_functions_whose_eigenvalues_are_2_to_1():
 
 def test_a_lattice_of_many_functions_is_read_in_seconds():
     """Rows of matrices were computed again for each pair of vectors, and eigenvalues of what is triangular sought."""
-    text = (Path(__file__).parents[2] / "experiments/systems/toda.yaml").read_text()
+    text = (Path(__file__).parents[3] / "experiments/systems/toda.yaml").read_text()
     lattice = {key: value for key, value in definition(text).items() if key != "sigma"} | {"sizes": {"n": "18"}}
     begun = time.process_time()
     assert "flow 2" in "\n".join(make(lattice, "x")[3])

@@ -10,7 +10,7 @@ from damage import call
 from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 from reuse_cases import digests
 
-from spi.plugins.systems import generated as systems
+from spi.plugins.systems.keys import USED
 from spi.running import run as runs
 from spi.specs import SpecError
 
@@ -162,6 +162,6 @@ def test_a_system_is_not_called_like_what_its_module_uses(top):
     """So named, its class would take the place of a function in its own flows."""
     cls = type(top().cases[0].model)
     used = {name for name in vars(sys.modules[cls.__module__]) if not name.startswith("_")} - {cls.__qualname__}
-    assert used <= set(systems.USED)
+    assert used <= set(USED)
     with pytest.raises(SpecError, match=r"model\.name: is 'exp'; must be a word of letters"):
         top("{a: 3}", "{a: 3}\n  name: exp")

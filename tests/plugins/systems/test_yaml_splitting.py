@@ -8,7 +8,7 @@ from yaml_cases import SYSTEMS, definition, made
 
 from spi.plugins.systems.definition import define
 
-GALLERY = Path(__file__).parents[2] / "experiments" / "systems"
+GALLERY = Path(__file__).parents[3] / "experiments" / "systems"
 
 
 def defined(text):

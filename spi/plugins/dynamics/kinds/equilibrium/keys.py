@@ -20,6 +20,7 @@ from spi.specs.cases import with_others
 from spi.specs.checks import ROUNDING, check_count, check_multiple
 from spi.specs.keys import Functions, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
@@ -70,6 +71,7 @@ class Case(CodeKeys, LongCase):
         f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
     ) = ()
 
+    swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
     elsewhere: ClassVar[Mapping[str, str]] = {"step_count": "kind: growth has it; this one has final_time"}

@@ -1,6 +1,5 @@
 """The keys of an experiment of kind growth."""
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -9,6 +8,7 @@ from annotated_types import Ge, Le
 from spi.numerics.rng import STEPS_PER_TOSS
 from spi.plugins.dynamics.kinds.long_paths.keys import LongCase
 from spi.specs.keys import condition, key_of, wrong
+from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .results import PANELS, Growth
@@ -26,6 +26,7 @@ class Case(LongCase):
         tuple[Literal[PANELS], ...], f"what the figure shows, some of {', '.join(PANELS)}; default: growth"
     ) = ()
 
+    swept_in: ClassVar = (*PLACES, "step_count")
     quantities: ClassVar = claimable(Growth)
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("final_time", "functions", "derived", "burn_in", "spacing", "bins", "reference", "accuracy"), _OF_MEANS
@@ -35,6 +36,11 @@ class Case(LongCase):
     def last_time(self) -> float:
         """The final time of the largest step size."""
         return max(self.steps) * self.step_count
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """Those of the uniform law, and of the distance from it."""
+        return tuple(panel for panel in self.panels if panel in ("law", "distance"))
 
     @property
     def counts(self) -> list[int]:
@@ -49,11 +55,5 @@ class Case(LongCase):
 
     @condition
     def _check_panels(self) -> Self:
-        """The case with the panels of its figure; of the law there is one only where that is known."""
-        if laws := [panel for panel in self.panels if panel in ("law", "distance")]:
-            if self.damping:
-                raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
-            if math.isfinite(self.temperature):
-                fault = f"has '{laws[0]}', whose law is that without a temperature"
-                raise wrong(fault, "leave out one of them", "panels")
+        """The case with the panels of its figure."""
         return self if self.panels else self.model_copy(update={"panels": PANELS[:1]})

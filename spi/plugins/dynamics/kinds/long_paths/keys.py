@@ -22,6 +22,11 @@ class LongCase(BaseCase):
     at_once: ClassVar[bool] = False
 
     @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """All steps: none has the increments of another."""
+        return self.steps
+
+    @property
     def counts(self) -> list[int]:
         """The number of steps of each step size."""
         raise NotImplementedError

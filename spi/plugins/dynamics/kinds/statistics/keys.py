@@ -20,6 +20,7 @@ from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
 
@@ -190,6 +191,7 @@ class Case(CodeKeys, StepCase):
     ) = pydantic.Field(default_factory=dict)
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
 
+    swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
     distinct: ClassVar = ("panels", "statistics", "quantiles")

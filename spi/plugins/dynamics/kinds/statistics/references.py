@@ -13,6 +13,7 @@ from spi.exact.linear import Moments
 from spi.expressions import canonical, parse_expression
 from spi.kinds.functions import PathFunction, function_of
 from spi.kinds.linear import linear_moments
+from spi.plugins import lacking
 from spi.plugins.dynamics.exact.sphere_law import stationary_means
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, References, Word, gibbs_mean, reason_of
 from spi.specs.names import named_in
@@ -35,6 +36,8 @@ def _unsolved(case: Any, name: str) -> str | None:
         return _DAMPED
     if isinstance(case.initial, RandomState):
         return "that is known for one initial state, and here each path has its own"
+    if advice := lacking("solvers", "axis_inertias"):
+        return f"no equation is solved without a solver ({advice})"
     if not can_solve_equation(case.model):
         able = "systems on spheres with flows about the axes, and polynomials where the equation is linear"
         return f"no equation is solved for {case.model_name}, only for {able}"

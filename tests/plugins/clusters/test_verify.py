@@ -10,10 +10,10 @@ from helpers import COMPILED
 
 from spi import storage
 from spi.numerics.rng import LANES
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import differing, verify
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
-from spi.running.verify import differing, verify
 from spi.statistics import tallies
 from spi.storage import Group
 

@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import NUMBERS_DIGEST, specs, storage
-from ..kinds.plans import Nothing, Plan, State, sums_of_chunk
-from ..numerics.rng import STREAM_VERSION
-from ..statistics.tallies import Chunk, PathSet, digest
-from ..storage import StorageError
-from ..storage.records import Group, Results
-from ..storage.stored import gathered
-from .checkpoint import digests_of, label_of
-from .load import load_stored, name_of, plans
-from .run import root_attributes
-from .workers import advance_here, finalise
+from spi import NUMBERS_DIGEST, specs, storage
+from spi.kinds.plans import Nothing, Plan, State, sums_of_chunk
+from spi.numerics.rng import STREAM_VERSION
+from spi.running.checkpoint import digests_of, label_of
+from spi.running.load import load_stored, name_of, plans
+from spi.running.run import root_attributes
+from spi.running.workers import advance_here, finalise
+from spi.statistics.tallies import Chunk, PathSet, digest
+from spi.storage import StorageError
+from spi.storage.records import Group, Results
+from spi.storage.stored import gathered
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {

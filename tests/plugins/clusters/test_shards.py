@@ -15,10 +15,12 @@ from helpers import COMPILED
 from states import sums_files
 
 from spi import storage
-from spi.cli.running import _seconds, _workers
+from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
+from spi.plugins.clusters.command import DASK
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards, workers
+from spi.running import workers
 from spi.running.checkpoint import Checkpoint, Shard
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
@@ -256,8 +258,8 @@ def test_executors_with_a_process_that_is_killed(tmp_path, straight):
         killer = Killer(lambda: list(client.run(os.getpid).values()))
         path = runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
         assert killer.killed
-        with _workers(None, cluster.scheduler_address) as pool:
-            assert numbers(runner.run(strong(), tmp_path / "address", workers=pool)) == straight["rigid_body_strong"]
+        with DASK.start(cluster.scheduler_address) as compute:
+            assert numbers(compute(strong(), tmp_path / "address")) == straight["rigid_body_strong"]
     assert numbers(path) == straight["rigid_body_strong"]
 
 

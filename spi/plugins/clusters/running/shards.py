@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import specs, storage
-from ..kinds.plans import State
-from .checkpoint import Limits, Shard, Stopped
-from .run import NOBODY, USUAL, Session, Watch
-from .workers import Task, advance_some_here, allocate
+from spi import specs, storage
+from spi.kinds.plans import State
+from spi.running.checkpoint import Limits, Shard, Stopped
+from spi.running.run import NOBODY, USUAL, Session, Watch
+from spi.running.workers import Task, advance_some_here, allocate
 
 #: The largest number of missing shards that are named.
 _NAMED = 8
