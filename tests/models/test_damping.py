@@ -2,7 +2,7 @@
 
 import pkgutil
 
-import equilibrium_cases
+import long_cases
 import numpy as np
 import pytest
 from extending import Oscillator
@@ -156,12 +156,12 @@ schemes: [splitting, euler_maruyama]
 """
 STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 60\n"
 TRAJECTORY = HEAD + "kind: trajectory\nfinal_time: 2\nstep: 1/8\npanels: [casimir_errors]\n"
-EQUILIBRIUM = HEAD + "kind: equilibrium\nsteps: [1/8]\nstep_count: 1280\nsamples: 60\n"
+GROWTH = HEAD + "kind: growth\nsteps: [1/8]\nstep_count: 1280\nsamples: 60\n"
 WEAK = HEAD + (
     "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
     "estimators: [plain]\nsamples: 1000\n"
 )
-load_text = equilibrium_cases.load_text
+load_text = long_cases.load_text
 
 
 @pytest.mark.share(1)
@@ -171,9 +171,9 @@ load_text = equilibrium_cases.load_text
     [
         (STRONG, "casimir_drift", "strong.study.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
-        (EQUILIBRIUM, "casimir_worst", "equilibrium.study.growth"),
+        (GROWTH, "casimir_worst", "long_paths.study.growth"),
     ],
-    ids=["strong", "trajectory", "equilibrium"],
+    ids=["strong", "trajectory", "growth"],
 )
 def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text, name, asked):
     (plan,) = plans(load_text(text, "schemes=[splitting]"))

@@ -1,6 +1,6 @@
 """A temperature: friction along the fields of the noises, its flow, its stationary law, and what specs may ask for."""
 
-import equilibrium_cases
+import long_cases
 import numpy as np
 import pytest
 from helpers import LANES, RIGID_BODY, compiled_only
@@ -231,7 +231,7 @@ every: 32
 STRONG = (
     HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 70\nschemes: [splitting]\n"
 )
-load_text = equilibrium_cases.load_text
+load_text = long_cases.load_text
 
 
 def exact_means(temperature):

@@ -36,9 +36,6 @@ WORDS = {
 
 #: Offences of today, (file, word), which only become fewer.
 ALLOWED: set[tuple[str, str]] = {
-    ("ensemble/random_states.py", r"\bgibbs\b(?! law)"),  # laws of initial states, which are to be a registry
-    ("specs/initial.py", r"\bgibbs\b(?! law)"),
-    ("specs/initial.py", "uniform_on_surface"),
     ("specs/cases.py", r"\bequilibri"),  # a message about one large lattice
 }
 

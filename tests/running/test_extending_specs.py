@@ -146,7 +146,7 @@ def test_values_of_a_swept_parameter(extended):
 
 @compiled_only
 def test_a_step_size_of_long_times(extended):
-    keys = {**BODY, "kind": "equilibrium", "schemes": ["splitting"], "samples": 64, "step_count": 256}
+    keys = {**BODY, "kind": "growth", "schemes": ["splitting"], "samples": 64, "step_count": 256}
     assert extended(keys | {"steps": ["2^-4"]}) == {("main/splitting", 0)}
     assert extended(keys | {"steps": ["2^-4", "2^-5"]}) == {("main/splitting", 1)}
     assert extended(keys | {"steps": ["2^-3", "2^-4", "2^-5"]}) == {("main/splitting", 0)}
@@ -192,7 +192,8 @@ EDITED = {
     "work_precision": ("repeats", "3", "4", set()),
     "stability": ("sweep", {"s": ["1"]}, {"s": ["1", "1/2"]}, {(f"s=0.5/{s}", 0) for s in BOTH}),
     "trajectory": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
-    "equilibrium": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
+    "equilibrium": ("reference", {"a": "0"}, {"a": "1"}, set()),
+    "growth": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
     "statistics": ("reference", {"b": "t"}, {"b": "2*t"}, set()),
     "lyapunov": ("samples", "64", "65", {("main/splitting", 0)}),
     "answer": ("seconds", "1000", "2000", set()),

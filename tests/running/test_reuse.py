@@ -29,7 +29,7 @@ from spi.specs import SpecError
 
 #: The keys that a kind has to say what is wrong with them: no value is right.
 NEVER = {"trajectory": {"sweep"}, "work_precision": {"noise"}, "lyapunov": {"noise", "eps"}, "answer": {"noise", "eps"}}
-NEVER |= {"equilibrium": {"eps"}}
+NEVER |= {"growth": {"eps"}, "equilibrium": {"eps"}}
 
 
 @pytest.mark.parametrize("kind, key", [(kind, key) for kind, keys in NEVER.items() for key in sorted(keys)])

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from filled_results import filled
 from helpers import printed
+from long_results import equilibrium, equilibrium_group, growth, growth_group
 from scipy.special import stdtrit
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -290,9 +290,8 @@ WHOLE = {
         *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
-    "equilibrium": equilibrium(
-        *map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting", DERIVED)
-    ),
+    "growth": growth(*map(growth_group, ("splitting", "midpoint"))),
+    "equilibrium": equilibrium(equilibrium_group("splitting", DERIVED)),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     **{
         kind: Results({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
@@ -328,8 +327,8 @@ def test_what_comes_out_is_what_the_results_hold():
     assert second.high - second.value == pytest.approx(student * group.arrays["error_stderr"][1, 1])
     uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
     assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
-    growth = [one for one in quantities_of("equilibrium") if one.name == "growth" and one.about.scheme == "splitting"]
-    assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
+    found = [one for one in quantities_of("growth") if one.name == "growth" and one.about.scheme == "splitting"]
+    assert (found[0].value, found[0].low, found[0].high) == pytest.approx((0.5, 0.47, 0.53))
     swept = {one.swept for one in quantities_of("stability")}
     assert {word for word, _ in swept} == {WHOLE["stability"].groups[0].attributes["sweep"]} and len(swept) > 1
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import weak_cases
 import work_study_cases
-from equilibrium_cases import RIGID
 from helpers import printed
+from long_cases import RIGID
 from stability_cases import RIGID as RIGID_STABILITY
 from states import finished
 from strong_cases import case_of as strong_case
@@ -115,7 +115,7 @@ def test_what_is_constant_has_no_autocorrelation_time(tmp_path):
     """C1 - 1 is 1e-15 or so along paths: no time, no deviation, no warning; H has all three sizes."""
     spec = tmp_path / "s.yaml"
     spec.write_text(
-        RIGID.replace("step_count: 640", "final_time: 256")
+        RIGID.replace("kind: growth", "kind: equilibrium").replace("step_count: 640", "final_time: 256")
         + "functions: {casimir: C1 - 1, H: H}\nreference: {casimir: 0}\n",
         encoding="utf-8",
     )
