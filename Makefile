@@ -22,7 +22,7 @@ LONGEST ?=
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-all test-uncompiled test-bounds test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-core test-uncompiled test-bounds test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -52,6 +52,11 @@ test: $(INSTALLED_TEST) ## set up and run the tests (8 minutes on two cores); RO
 
 test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products, builds, every experiment
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "" $(TESTS)
+
+#: Plug-ins that are left out by test-core, with those that need them; all where it is empty.
+WITHOUT ?=
+test-core: $(INSTALLED_TEST) ## the tests of the core, in a copy without plug-ins; WITHOUT=report: without some
+	$(BIN)/python tests/without_plugins.py $(WITHOUT)
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(TESTS)

@@ -27,10 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi import storage
+from spi import storage, views
 from spi.drawing import Figure, as_bytes, page
 from spi.models.zeitlin.fields import cell, ratios, vorticity
-from spi.report import views
 
 POINTS = 256  # of the grid, a side
 LONGEST = 0.02  # step

@@ -27,10 +27,10 @@ from scipy.linalg import expm
 from scipy.stats import beta, norm
 
 import spi
-from spi.exact import gibbs
-from spi.kinds.equilibrium.results import Equilibrium
-from spi.kinds.lyapunov.results import Exponents
-from spi.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
+from spi.plugins.comparisons.kinds.work_precision.results import WorkCurve, interval_of_median, work_for
+from spi.plugins.dynamics.exact import gibbs
+from spi.plugins.dynamics.kinds.equilibrium.results import Equilibrium
+from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
 from spi.running.load import load
 from spi.statistics.intervals import student_factor, student_of_paths
 

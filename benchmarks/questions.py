@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from spi.kinds.answer import study
-from spi.kinds.answer.planner import bound, choose
-from spi.kinds.answer.study import ALONG, LEVELS, SETS, pilot_of
-from spi.kinds.answer.study import ALONG_PILOT as PILOT_ALONG
 from spi.kinds.plans import State
+from spi.plugins.answers.kinds.answer import study
+from spi.plugins.answers.kinds.answer.planner import bound, choose
+from spi.plugins.answers.kinds.answer.study import ALONG, LEVELS, SETS, pilot_of
+from spi.plugins.answers.kinds.answer.study import ALONG_PILOT as PILOT_ALONG
 from spi.running import workers
 from spi.running.compiling import compile_missing
 from spi.running.run import kernel_calls, load

@@ -20,9 +20,9 @@ import yaml
 from examples import example
 from pairs import our_work
 
-from spi import systems
 from spi.ensemble.loop import use_threads
 from spi.ensemble.protocol import dimension, noises, pieces, structure
+from spi.plugins.systems import generated as systems
 from spi.schemes import SCHEMES
 
 GALLERY = Path(__file__).parent.parent / "experiments" / "systems"

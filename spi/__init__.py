@@ -30,7 +30,7 @@ DISTRIBUTION = "stochastic-poisson-integrators"
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
     **dict.fromkeys(
-        ("Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"),
+        ("Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"),
         "api",
     ),
     "SpecError": "specs",
@@ -40,39 +40,43 @@ __all__ = ["__version__", *_OFFERED]
 
 
 def __getattr__(name):
-    """One of the names in `_OFFERED`."""
-    if name not in _OFFERED:
+    """One of the names in `_OFFERED`, or of those that plug-ins offer."""
+    if name in _OFFERED:
+        return getattr(importlib.import_module(f"{__name__}.{_OFFERED[name]}"), name)
+    plugins = importlib.import_module(f"{__name__}.plugins")
+    if name.startswith("_") or name not in plugins.offers("offered"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_OFFERED[name]}"), name)
+    return plugins.imported(plugins.offers("offered")[name])
 
 
 def __dir__():
-    return __all__
+    return [*__all__, *importlib.import_module(f"{__name__}.plugins").offers("offered")]
 
 
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py"}
-#: The other rooms that what computes imports, and files there that only draw: constants in keys and records decide
-#: numbers as much as studies do.
-_COMPUTING = ("checks", "exact", "expressions", "kinds", "printing", "specs", "statistics", "storage", "systems")
-_DRAWING = "figure.py"
+#: The other rooms that what computes imports, and rooms and files that only show what was computed: constants in keys
+#: and records decide numbers as much as studies do.
+_COMPUTING = ("checks", "exact", "expressions", "kinds", "plugins", "printing", "specs", "statistics", "storage")
+_SHOWING = {"api", "api.py", "cli", "command.py", "drawing", "figure.py", "views"}
 
 
 def sources(*rooms):
-    """The Python files of some rooms as paths within the package, sorted."""
+    """The Python files of some rooms as paths within the package, sorted; ``*`` is any folder."""
     package = Path(__file__).parent
-    return sorted(file.relative_to(package) for room in rooms for file in (package / room).rglob("*.py"))
+    return sorted(file.relative_to(package) for room in rooms for of in package.glob(room) for file in of.rglob("*.py"))
 
 
 def kernel_sources():
-    """The files whose code is compiled: an edit there compiles everything anew."""
-    return [file for file in sources(*_COMPILED) if file.as_posix() not in _LISTS]
+    """The files whose code is compiled, in rooms of these names of the core and of plug-ins."""
+    rooms = [place for room in _COMPILED for place in (room, f"plugins/*/{room}")]
+    return [file for file in sources(*rooms) if file.as_posix() not in _LISTS]
 
 
 def number_sources():
     """The files that decide the numbers of sums and results: the plans of kinds and all that these import."""
-    return [*sources(*_COMPILED), *(file for file in sources(*_COMPUTING) if file.name != _DRAWING)]
+    return [*sources(*_COMPILED), *(file for file in sources(*_COMPUTING) if _SHOWING.isdisjoint(file.parts))]
 
 
 def digest_of(files):

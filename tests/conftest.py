@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import os
+import shutil
 import signal
 import sys
 from collections import defaultdict
@@ -21,19 +22,27 @@ os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# The package names its cache by its own sources, and compiled kernels also contain what helpers.py and extending.py
-# say: without this an edit there would go unnoticed.  Programs that tests start inherit the folder.
+# Compiled kernels are kept from run to run in the virtual environment, or in the folder that SPI_CACHE_DIR names, under
+# a digest of the sources whose code they contain: those of the package, and helpers.py and extending.py, where an edit
+# would otherwise go unnoticed.  So what is found is what these sources are compiled to, and a failure to compile is
+# never hidden.  Programs that tests start inherit the folder, and so do the processes that share the tests.
+KEPT = 3  #: folders of other digests: those that were used last
 _sources = [Path(__file__).with_name(name).read_bytes() for name in ("helpers.py", "extending.py")]
-_digest = hashlib.sha256(b"".join(_sources)).hexdigest()[:16]
+_digest = hashlib.sha256(b"".join([spi.KERNEL_DIGEST.encode(), *_sources])).hexdigest()[:16]
 _folder = spi.kernels_folder().parent
-if _folder.name != f"tests-{_digest}":  # one of several processes that share the tests inherits it
+if _folder.name != f"tests-{_digest}":
+    if not os.environ.get("SPI_CACHE_DIR") and sys.prefix != sys.base_prefix:
+        _folder = Path(sys.prefix, "kernels")
     _folder /= f"tests-{_digest}"
-os.environ["SPI_CACHE_DIR"] = str(_folder)
-spi._point_cache_at_sources()
+    os.environ["SPI_CACHE_DIR"] = str(_folder)
+    if spi._point_cache_at_sources() is None:
+        os.utime(_folder)  # the last that was used
+        for _old in sorted(_folder.parent.glob("tests-*"), key=os.path.getmtime)[: -1 - KEPT]:
+            shutil.rmtree(_old, ignore_errors=True)
 # Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import; and
 # some tests use what stands in others.
 _tests = Path(__file__).parent
-_folders = [str(_tests), *sorted({str(file.parent) for file in _tests.glob("*/test_*.py")})]
+_folders = [str(_tests), *sorted({str(file.parent) for file in _tests.rglob("test_*.py")})]
 sys.path.extend(folder for folder in _folders if folder not in sys.path)
 os.environ["PYTHONPATH"] = os.pathsep.join([*_folders, *filter(None, [os.environ.get("PYTHONPATH")])])
 
@@ -72,6 +81,14 @@ def _each_value_once(cases):
     values = [list(dict.fromkeys(column)) for column in zip(*(case.callspec._idlist for case in cases), strict=True)]
     diagonal = {tuple(some[t % len(some)] for some in values) for t in range(max(map(len, values)))}
     return [case for case in cases if tuple(case.callspec._idlist) in diagonal]
+
+
+def pytest_runtest_setup(item):
+    from spi.plugins import installed
+
+    for mark in item.iter_markers("needs"):
+        if absent := {*mark.args} - installed().keys():
+            pytest.skip(f"without {', '.join(absent)}")
 
 
 def pytest_collection_finish():

@@ -6,6 +6,8 @@ import shutil
 import traceback
 from pathlib import Path
 
+from states import sums_files
+
 from spi import storage
 from spi.ensemble import loop
 from spi.running import run as runner
@@ -45,7 +47,7 @@ def experiment_of(folder, kind, samples=192):
 
 
 def unfinished(folder, kind="strong"):
-    """(experiment, the file of its sums) of a run that was stopped half way."""
+    """(experiment, the files of its sums) of a run that was stopped half way."""
     experiment = experiment_of(folder, kind)
 
     def stop(progress):
@@ -54,7 +56,7 @@ def unfinished(folder, kind="strong"):
 
     with contextlib.suppress(Stopped):
         runner.run(experiment, folder, watch=Watch(report=stop))
-    return experiment, runner.sums_path(experiment, folder)
+    return experiment, sorted(sums_files(experiment, folder))
 
 
 @contextlib.contextmanager
@@ -85,18 +87,18 @@ def broken_main(draw, folder, count, kind, damages):
     """
     wrong = 0
     with small_chunks():
-        experiment, path = unfinished(folder, kind)
-        half = path.read_bytes()
+        experiment, paths = unfinished(folder, kind)
+        half = {path.name: path.read_bytes() for path in paths}
         runner.run(experiment, folder / "fewer")
-        done = runner.sums_path(experiment, folder / "fewer").read_bytes()
+        done = {path.name: path.read_bytes() for path in sums_files(experiment, folder / "fewer")}
         more = experiment_of(folder, kind, 320)
         right = [numbers_of(runner.run(one, folder / name)) for name, one in (("more", more), ("same", experiment))]
         for number in range(count):
-            one, data = (experiment, half) if number % 2 else (more, done)
+            one, files = (experiment, half) if number % 2 else (more, done)
             damage, out = draw.choice(damages), folder / str(number)
-            sums = runner.sums_path(one, out)
-            sums.parent.mkdir(parents=True)
-            sums.write_bytes(damage(draw, data))
+            (out / "sums").mkdir(parents=True)
+            for name, data in sorted(files.items()):
+                (out / "sums" / name).write_bytes(damage(draw, data))
             try:
                 err = "" if numbers_of(runner.run(one, out)) == right[number % 2] else "other numbers"
             except Exception:

@@ -1,6 +1,6 @@
 """What the tests of the loop over time share: the increments and coins that it uses."""
 
-from helpers import RIGID_BODY, Coins, Increments, StepAreas, simulate
+from helpers import RIGID_BODY, Coins, Increments, StepAreas, loop_in_python, simulate
 
 TWO_NOISES = RIGID_BODY._replace(sigma=(1.0, None, 0.5))
 
@@ -12,7 +12,8 @@ def increments_of(model=RIGID_BODY, **options):
 
 def areas_of(**options):
     """The Lévy areas that a scheme gets: a list of levels, each an array [step, pair, path]."""
-    return simulate(StepAreas(), RIGID_BODY, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
+    with loop_in_python():
+        return simulate(StepAreas(), RIGID_BODY, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
 
 
 def coins_of(**options):

@@ -19,6 +19,7 @@ import numba
 import numpy as np
 import pytest
 
+from spi import views
 from spi.compiler.dispatch import kernel, number, unrolled
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import area_count
@@ -27,13 +28,21 @@ from spi.ensemble.increments import RandomStream, first_lane
 from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.loop import grid, integrate, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
-from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
-from spi.ensemble.scheme_protocol import advance, judges, memory_size, needs_areas, report_row, substeps, work_size
+from spi.ensemble.protocol import area_pairs, dimension, drift_flow, large, noise_flow, noise_indices, noises, pieces
+from spi.ensemble.scheme_protocol import (
+    advance,
+    advance_large,
+    judges,
+    memory_size,
+    needs_areas,
+    report_row,
+    substeps,
+    work_size,
+)
 from spi.models import RigidBody
 from spi.models.delegation import Damped
 from spi.numerics.angles import ReducedAngles
 from spi.numerics.rng import BROWNIAN, LANES
-from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
@@ -51,6 +60,7 @@ RELATIVES = {
     "splitting_joint_lie",
     "splitting_joint_areas",
     "euler_maruyama_renormalised",
+    "isospectral_midpoint",
     "munthe_kaas_euler",
     "munthe_kaas_midpoint",
     "roessler_rs2",
@@ -234,7 +244,13 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
         advance(scheme, model, h, dW[n], coins[n], y, work, report)
 
 
-def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
+@kernel
+def _advance_large(scheme, model, h, dW, coins, y, work, report):
+    for n in range(dW.shape[0]):
+        advance_large(scheme, model, h, dW[n], coins[n], y, work, report)
+
+
+def take_steps(scheme, model, h, dW, y, coins=None, steps=None):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
     For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  One that needs Lévy areas has
@@ -249,7 +265,8 @@ def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
     dW = dW.reshape(len(dW), -1)
     assert dW.shape[1] >= (2 * substeps(scheme) - 1) * noises(model) * LANES
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
-    advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
+    steps = steps or (_advance_large if large(model) else _advance)
+    steps(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report
 
 

@@ -7,12 +7,13 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from states import sums_files
 
 from spi import storage
+from spi.plugins.answers.running import load_answer
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
-from spi.running.load import load_answer
 from spi.running.run import Limits, Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -101,7 +102,7 @@ def forks():
 
 def stray(kind, out):
     """Files in a folder that should not be there."""
-    wanted = {runner.results_path(experiment(kind), out), runner.sums_path(experiment(kind), out), Path(out, "log")}
+    wanted = {runner.results_path(experiment(kind), out), *sums_files(experiment(kind), out), Path(out, "log")}
     return sorted({path for path in Path(out).rglob("*") if path.is_file()} - wanted)
 
 

@@ -20,13 +20,15 @@ from own_models import OSCILLATOR
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.clusters.running.verify import TIMES
 from spi.running import run as runner
-from spi.running.checkpoint import Keys
+from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
-from spi.running.verify import TIMES
 from spi.specs import SpecError
 from spi.specs.experiment import ONLY_IN_FILES
 from spi.specs.files import array_text, as_text
+from spi.specs.models import SOURCES
+from spi.specs.noise import NOISES
 
 BODY = "model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 SCHEMES = "schemes: [splitting, splitting_order2]"
@@ -65,8 +67,6 @@ LAYERS = (
     "cases: [{name: one, schemes: [splitting]}, {name: two, schemes: [splitting], final_time: 2}]",
     "profiles: {quick: {seed: 5}}",
     "sweep: {s: [1, 1/2]}\nmodel: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [s, s, s]}",
-    "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",
-    "noise: {file: dW.npz}\n---\nextrapolate: 0",
     "initial: {law: points, file: points.csv}",
     "initial: {law: points, file: points.npz}",
     "initial: {law: gaussian, mean: [0, 0, 1], sd: 0.1, project: true}",
@@ -83,7 +83,6 @@ LAYERS = (
     "schemes: [heun, splitting]",
     "model: {python: oscillator.py, name: Oscillator}\ninitial: [1, 0]\n---\nschemes: [splitting]\n"
     "functions: {b: y1}\nreference:\ndensity:",
-    "model: {system: top.yaml, parameters: {c: 2}}\n---\nschemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
     "reference_scheme: splitting\n---\nschemes: [splitting]\nextrapolate: 0",
     "accuracy: 1e-4\nestimators: [kolmogorov]\nextrapolate: [0, 1]\nsteps: [1/2, 1/4, 1/8]\n---\n"
     "schemes: [splitting_order2]\npanels: [errors]\nfunctions: {b: y1^2}",
@@ -103,6 +102,16 @@ LAYERS = (
     "pullback: {points: 64}",
     "steps: [1/2, 1/4, 1/8, 1/16, 1/32]\nextrapolate: [0, 1]",
 )
+if "system" in SOURCES:
+    LAYERS += (
+        "model: {system: top.yaml, parameters: {c: 2}}\n---\n"
+        "schemes: [splitting]\nfunctions: {b: x}\nreference:\ndensity:",
+    )
+if "file" in NOISES:
+    LAYERS += (
+        "noise: {kind: ornstein_uhlenbeck, tau: 0.1}\n---\nschemes: [splitting]\nextrapolate: 0",
+        "noise: {file: dW.npz}\n---\nextrapolate: 0",
+    )
 
 
 def archive(**arrays):
@@ -281,45 +290,32 @@ def everything(path):
 
 def digests(experiment):
     """The digests of what decides the sums of all parts."""
-    return {key for plan in plans(experiment) for key in (Keys.of(plan).extra, *Keys.of(plan).path_sets)}
+    return {key for plan in plans(experiment) for key in sums_keys(plan).values()}
 
 
-#: What may come of a change: the spec is invalid; nothing is reused and all computed anew; the run is refused, as the
-#: results are of another spec; or numbers follow of which some were there, equal to those of a fresh run, or not.
-INVALID, ANEW, REFUSED, EQUAL, DIFFERENT = "invalid", "anew", "refused", "equal", "DIFFERENT"
+#: What may come of a change: the spec is invalid; nothing is reused and all computed anew; or numbers follow of which
+#: some were there, equal to those of a fresh run, or not.
+INVALID, ANEW, EQUAL, DIFFERENT = "invalid", "anew", "equal", "DIFFERENT"
 
 
 def run(experiment, folder, **options):
     """The results file of an experiment; where times are measured, which nothing compares, of one block each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+        patch.setattr("spi.plugins.comparisons.kinds.work_precision.study._PATH_STEPS", 1)
         return runner.run(experiment, folder, **options)
 
 
 def run_onto(before, after, folder):
     """What comes of running one experiment onto the results of another, and how it differs from a fresh run."""
-    told = []
-    watch = runner.Watch(tell=told.append)
-    shared = digests(before) & digests(after)
-    try:
-        runner.Session(after, folder, False, watch, runner.Limits(), runner.sums_path(after, folder))
-    except storage.StorageError as error:
-        assert "\n" not in str(error), error
-        if not shared:
-            return REFUSED, ""
+    path = runner.results_path(after, folder)
     with tempfile.TemporaryDirectory() as copy, tempfile.TemporaryDirectory() as new:
         shutil.copytree(folder, copy, dirs_exist_ok=True)
-        if runner.results_path(after, copy).exists() and storage.finished(
-            runner.results_path(after, copy), runner.identity(after)
-        ):
-            found = everything(runner.results_path(after, copy))  # what the run takes for its results
-        else:  # as where a person removes results of another spec
-            runner.results_path(before, copy).unlink()
-            found = everything(run(after, copy, watch=watch))
-        right = everything(run(after, new))
+        written = run(after, copy)
+        found, right = everything(written), everything(run(after, new))
+        if before.hash != after.hash:
+            assert path.exists() and storage.former(written).read_bytes() == path.read_bytes()
     wrong = sorted(key for key in found.keys() | right.keys() if found.get(key) != right.get(key))
-    odd = [news for news in told if "edited" in news]
-    return (DIFFERENT if wrong or odd else EQUAL if shared else ANEW), [*wrong, *odd]
+    return DIFFERENT if wrong else EQUAL if digests(before) & digests(after) else ANEW, wrong
 
 
 def outcomes(some):

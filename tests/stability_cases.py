@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.kinds.stability import study as stability
+from spi.plugins.comparisons.kinds.stability import study as stability
 from spi.running.run import load
 from spi.storage.stored import gathered
 
@@ -64,7 +64,7 @@ def plans_of(cases, scheme):
 def study(cases, scheme, states=None):
     """(variables by name, group) of a whole study."""
     states = [finished(plan) for plan in plans_of(cases, scheme)] if states is None else states
-    (record,) = gathered(one for state in states for one in state.plan.all_results(state))
+    (record,) = gathered(state.plan.results(state) for state in states)
     group = record.group()
     assert group.coordinates["h"].tolist() == list(cases[0].steps)
     return {name: values for name, (_, values) in group.variables.items()}, group

@@ -4,7 +4,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds.blocks import Solver
-from spi.kinds.stability.results import CasimirErrors, Stability
+from spi.plugins.comparisons.kinds.stability.results import CasimirErrors, Stability
 from spi.storage import Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}

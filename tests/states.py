@@ -2,15 +2,19 @@
 
 import copy
 from contextlib import ExitStack, contextmanager, nullcontext
+from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
+from spi import storage
 from spi.ensemble import loop
 from spi.kinds import blocks
-from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.plans import State
+from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
 from spi.running import workers
+from spi.running.checkpoint import sums_keys
+from spi.running.load import plans
 
 #: Fields that a clock decides: those with such ends, and those with such names.
 CLOCKS, CLOCKED = ("seconds",), ("ns_per_step", "times")
@@ -63,16 +67,29 @@ def begun(plan, blocks, number=0):
     return state
 
 
-def taken(plan, plain):
+def plain(state):
+    """All that a state tells, by the number of a path set, and by None what it knows besides sums."""
+    return {number: state.plain(number) for number in (None, *state.tallies)}
+
+
+def sums_files(experiment, out):
+    """The files of sums of an experiment in a folder of results."""
+    store = storage.Store(Path(out) / "sums")
+    paths = {store.path(key) for plan in plans(experiment) for key in sums_keys(plan).values()}
+    return {path for path in paths if path.exists()}
+
+
+def taken(plan, told):
     """The state that knows what another one told."""
     state = State(plan)
-    state.merge(plain)
+    for number, known in told.items():
+        state.merge(number, known)
     return state
 
 
-def resumed(plan, plain, most=None):
-    """The state at the end, from one that is `plain` on."""
-    return finished(plan, most, taken(plan, plain))
+def resumed(plan, told, most=None):
+    """The state at the end, from what one told on."""
+    return finished(plan, most, taken(plan, told))
 
 
 def snapshots(plan, most=1):
@@ -81,7 +98,7 @@ def snapshots(plan, most=1):
 
     def tick(number):
         if state.work is None:  # while it works without paths nothing becomes known
-            found.append(state.plain())
+            found.append(plain(state))
             copies.append(copy.deepcopy(found[-1]))
 
     finished(plan, most, state, tick)
@@ -92,10 +109,10 @@ def snapshots(plan, most=1):
 def check_going_on(plan, most=1, every=1):
     """From each snapshot, or from every so manyth and the last, the same bits follow; returns all snapshots."""
     whole, found = finished(plan), snapshots(plan, most)
-    for plain in [*found[::every], found[-1]]:
-        kept = copy.deepcopy(plain)
-        assert same_numbers(resumed(plan, plain), whole)
-        assert same_numbers(plain, kept)
+    for told in [*found[::every], found[-1]]:
+        kept = copy.deepcopy(told)
+        assert same_numbers(resumed(plan, told), whole)
+        assert same_numbers(told, kept)
     assert not same_numbers(found[0], whole)
     return found
 
@@ -103,12 +120,12 @@ def check_going_on(plan, most=1, every=1):
 def numbers(known):
     """All numbers but times of a state, of one that is plain, or of sums, by name."""
     if isinstance(known, State):
-        known = known.plain()
+        known = plain(known)
     if hasattr(known, "_asdict"):
         known = known._asdict()
-    if isinstance(known, dict) and set(known) == {"extra", "path_sets"}:
-        path_sets = {f"path_set {one['number']}": one for one in known["path_sets"]}
-        known = {"extra": known["extra"]} | {name: _of_a_path_set(one) for name, one in path_sets.items()}
+    if isinstance(known, dict) and None in known:
+        path_sets = {f"path_set {number}": _of_a_path_set(one) for number, one in known.items() if number is not None}
+        known = {"extra": known[None]} | path_sets
     if not isinstance(known, dict):
         return {"": np.asarray(known)}
     return {
@@ -121,8 +138,9 @@ def numbers(known):
 
 def _of_a_path_set(told):
     """What is known of a path set, by the place of its nodes, which may stand in any order."""
-    nodes = {f"node {height} {number}": sums for height, number, sums in told["nodes"]}
-    short = {f"short {index}": sums for index, sums in told["short"]}
+    tally, _ = told["tallies"]  # the others are not wanted
+    nodes = {f"node {height} {number}": sums for height, number, sums in tally["nodes"]}
+    short = {f"short {index}": sums for index, sums in tally["short"]}
     return nodes | short | {f"digest {index} {paths}": text for index, paths, text in told["digests"]}
 
 

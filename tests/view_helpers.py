@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 
+from spi import views
 from spi.drawing import page
-from spi.report import views
 
 SCHEMES = ("euler_maruyama", "midpoint", "splitting")
 

@@ -3,7 +3,7 @@
 import numpy as np
 from made_up import group_of
 
-from spi.kinds.work_precision.results import WorkPrecision
+from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision
 from spi.storage import Order, Results
 
 H = 2.0 ** -np.arange(3, 12)

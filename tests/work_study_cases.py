@@ -9,7 +9,7 @@ from states import finished
 
 from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
-from spi.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.running.run import load
 
 SPEC = """\

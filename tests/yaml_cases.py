@@ -1,7 +1,8 @@
 """Systems written in YAML for several test files, and their brackets and flows by another road.
 
 A bracket is computed here from matrices whose commutators it is, or from modes; the flow of a function of commuting
-linear functions by SciPy's exponential of the matrix of its field.  Neither uses anything of ``spi.systems``.
+linear functions by SciPy's exponential of the matrix of its field.  Neither uses anything of ``spi.plugins.systems``.
+A test file that imports this is skipped where that plug-in is left out.
 """
 
 import functools
@@ -11,18 +12,21 @@ from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
+import pytest
 import scipy.linalg
 import sympy
 import yaml
 
 from spi.checks.registration import vocabulary
 from spi.compiler import modules
-from spi.systems.definition import define
-from spi.systems.source import System, generate
+
+pytest.importorskip("spi.plugins.systems.source")
+from spi.plugins.systems.definition import define
+from spi.plugins.systems.source import System, generate
 
 
 class Made(NamedTuple):
-    """A system of a definition, by the steps of which ``spi.systems.made`` consists."""
+    """A system of a definition, by the steps of which ``spi.plugins.systems.generated.made`` consists."""
 
     system: System
     text: str  #: of its module

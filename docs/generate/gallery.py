@@ -26,9 +26,8 @@ import yaml
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from spi import storage
+from spi import storage, views
 from spi.drawing import as_bytes
-from spi.report import views
 from spi.running import run as running
 from spi.running import shipped
 from spi.specs.naming import results_name

@@ -24,12 +24,12 @@ from spi.cli import app, options
 from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
+from spi.plugins.systems.keys import KEYS as SYSTEM_KEYS
 from spi.printing.text import fraction
 from spi.running import shipped
 from spi.running.load import layers
 from spi.schemes import SCHEMES
 from spi.specs.keys import text_in
-from spi.systems.keys import KEYS as SYSTEM_KEYS
 
 FOLDER = Path(__file__).parents[1] / "reference"
 NOTE = "<!-- Written by docs/generate/reference.py; `make docs` writes it again. -->\n\n"
@@ -107,7 +107,7 @@ def spec_keys() -> str:
     text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
     text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
     text += "\n## A file under `initial`\n\n"
-    part = definitions["Stored"]
+    part = definitions["FromFile"]
     text += f"{plain(part['description'])}\n\n{key_table(key_rows(part, part, definitions))}\n"
     text += "\n## A vorticity under `initial`\n\nOf `sine_euler` and `zeitlin`; see [fluids](../fluids.md).\n\n"
     for name in ("Vorticity", "Random"):

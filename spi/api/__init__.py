@@ -5,11 +5,11 @@ import warnings
 from .. import CACHE_PROBLEM
 from ..running import shipped
 from .integrator import Integrator, increments
-from .paths import answer, expectations, trajectory
+from .paths import expectations, trajectory
 from .results import Results, load
 from .running import run
 
-__all__ = ["Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"]
+__all__ = ["Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"]
 
 if CACHE_PROBLEM:
     warnings.warn(f"{CACHE_PROBLEM}; compiled kernels cannot be saved for other processes", stacklevel=2)

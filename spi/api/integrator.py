@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..ensemble.drivers import Driver
 from ..ensemble.increments import Given, brownian, draw_noise, draw_paths, empty_noise
 from ..ensemble.loop import add_reports, empty_report, for_kernels, integrate, limited_threads, move
 from ..ensemble.observer import last_states_only
@@ -16,7 +15,7 @@ from ..ensemble.random_states import first_states
 from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, report_columns, substeps, tosses
 from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
-from ..specs.drivers import law_of, stream_of
+from ..specs.noise import driver_of, stream_of
 from .paths import plan_of
 from .specs import real, whole
 
@@ -49,8 +48,8 @@ def increments(
 
     They are, to the last bit, those of a run with this seed and this step (in a study of errors this reference step;
     the increment of a step twice as large is the sum of two), so that another program can follow the same paths.
-    With `noise`, a mapping as in a spec, they are those of another process; those of a fractional one depend on
-    `final_time`, that of the run, by default the end of these steps.
+    With `noise`, a mapping as in a spec, they are those of another process; where all increments of a path are made at
+    once, they depend on `final_time`, that of the run, by default the end of these steps.
 
     Raises SpecError for numbers that are none.
     """
@@ -59,9 +58,9 @@ def increments(
     shape = whole("steps", steps, 1), whole("paths", paths, 1), whole("noises", noises, 1)
     first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
     stream = brownian(whole("seed", seed, 0))
-    if law := law_of(noise):
-        driver = Driver(law, stream, 0.0 if final_time is None else final_time)
-        return driver.increments(float(step), first[0], shape[0], first[1], *shape[1:])
+    if driver := driver_of(noise):
+        given = driver.paths(stream, 0.0 if final_time is None else final_time)
+        return given.increments(float(step), first[0], shape[0], first[1], *shape[1:])
     dW = np.empty(shape)
     draw_paths(stream, float(step), *first, dW)
     return dW
@@ -164,7 +163,7 @@ class Integrator:
         given = empty_noise(self._scheme, self._model, *shape)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
         stream = self._stream(seed)
-        if isinstance(stream, Driver):
+        if self._case.noise:
             portion = first[0], shape[0], first[1], shape[1]
             dW = stream.increments(self.step_size, *portion, self.noises, self.substeps)
             return Noise(dW, given.areas, stream.coins(*portion) if len(given.coins) else given.coins)

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,18 +12,16 @@ import xarray as xr
 
 from ..ensemble.loop import Grid, integrated, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
+from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..kinds.answer import study as answers
-from ..kinds.answer.results import Answer
 from ..kinds.blocks import BlocksPlan
 from ..kinds.plans import State, path_grid
 from ..kinds.trajectory import study
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..models.delegation import undamped
 from ..numerics.rng import LANES
-from ..printing.text import human_time
 from ..running import workers
 from ..running.compiling import compile_missing, physical_memory
 from ..running.run import kernel_calls
@@ -31,7 +29,6 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
-from ..systems import words
 from .progress import Line
 from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
@@ -70,9 +67,9 @@ def trajectory(
 ) -> xr.Dataset:
     """Paths of a scheme: states, Hamiltonian and Casimirs at the times 0, k h, 2 k h, ..., T with k = `every`.
 
-    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a custom system such as
-    ``{"system": "heavy_top.yaml"}``; or a model's class, or a record of it.  `initial`, `final_time` T, `step` h and
-    `seed` are as in a spec, and so are further `options`: damping, eps, truncate_noise, compositions.
+    `model` is what stands under ``model:`` in a spec: a name or a mapping; or a model's class, or a record of it.
+    `initial`, `final_time` T, `step` h and `seed` are as in a spec, and so are further `options`: damping, eps,
+    truncate_noise, compositions.
 
     Without `samples` it is the one path of number `path`: ``y`` (t, component), ``hamiltonian`` (t) and ``casimirs``
     (t, casimir).  With `samples` there are those of the numbers 0, ..., samples - 1, and a first axis ``path``.  The
@@ -214,7 +211,7 @@ def _of_paths(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Expectations of functions of the final state: E phi(y_h(T)), and E phi(y(T)) to a wanted accuracy.
+# Expectations of functions of the final state: E phi(y_h(T)).
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -263,7 +260,7 @@ def expectations(
     return _dataset(state.total(), list(plan.functions), h, about)
 
 
-def _by_name(functions: Any) -> Mapping[str, Any]:
+def functions_by_name(functions: Any) -> Mapping[str, Any]:
     """The functions by their names, one alone as phi."""
     return functions if isinstance(functions, Mapping) else {"phi": functions}
 
@@ -271,8 +268,8 @@ def _by_name(functions: Any) -> Mapping[str, Any]:
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
     """The functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
-    own = finest.case.variables, words(undamped(finest.case.model))
-    for name, phi in _by_name(functions).items():
+    own = finest.case.variables, named_numbers(undamped(finest.case.model))
+    for name, phi in functions_by_name(functions).items():
         try:
             phis[str(name)] = phi if callable(phi) else as_numpy(parse_expression(str(phi), d, *own))
         except NumberError as error:
@@ -318,7 +315,7 @@ class MeansPlan(BlocksPlan):
     def at_start(self) -> np.ndarray:
         """(F,) phi(y_0), from which values are counted for their spread; 0 where it is not finite."""
         y = np.repeat(np.reshape(self.initial, (-1, 1)), LANES, axis=1)
-        values = np.array([_values_of(name, phi, y)[0] for name, phi in self.functions.items()])
+        values = np.array([values_of(name, phi, y)[0] for name, phi in self.functions.items()])
         return np.where(np.isfinite(values), values, 0.0)
 
     def lengths(self, number: int) -> dict[str, int]:
@@ -332,14 +329,14 @@ class MeansPlan(BlocksPlan):
         values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
         for level, of_level in enumerate(y):
             for f, (name, phi) in enumerate(self.functions.items()):
-                values[level, f, : y.shape[-1]] = _values_of(name, phi, of_level)
+                values[level, f, : y.shape[-1]] = values_of(name, phi, of_level)
         values = np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
         with np.errstate(all="ignore"):
             apart = values - self.at_start[:, np.newaxis]
         return {"values": values, "apart": apart, "nonfinite": np.logical_not(np.isfinite(values).all(axis=2))}
 
 
-def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
+def values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
     """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
     y = y.view()
     y.flags.writeable = False  # so that no function changes what the next one is given
@@ -368,55 +365,3 @@ def _dataset(sums: EndSums, names: list[str], h: list[float], attributes: dict[s
         {"function": names, "h": ("h", h, {"long_name": "step size"})},
         attributes,
     )
-
-
-def answer(
-    model: Any,
-    functions: str | Phi | Mapping[str, str | Phi],
-    *,
-    initial: Sequence[Any],
-    final_time: Any,
-    accuracy: Any,
-    seed: int = 1,
-    progress: bool | None = None,
-    **options: Any,
-) -> Answer:
-    """E phi(y(T)) to a wanted accuracy, half the width of a 95 % interval with what is left of the bias.
-
-    `functions` is phi, or a mapping of names: expressions or Python functions, as for :func:`spi.expectations`.  With
-    a Python function among them, whose range is not known, all are sampled.  The program chooses:
-    no sampling where a solution is known, else scheme, steps, extrapolation and samples, from a pilot; it checks
-    the bias by one step finer, and continues if the check fails.  `options` are further keys of an experiment of kind
-    answer: schemes, extrapolate, sampling, seconds, damping.  `model`, `initial`, `final_time` and `seed` are as for
-    :func:`spi.trajectory`.
-
-    The result has ``value``, ``half``, ``bias`` and ``stderr`` (function), whether the accuracy was ``reached``,
-    ``warnings``, and ``chosen``; printing it shows all of them in words.  An accuracy that cannot be reached is no
-    error: ``reached`` and ``warnings`` report it.
-
-    Raises SpecError with a line for each mistake in the arguments.
-    """
-    keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
-    named = _by_name(functions)
-    python = {str(name): phi for name, phi in named.items() if callable(phi)}
-    if python:  # formulas that every system has stand for them
-        named = {name: f"y1^{n}" if callable(phi) else phi for n, (name, phi) in enumerate(named.items(), 2)}
-        functions, options = named, options | {"sampling": True}
-
-    def of_blocks(name: str, phi: Phi) -> Phi:
-        """A function of states (d, paths) as one of states (d, ...)."""
-        return lambda y: _values_of(name, phi, y.reshape(len(y), -1)).reshape(y.shape[1:])
-
-    data = {"kind": "answer", "model": model, "functions": functions, **keys, **options}
-    (case,) = of_mapping(data, "answer", place="").cases
-    own = tuple((name, of_blocks(name, phi)) for name, phi in python.items())
-    plan: Any = replace(answers.plan(case, answers.parts(case)[0]), python=own)
-
-    def show(state: State) -> None:
-        """Show the share of the predicted work, which no clock decides."""
-        done, total, _ = plan.progress(state)
-        line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)
-
-    with Line("answer", progress) as line:
-        result: Answer = plan.results(computed(plan, line, show))
-    return result

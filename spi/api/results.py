@@ -12,12 +12,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .. import storage
+from .. import storage, views
 from ..drawing import as_bytes, style
-from ..report import views
 from ..running import finding
 from ..statistics import claims
-from ..statistics.claims import quantities
+from ..statistics.claims import orders_of
 from ..storage import records
 from ..storage.stored import Description, Stored, by_case
 from .specs import as_overrides, check_type, in_python
@@ -226,8 +225,7 @@ class Results:
                 **{"order": order.value, "low": order.low, "high": order.high, "expected": order.expected},
             }
             for case in by_case(views.readings(self.stored))
-            for order in quantities(case)
-            if order.name in ("order", "uniform_order")
+            for order in orders_of(case)
         ]
         frame = pd.DataFrame(rows)
         return frame.drop(columns=[name for name in ("estimator", "function") if rows and not any(frame[name])])

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ def run(
     out: str | Path | None = "results",
     fresh: bool = False,
     threads: int | None = None,
-    workers: int | str | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
     progress: bool | None = None,
     trust_code: bool = False,
     **overrides: Any,
@@ -43,24 +45,24 @@ def run(
     are added to the name, as in ``<name>.quick.e70e6b.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
     ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
     nothing is left on disk.  `fresh` recomputes from scratch and overwrites existing results.  `threads` is the number
-    of threads; `workers` the number of processes on this machine, or the address of a Dask scheduler.  `progress` shows
-    a progress line; by default in a notebook only.
+    of threads; `workers` the number of processes on this machine.  `executor`, any of ``concurrent.futures``, computes
+    instead, also on other machines.  `progress` shows a progress line; by default in a notebook only.
 
     Python code in a results file is run only if a file at the same path has the same text, or with `trust_code`.
 
     Raises SpecError if anything is wrong with the spec, StorageError if the results cannot be written or are those of
-    another spec; KeyboardInterrupt if interrupted; progress is then saved, and the same call resumes.
+    another spec; RuntimeError if the executor loses its workers, KeyboardInterrupt if interrupted; progress is then
+    saved, and the same call resumes.
     """
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
     experiment = experiment_of(what, name, profile, overrides, trust_code)
-    if workers is not None and not isinstance(workers, str):
-        whole("workers", workers, 1)
+    asked = _workers(workers, executor)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
         if threads is not None:
             stack.enter_context(limited_threads(whole("threads", threads, 1, thread_count())))
-        pool = stack.enter_context(workers_of(workers))
+        pool = stack.enter_context(workers_of(asked))
         line = stack.enter_context(Line(experiment.name, progress))
         stack.enter_context(in_python())
         try:
@@ -70,3 +72,13 @@ def run(
             raise KeyboardInterrupt(message) from None
         results = load(path)
     return results if out is not None else Results(results.stored)
+
+
+def _workers(workers: Any, executor: Any) -> int | Executor | None:
+    """The one of both that is given, once it is seen to be right."""
+    if workers is not None and executor is not None:
+        raise SpecError("workers and executor exclude one another; give one of them")
+    if executor is None or isinstance(executor, Executor):
+        return executor if workers is None else whole("workers", workers, 1)
+    kind = type(executor).__name__
+    raise SpecError(f"executor: is of type {kind}; must be one of concurrent.futures, such as client.get_executor()")

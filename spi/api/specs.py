@@ -87,7 +87,7 @@ def model_keys(model: Any) -> Any:
     parameters = {} if isinstance(model, type) else model._asdict()
     if "sigma" in parameters:  # a noise of strength 0 is None in a record
         parameters["sigma"] = [strength or 0 for strength in parameters["sigma"]]
-    built_in = next((name for name, record in MODELS.items() if record is cls), None)
+    built_in = MODELS.name_of(cls)
     return ({"name": built_in} if built_in else {"python": _file_of(cls), "name": cls.__qualname__}) | parameters
 
 

@@ -27,8 +27,9 @@ def obstacle(record):
     returns the right type.
     """
     cls = type(record)
-    methods = {name: getattr(cls, name, None) for name in vocabulary("model")}
-    declared = {name: vocabulary("model")[name] for name, method in methods.items() if inspect.isfunction(method)}
+    asked = {name: member for name, member in vocabulary("model").items() if member.declared.compiled}
+    methods = {name: getattr(cls, name, None) for name in asked}
+    declared = {name: asked[name] for name, method in methods.items() if inspect.isfunction(method)}
     for name in declared:
         if problem := _unknown_function(methods[name], set()):
             return f"{name}, {problem}"

@@ -530,7 +530,7 @@ def check_once(record, initial):
     if key in passed:
         return []
     count = 2 if protocol.dimension(record) <= 12 else 1
-    own = modules.system_of(cls) is not None
+    own = protocol.generated(cls)
     states = (states_on_surface if own else states_around)(initial, record, count)
     complaints = check_model(
         _moving(record) if own else record, states, written=not own and not passed, finite_at=[tuple(initial)] * own
@@ -551,7 +551,9 @@ def _moving(record):
         return record
     with uncompiled(), np.errstate(all="ignore"):
         at = [protocol.frozen(record, begin, 0.0) for begin in (0.618, 1.7, 2.9, 0.1)]
-    return max(at, key=lambda model: min(map(abs, model.driving), default=0.0))
+    tuples = [k for k, field in enumerate(record) if isinstance(field, tuple)]
+    moving = [(k, n) for k in tuples for n in range(len(record[k])) if len({model[k][n] for model in at}) > 1]
+    return max(at, key=lambda model: min((abs(model[k][n]) for k, n in moving), default=0.0))
 
 
 def _passed(path):

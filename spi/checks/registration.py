@@ -6,8 +6,6 @@ import inspect
 from ..compiler.dispatch import MOST
 from ..ensemble import protocol, scheme_protocol
 
-_OF_PARAMETERS = ("in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables")
-
 
 def vocabulary(asked):
     """{name: method or trait} of the protocol of a "model" or a "scheme"."""
@@ -28,7 +26,7 @@ def check_class(cls, asked, name):
     declared, members = vocabulary(asked), _members(cls)
     if protocol.large(cls):  # the record with its parameters; kernels are given another
         members = {name: value for name, value in members.items() if not isinstance(value, property)}
-        declared = {name: member for name, member in declared.items() if name in _OF_PARAMETERS or member.declared.of}
+        declared = {name: member for name, member in declared.items() if _is_of_parameters(member.declared)}
     wrong = [
         f"lacks {needed}"
         for needed, asking in declared.items()
@@ -44,6 +42,11 @@ def check_class(cls, asked, name):
             )
     if wrong:
         raise TypeError(f"{asked} '{name}' ({cls.__qualname__}) " + "; ".join(wrong))
+
+
+def _is_of_parameters(declared):
+    """Whether the record with the parameters of an array-state model is asked, and not that with its tables."""
+    return declared.of is not None or not declared.compiled
 
 
 def _members(cls):

@@ -8,8 +8,23 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from ..plugins import PluginError, Registry
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, RunOptions, Specs, load, run_options
+from .options import (
+    BEGIN,
+    COMPUTE,
+    DONE,
+    FAILED,
+    INVALID,
+    LOOK,
+    MORE,
+    STOPPED,
+    Command,
+    RunOptions,
+    Specs,
+    load,
+    run_options,
+)
 from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 
@@ -86,42 +101,41 @@ def schema() -> None:
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
 
-def _examples(*lines: str) -> str:
-    """The end of a help text."""
-    return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
+_RUN = "spi run rigid_body_strong --profile quick", "spi run my_body.yaml --samples 10^6 --set 'steps=2^-3 .. 2^-8'"
+_PLOT = (
+    "spi plot rigid_body_strong --profile quick",
+    "spi plot results/my_body.h5 --style paper --width two --out figures",
+)
+#: The commands of the core; a plug-in names its own, each a ``Command``.
+_COMMANDS = {
+    "list": Command(showing.list_, BEGIN),
+    "new": Command(starting.new, BEGIN),
+    "doctor": Command(starting.doctor, BEGIN),
+    "check": Command(check, COMPUTE),
+    "run": Command(running.run, COMPUTE, _RUN),
+    "show": Command(showing.show, LOOK),
+    "plot": Command(showing.plot, LOOK, _PLOT),
+    "trace": Command(running.trace, LOOK),
+    "model": Command(model, MORE),
+    "schema": Command(schema, MORE),
+    "cache": Command(starting.cache, MORE),
+}
 
 
-_EXAMPLES = {
-    "run": _examples(
-        "spi run rigid_body_strong --profile quick",
-        "spi run my_body.yaml --samples 10^6 --set 'steps=2^-3 .. 2^-8'",
-    ),
-    "answer": _examples(
-        "spi answer rigid_body_strong --function y1^2 --accuracy 1e-4",
-        "spi answer my_body.yaml --time 2 --seconds 60 --dry",
-    ),
-    "plot": _examples(
-        "spi plot rigid_body_strong --profile quick",
-        "spi plot results/my_body.h5 --style paper --width two --out figures",
-    ),
-}
-_PANELS: dict[str, dict[str, Any]] = {
-    "Begin": {"list": showing.list_, "new": starting.new, "doctor": starting.doctor},
-    "Compute": {"check": check, "run": running.run, "answer": running.answer, "merge": running.merge},
-    "Look at results": {
-        "show": showing.show,
-        "plot": showing.plot,
-        "report": showing.report,
-        "verify": running.verify,
-        "trace": running.trace,
-    },
-    "More": {"model": model, "schema": schema, "cache": starting.cache},
-}
-_CLASSES = {"report": showing.Report}
-for _panel, _commands in _PANELS.items():
-    for _name, _command in _commands.items():
-        _style = {"rich_help_panel": _panel, "epilog": _EXAMPLES.get(_name), "cls": _CLASSES.get(_name)}
-        app.command(_name, **_style)(_command)  # type: ignore[arg-type]
+def _add_commands() -> str | None:
+    """Make the commands of the core and of plug-ins those of `spi`; returns why a plug-in cannot be used."""
+    problem, whole = None, Registry("commands", _COMMANDS)
+    try:
+        commands = {name: whole[name] for name in whole}
+    except PluginError as error:
+        problem, commands = str(error), _COMMANDS
+    panels = [BEGIN, COMPUTE, LOOK, MORE]
+    for name, command in sorted(commands.items(), key=lambda pair: panels.index(pair[1].panel)):
+        command.add_to(app, name)
+    return problem
+
+
+_PLUGIN_PROBLEM = _add_commands()
 
 
 def main() -> NoReturn:
@@ -133,7 +147,10 @@ def main() -> NoReturn:
         arguments = [*arguments[1:], "--help"]
     try:
         threads = os.environ.get("NUMBA_NUM_THREADS", "1")
-        if threads.isdecimal() and int(threads) > 0:
+        if _PLUGIN_PROBLEM:
+            tell(f"spi: {_PLUGIN_PROBLEM}")
+            code = INVALID
+        elif threads.isdecimal() and int(threads) > 0:
             code = _run(arguments)
         else:  # Numba, which reads it when it is imported, would say so with a traceback
             tell(f"spi: the environment has NUMBA_NUM_THREADS={threads}; must be a whole number from 1 on, or unset")

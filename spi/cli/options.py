@@ -4,11 +4,13 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
+from ..plugins import PluginError, imported, offers
 from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: the folder of results unless --out names another
@@ -44,6 +46,7 @@ def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
 
 
 if TYPE_CHECKING:
+    from ..running.run import Limits, Watch
     from ..specs import Experiment
 
 DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
@@ -105,6 +108,25 @@ class RunOptions(NamedTuple):
         return [*(self.overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
 
 
+class Command(NamedTuple):
+    """A command, its place in `spi --help`, and examples in its own help."""
+
+    run: Callable[..., None]
+    panel: str
+    examples: Sequence[str] = ()
+    cls: Any = None  #: what reads its arguments, where it is not typer's own class
+
+    def add_to(self, app: typer.Typer, name: str) -> None:
+        """Make it a command of `spi`."""
+        lines = "\n".join(["Examples:", *(f"  {line}" for line in self.examples)])
+        style = {"rich_help_panel": self.panel, "epilog": f"\b\n{lines}" if self.examples else None, "cls": self.cls}
+        app.command(name, **style)(self.run)
+
+
+#: Panels of `spi --help`.
+BEGIN, COMPUTE, LOOK, MORE = "Begin", "Compute", "Look at results", "More"
+
+
 def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the :class:`RunOptions`, but for some, behind its argument, for its parameter `options`."""
     given = [option for name, option in inspect.signature(RunOptions).parameters.items() if name not in without]
@@ -120,6 +142,54 @@ def run_options(*without: str) -> Callable[[Callable[..., None]], Callable[..., 
         return called
 
     return decorated
+
+
+def of_plugins(field: str) -> dict[str, str]:
+    """What plug-ins add to a registry; nothing where one of them cannot be used, which the program says elsewhere."""
+    try:
+        return offers(field)
+    except PluginError:
+        return {}
+
+
+def _with_options(command: Callable[..., None], parameter: str, given: dict[str, Any]) -> Callable[..., None]:
+    """A command with further options, name -> annotation; `parameter` of the command has those that are given."""
+
+    @functools.wraps(command)
+    def called(**values: Any) -> None:
+        chosen = {name: value for name in given if (value := values.pop(name))}
+        command(**values, **{parameter: chosen})
+
+    signature = inspect.signature(command)
+    own = [one for name, one in signature.parameters.items() if name != parameter]
+    kind = inspect.Parameter.KEYWORD_ONLY
+    flags = [inspect.Parameter(name, kind, default=None, annotation=hint) for name, hint in given.items()]
+    called.__dict__["__signature__"] = signature.replace(parameters=[*own, *flags])
+    return called
+
+
+def template_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each template of a plug-in, for its parameter `templates`, those that are wanted."""
+    words = of_plugins("templates")
+    help_of = {word: typer.Option(f"--{word}", help=f"For a {word} of your own.") for word in words}
+    return _with_options(command, "templates", {word: Annotated[bool, help_of[word]] for word in words})
+
+
+#: (experiment, folder of results, whether from scratch, who is told, limits) -> its results, None if not yet complete.
+Compute = Callable[["Experiment", Path, bool, "Watch", "Limits"], Path | None]
+
+
+class Way(NamedTuple):
+    """A way to compute experiments, by the value of an option of `spi run`."""
+
+    option: Any  #: its annotation
+    start: Callable[[Any], AbstractContextManager[Compute]]
+
+
+def way_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the ways of plug-ins, for its parameter `ways`: the values of those that are asked for."""
+    options = {name: imported(place).option for name, place in of_plugins("ways").items()}
+    return _with_options(command, "ways", options)
 
 
 def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:

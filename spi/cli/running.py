@@ -1,37 +1,36 @@
-"""The commands that compute: run, merge, verify."""
+"""The commands that compute: run and trace."""
 
 import math
 import re
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..plugins import imported, offers
 from .options import (
     CLAIM_FAILED,
     INVALID,
-    RESULTS,
+    Compute,
     Fresh,
     Out,
-    ResultsFolder,
     RunOptions,
     Specs,
-    Stored,
     Threads,
     complete_spec,
     end,
     load,
     run_options,
-    stored,
+    way_options,
 )
-from .terminal import STOP, for_whoever_reads, takes_all_characters, tell
+from .terminal import STOP, for_whoever_reads, tell
 
 if TYPE_CHECKING:
     from ..running.run import Limits, Watch
-    from ..running.workers import Workers
     from ..specs import Experiment
     from ..storage.records import Results
 
@@ -41,6 +40,7 @@ MaxTime = Annotated[
 Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
 
 
+@way_options
 @run_options()
 def run(
     specs: Specs,
@@ -49,17 +49,12 @@ def run(
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: Checkpoint = "5s",
-    shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
-    ] = None,
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
-    ] = None,
     confirmed: Annotated[
         bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
     ] = False,
     *,
+    ways: dict[str, Any],
     options: RunOptions,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
@@ -67,55 +62,22 @@ def run(
     Exit code 4 if the results contradict a claim of a spec.
     """
     experiments = load(specs, options)
-    from ..running import run as runner
-    from ..running import shards
-    from ..running.checkpoint import MOST_SHARDS, Shard
     from ..running.remarks import warnings
-    from .progress import ProgressLine
 
-    if sum(option is not None for option in (shard, workers, dask)) > 1:
-        end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
-    try:
-        mine = Shard.of(shard) if shard is not None else None
-    except ValueError:
-        end(INVALID, f"--shard: is '{shard}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
-    limits = _limits(max_time, checkpoint)
-    prepare(threads)
-    for experiment in experiments:
-        for warning in warnings(experiment):
-            tell(f"{experiment.called}: {warning}")
-    if mine is not None:
+    if len(given := [*["workers"] * (workers is not None), *ways]) > 1:
+        end(INVALID, f"{' and '.join(f'--{name}' for name in given)} exclude one another; give one of them")
+    limits = limits_of(max_time, checkpoint)
+    with ExitStack() as stack:
+        if ways:
+            ((name, value),) = ways.items()
+            compute = stack.enter_context(imported(offers("ways")[name]).start(value))
+        else:
+            compute = stack.enter_context(_here(workers))
+        prepare(threads)
         for experiment in experiments:
-            with ProgressLine(experiment.name) as line:
-                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
-        return
-    with _workers(workers, dask) as pool:
-
-        def compute(experiment: "Experiment", watch: "Watch") -> Path:
-            return runner.run(experiment, out, fresh, watch, limits, pool)
-
-        _show_each(experiments, compute, confirmed)
-
-
-@run_options()
-def merge(
-    specs: Specs,
-    threads: Threads = None,
-    out: Out = Path("results"),
-    fresh: Fresh = False,
-    *,
-    options: RunOptions,
-) -> None:
-    """Merge the shards that `spi run --shard` computed.
-
-    Then write the results and print the table as `spi run` does.
-    """
-    experiments = load(specs, options)
-    from ..running import shards
-
-    prepare(threads)
-    _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
+            for warning in warnings(experiment):
+                tell(f"{experiment.called}: {warning}")
+        show_each(experiments, lambda experiment, watch: compute(experiment, out, fresh, watch, limits), confirmed)
 
 
 @run_options()
@@ -158,42 +120,6 @@ def trace(
     print_safely(lines)
 
 
-@run_options()
-def verify(
-    source: Stored,
-    results: ResultsFolder = RESULTS,
-    chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
-    everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
-    threads: Threads = None,
-    *,
-    options: RunOptions,
-) -> None:
-    """Recompute some of the paths behind stored results and compare bit for bit.
-
-    All numbers in the file are derived again from the sums over paths, if these are next to it, or with --all from the
-    paths.  The claims stored with the results are judged as well.  Exit code 4 if anything is different.
-
-    Python code in the file, of a model that is not built in, is run only if an equal file exists at the path that the
-    spec names, seen from here or from ./experiments, or with --trust-code.
-    """
-    from .. import storage
-    from ..printing import print_safely, verified
-    from ..running.verify import verify
-    from .progress import ProgressLine
-
-    (file,) = stored([source], results, options)
-    prepare(threads)
-    with ProgressLine(file.stem) as line:
-
-        def report(number: int, total: int, chunk: str) -> None:
-            line.report_work(number, total, f"computing {chunk}")
-
-        verification = verify(file, None if everything else chunks, report, options.trust_code)
-    print_safely(f"{file}: {line}" for line in verified(verification))
-    if _any_wrong(file.stem, storage.read(file)) or not verification.sound:
-        raise typer.Exit(CLAIM_FAILED)
-
-
 def prepare(threads: int | None) -> None:
     """Set the number of threads, and warn before anything is compiled."""
     from .. import CACHE_PROBLEM
@@ -208,7 +134,7 @@ def prepare(threads: int | None) -> None:
         tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
-def _limits(max_time: str | None, checkpoint: str) -> "Limits":
+def limits_of(max_time: str | None, checkpoint: str) -> "Limits":
     from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
@@ -224,25 +150,19 @@ def _seconds(option: str, text: str) -> float:
 
 
 @contextmanager
-def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
-    """The processes that compute, None for this one alone."""
-    from .. import DISTRIBUTION
+def _here(size: int | None) -> Iterator[Compute]:
+    """Compute in this process, or in so many others of this machine."""
+    from ..running.run import run
     from ..running.workers import workers_of
 
-    with ExitStack() as stack:
-        try:
-            pool = stack.enter_context(workers_of(address if size is None else size))
-        except ImportError:
-            end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
-        except (OSError, ValueError) as error:
-            end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
-        yield pool
+    with workers_of(size) as workers:
+        yield partial(run, workers=workers)
 
 
-def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
+def any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
     """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
+    from .. import views
     from ..printing.tables import remarks
-    from ..report import views
     from ..statistics.claims import CONFIRMED, CONTRADICTED
 
     judged = views.verdicts(results)
@@ -251,104 +171,25 @@ def _any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
     return any(claim.verdict == CONTRADICTED or (confirmed and claim.verdict != CONFIRMED) for claim in judged)
 
 
-def _show_each(
-    experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]", confirmed: bool = False
+def show_each(
+    experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path | None]", confirmed: bool = False
 ) -> None:
-    """Compute each experiment, print the tables of its results, and judge its claims."""
-    from .. import storage
-    from ..report import views
+    """Compute each experiment, print the tables of its results, if it has any yet, and judge its claims."""
+    from .. import storage, views
     from .progress import ProgressLine
 
     wrong = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
+        if path is None:
+            continue
         results = storage.read(path)
         with for_whoever_reads():
             views.print_tables(results)
-        wrong |= _any_wrong(experiment.name, results, confirmed)
+        wrong |= any_wrong(experiment.name, results, confirmed)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
     if wrong:
         raise typer.Exit(CLAIM_FAILED)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The command that answers: an expectation to a wanted accuracy.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-@run_options("samples")
-def answer(
-    spec: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SPEC|NAME",
-            help="An experiment file (YAML), or a name listed by `spi list`, whose system and initial value count.",
-            autocompletion=complete_spec,
-        ),
-    ],
-    function: Annotated[
-        list[str] | None, typer.Option(help="Test function, e.g. 'y1^2' (default: those of the experiment).")
-    ] = None,
-    time: Annotated[str | None, typer.Option(help="Final time (default: that of the experiment).")] = None,
-    accuracy: Annotated[str | None, typer.Option(help="Half the width of the 95 % interval, e.g. 1e-5.")] = None,
-    seconds: Annotated[str | None, typer.Option(help="Largest work, in seconds of one thread (default: 3600).")] = None,
-    dry: Annotated[bool, typer.Option("--dry", help="Run the pilot only, and predict.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
-    threads: Threads = None,
-    out: Out = Path("results"),
-    fresh: Fresh = False,
-    max_time: MaxTime = None,
-    checkpoint: Checkpoint = "5s",
-    *,
-    options: RunOptions,
-) -> None:
-    """Find expectations E phi(y(T)) to a wanted accuracy.
-
-    The program chooses scheme, steps, extrapolation and samples, or solves without sampling where it can; it checks
-    the bias, and writes <out>/<name>.answer.h5.
-    """
-    from ..running.load import load_answer
-    from ..specs.naming import as_override
-
-    keys = {"final_time": time, "accuracy": accuracy, "seconds": seconds}
-    named = [f"{key}={value}" for key, value in keys.items() if value is not None]
-    if function:
-        several = {f"phi{i}": text for i, text in enumerate(function, 1)}
-        named.append(as_override("functions", several if len(several) > 1 else function[0]))
-    experiment = load_answer(spec, options.profile, [*named, *options.assignments], options.trust_code)
-    limits = _limits(max_time, checkpoint)
-    prepare(threads)
-    if dry:
-        _predict(experiment)
-        return
-    from .. import storage
-    from ..printing import as_json
-    from ..report import views
-    from ..running import run as runner
-    from .progress import ProgressLine
-
-    with ProgressLine(experiment.name) as line:
-        path = runner.run(experiment, out, fresh, line.watch, limits)
-    results = storage.read(path)
-    if json:
-        typer.echo(as_json(views.rows(results), takes_all_characters()))
-    else:
-        views.print_tables(results)
-    tell(f"results: {path}")
-
-
-def _predict(experiment: "Experiment") -> None:
-    """Run the pilots, and say what the answers would take."""
-    from ..printing.text import human_time
-    from ..running.run import predictions
-    from .progress import ProgressLine
-
-    with ProgressLine(experiment.name) as line:
-        predicted = list(predictions(experiment, line.watch))
-    for case, (how, seconds, next_digit) in predicted:
-        takes = f": about {human_time(seconds)} of processor time"
-        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
-        typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")

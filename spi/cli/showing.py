@@ -1,4 +1,4 @@
-"""The commands that show stored results, and what there is: show, plot, report as a page, and list."""
+"""The commands that show stored results, and what there is: show, plot and list."""
 
 import contextlib
 import re
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
-from typer.core import TyperCommand
 
 from .options import (
     FAILED,
@@ -18,6 +17,7 @@ from .options import (
     Several,
     complete_results,
     end,
+    of_plugins,
     run_options,
     stored,
 )
@@ -26,7 +26,6 @@ from .terminal import STOP, takes_all_characters, tell
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..specs.experiment import Heading
     from ..storage.records import Results
 
 
@@ -46,9 +45,8 @@ def show(
     options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are."""
-    from .. import storage
+    from .. import storage, views
     from ..printing import as_csv, as_json
-    from ..report import views
 
     if source is None:
         print_results(results)
@@ -83,10 +81,9 @@ def plot(
     options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage
+    from .. import storage, views
     from ..drawing import page
     from ..drawing.style import caption
-    from ..report import views
 
     try:
         page.named(style, width, font)
@@ -110,7 +107,7 @@ def plot(
 
 def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
     """Act on every file; one of several that cannot be shown has a line, and ends the command when all are done."""
-    from ..report.page import problem
+    from .. import views
 
     if len(paths) == 1:
         act(paths[0])
@@ -123,14 +120,14 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
             codes.append(ended.exit_code)
         except Exception as error:
             STOP.check()  # which may have become any other error
-            tell(f"spi: {problem(path, error)}")
+            tell(f"spi: {views.problem(path, error)}")
             codes.append(INVALID)
     if codes:
         raise typer.Exit(max(codes))
 
 
 def _write_film(path: Path, results: "Results", folder: Path) -> None:
-    from ..report import views
+    from .. import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
@@ -141,62 +138,6 @@ def _write_film(path: Path, results: "Results", folder: Path) -> None:
 
         written = views.save_film(moving, folder, path.stem, frame)
     tell(f"wrote {written}")
-
-
-#: Options of `spi report` whose value may be left out, and what it is then.
-_FOLDERS = {"--latex": "tables", "--data": "curves"}
-_OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex; without a value tables."
-_OF_DATA = "Folder for the curves as CSV, <data>/<name>.csv; without a value curves."
-
-
-class Report(TyperCommand):
-    """`spi report`, where an option behind which another one follows, or nothing, has its usual value."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The arguments that are left, as of every command."""
-        whole: list[str] = []
-        for argument, follows in zip(args, [*args[1:], "-"], strict=False):
-            whole += [argument, _FOLDERS[argument]] if argument in _FOLDERS and follows[:1] == "-" else [argument]
-        return super().parse_args(ctx, whole)
-
-
-@run_options("trust_code")
-def report(
-    sources: Several = None,
-    results: ResultsFolder = RESULTS,
-    out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
-    latex: Annotated[Path | None, typer.Option(help=_OF_LATEX)] = None,
-    data: Annotated[Path | None, typer.Option(help=_OF_DATA)] = None,
-    short: Annotated[bool, typer.Option("--short", help="One printed page for each experiment.")] = False,
-    *,
-    options: RunOptions,
-) -> None:
-    """Write results to one self-contained HTML page.
-
-    A file that cannot be shown has a line there, and the exit code is 2.
-    """
-    from ..report.page import files
-    from ..storage import write_all
-    from .progress import ProgressLine
-
-    paths = stored(sources, results, options)
-    problems: list[str] = []
-    with ProgressLine(out.name) as line:
-
-        def drawing(number: int, total: int, name: str) -> None:
-            line.report_work(number, total, f"drawing {name}")
-
-        written = files(paths, out, latex, data, drawing, problems.append, short)
-    STOP.check()  # what is drawn by others may turn a stop into any other error
-    write_all(written)
-    tell(f"wrote {out}")
-    for folder in filter(None, (latex, data)):
-        count = sum(file.parent == folder and file != out for file in written)
-        tell(f"wrote {count} file{'s' * (count > 1)} into {folder}")
-    for problem in problems:
-        tell(f"spi: {problem}")
-    if problems:
-        raise typer.Exit(INVALID)
 
 
 @contextlib.contextmanager
@@ -217,13 +158,12 @@ def _about(path: Path) -> Iterator[None]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-#: The groups of experiments, and those in them.
+#: The groups of experiments, and those in them; with those of plug-ins that are here.
 GROUPS = {
     "paper": "the figures of the paper, 1 to 17",
-    "errors": "strong and weak errors of schemes, and work against precision",
-    "dynamics": "paths, statistics, equilibria and Lyapunov exponents",
-    "stability": "large steps, strong noise, fast processes",
-    "systems": "systems written in YAML, and lattices of spins",
+    "errors": "strong and weak errors of schemes, and what they cost",
+    "dynamics": "paths, and what is known of them over time",
+    **of_plugins("groups"),
     "fluids": "the sine-Euler equations and their limit",
     "yours": "those in the folder --experiments",
 }
@@ -255,8 +195,7 @@ def list_(
         typer.Argument(
             metavar="WORD",
             parser=word,
-            help="experiments, or a group of them: paper, errors, dynamics, stability, systems, fluids, yours; "
-            "models, schemes, kinds or results.",
+            help=f"experiments, or a group of them: {', '.join(GROUPS)}; models, schemes, kinds or results.",
         ),
     ] = None,
     folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
@@ -317,13 +256,14 @@ def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part
 
 
 def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
-    """The experiments that come with spi and those in a folder, by group."""
+    """The experiments that come with spi, of the groups that are here, and those in a folder, by group."""
     from ..running import shipped
     from ..running.load import headings
 
     rows: dict[str, list[tuple[str, str, str]]] = {group: [] for group in GROUPS}
     for path, heading in headings(map(shipped.path_of, shipped.names()))[0].items():
-        rows[_group(heading)].append((path.stem, str(heading.figure or "-"), heading.title))
+        if (group := "paper" if heading.figure else heading.group) in rows:
+            rows[group].append((path.stem, str(heading.figure or "-"), heading.title))
     rows["paper"].sort(key=lambda row: int(row[1]))
     if folder.is_dir() and not folder.samefile(shipped.folder()):
         others, mistakes = headings(sorted(folder.glob("*.yaml")))
@@ -332,19 +272,6 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
     for group, members in rows.items():
         if members:
             yield Part(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
-
-
-def _group(heading: "Heading") -> str:
-    """The group of an experiment that comes with spi."""
-    if heading.figure:
-        return "paper"
-    if "system" in heading.model or heading.model.get("name") == "spins":
-        return "systems"
-    if heading.model.get("name") in ("sine_euler", "zeitlin"):
-        return "fluids"
-    if heading.kind == "stability":
-        return "stability"
-    return "errors" if heading.kind in ("strong", "weak", "work_precision") else "dynamics"
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .. import KERNEL_DIGEST, kernels_folder, modules_folder
-from .options import FAILED, INVALID, SPECS, complete_spec, end
+from ..plugins import imported, offers
+from .options import FAILED, INVALID, SPECS, complete_spec, end, template_options
 from .terminal import tell
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def _amount(folders: list[Path]) -> str:
     return f"{len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
 
 
+@template_options
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new experiment.")],
     source: Annotated[
@@ -60,7 +62,8 @@ def new(
             autocompletion=complete_spec,
         ),
     ] = None,
-    system: Annotated[bool, typer.Option("--system", help="For a custom system, written in YAML.")] = False,
+    *,
+    templates: dict[str, bool],
 ) -> None:
     """Write a commented experiment as a starting point: NAME.yaml.
 
@@ -71,11 +74,11 @@ def new(
     if not Path(name).name or name.endswith("/") or not name.isprintable():
         end(INVALID, f"{name!r} is not a file name; run for example `spi new my_experiment`")
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
-    if source is not None and system:
-        end(INVALID, "--from and --system exclude one another; give one of them")
+    if len(given := [*["from"] * (source is not None), *templates]) > 1:
+        end(INVALID, f"{' and '.join(f'--{word}' for word in given)} exclude one another; give one of them")
     stored: StoredSpec | None = None
     if source is None:
-        template = shipped.template("system" if system else "experiment")
+        template = imported(offers("templates")[next(iter(templates))]) if templates else shipped.template()
         path = shlex.quote(target.as_posix())
         files = {target: template.replace("NAME.yaml", path).replace("NAME", target.stem).encode()}
     else:

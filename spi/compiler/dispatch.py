@@ -163,17 +163,19 @@ class Declared(NamedTuple):
     parameters: int  #: of a method
     required: bool
     of: type | None = None  #: of a trait, the type of its values
+    compiled: bool = True  #: whether compiled code calls it
 
 
-def method(declaration=None, *, default=False, optional=False):
+def method(declaration=None, *, default=False, optional=False, compiled=True):
     """Declare a method, which is chosen by the class of the record that is the first argument.
 
     A class implements it by a method of that name.  `declaration` carries the documentation and, with
     ``default=True``, the code for all classes that do not implement it.  An ``optional=True`` one only some classes
-    implement, as :func:`answers` says.  Otherwise TypeError names the method and the class that lacks it.
+    implement, as :func:`answers` says.  Otherwise TypeError names the method and the class that lacks it.  One with
+    ``compiled=False`` is called in Python only.
     """
     if declaration is None:
-        return functools.partial(method, default=default, optional=optional)
+        return functools.partial(method, default=default, optional=optional, compiled=compiled)
     name = declaration.__name__
     first, *others = inspect.signature(declaration).parameters
     by_default = declaration if default else None
@@ -190,7 +192,7 @@ def method(declaration=None, *, default=False, optional=False):
         cls = record_class(record)
         return cls and (_implementation(name, cls) or by_default)
 
-    chosen.declared = Declared(first, 1 + len(others), not (default or optional))
+    chosen.declared = Declared(first, 1 + len(others), not (default or optional), compiled=compiled)
     return chosen
 
 

@@ -57,11 +57,6 @@ def text_of(thing):
     return Path(sys.modules[thing.__module__].__file__).read_text(encoding="utf-8")
 
 
-def system_of(thing):
-    """The system from which a generated module was made, as stated in it; None for other modules."""
-    return getattr(sys.modules[thing.__module__], "__system__", None) if is_stored(thing) else None
-
-
 def is_foreign(thing):
     """Whether a class or function is defined outside the sources of this package; those of stored modules are."""
     return thing.__module__.partition(".")[0] != _ROOT or is_stored(thing)

@@ -2,7 +2,7 @@
 
     PANELS = {
         "mean": [CurvePanel("mean", over="t", facet="function", label="mean of ${f}$", reference="reference")],
-        "histogram": [HistogramPanel("density", "bin_low", "bin_width", at=lambda record: -1)],
+        "error": [ErrorPanel("error", facet="function", label="error of ${f}$")],
     }
     draw = Figures(PANELS, facts=("samples", "step"))
 
@@ -11,11 +11,9 @@ Fields have the names that they have in files.  Axes, texts, units and intervals
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..storage.records import Order
@@ -228,72 +226,6 @@ def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
         return style.order_text(owner if isinstance(owner, Order) else owner[place])
 
     return note
-
-
-class HistogramPanel(NamedTuple):
-    """Densities in cells of equal width, a panel for each function, with the density of theory as a smooth line."""
-
-    field: str
-    low: str  #: the field beside it with the lower ends of the first cells
-    width: str
-    at: Callable[[Any], int | None]  #: the place along the axis that is neither the functions' nor the cells'
-    label: str = "density of ${f}$"
-    exact: str = ""  #: the field with the density of theory
-    only: Callable[[Any, int], bool] = lambda record, place: True
-
-    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
-        """The panels of one case."""
-        shown = [record for record in records if record.get(self.field) is not None and self.at(record) is not None]
-        if not shown:
-            return
-        along = shown[0].by_name[self.field].axes.index("function")
-        for f, name in enumerate(names_along(shown[0], "function", shown[0].get(self.field).shape[along])):
-            if not any(self.only(record, f) for record in shown):
-                continue
-            lines: list[plots.Series] = []
-            for record in shown:
-                index = (f, self.at(record)) if along == 0 else (self.at(record), f)
-                lines = [*self._lines(record, index, looks), *lines]
-            lines.sort(key=lambda line: line.label == "exact")
-            peak = max(float(np.nanmax(line.y, initial=0.0)) for line in lines)
-            title, label = style.long_title(shown[0], "function", f), self.label.format(f=name.strip("$"))
-            yield plots.Plot(lines, title, name, label, ylim=(0.0, 1.12 * peak or 1.0))
-
-    def _lines(self, record: Any, index: Any, looks: Looks) -> Iterator[plots.Series]:
-        """The density of one scheme without the empty cells at both ends, and that of theory."""
-        density, bottom, top = (array[index] for array in record.estimate(self.field)[1:])
-        exact, low, width = (record.get(name)[index] for name in (self.exact or self.field, self.low, self.width))
-        used = np.flatnonzero((density > 0) | (exact > 0))
-        cells = slice(used[0], used[-1] + 1) if len(used) else slice(None)
-        x = (low + width * (np.arange(len(density)) + 0.5))[cells]
-        has_exact = bool(self.exact) and np.isfinite(exact).any()
-        own = {"linestyle": "none", "markersize": 4.0} if has_exact else {"drawstyle": "steps-mid", "marker": ""}
-        look, ends = scheme_look(record, looks) | own, {"low": bottom[cells], "high": top[cells]}
-        yield plots.series(x, density[cells], look, style.label(record.about), **ends)
-        if has_exact:
-            yield plots.series(x, exact[cells], plots.THEORY, "exact")
-
-
-class MapPanel(NamedTuple):
-    """Maps of a nested record with cells, of two quantities or of the sphere, each scheme at each time."""
-
-    field: str  #: the nested record
-    draw: Callable[[Axes, Any, int | None, Records], list[plots.Entry]]  #: of an axes, a record, the map, all records
-    law: str = ""  #: the field of the nested record with a law, which is drawn as map None, and its title
-    law_title: str = ""
-
-    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
-        """A panel for each scheme and time, and one for the law."""
-        shown = [record for record in records if getattr(record, self.field) is not None]
-        for record in shown:
-            for i, t in enumerate(getattr(record, self.field).t.tolist()):
-                title = f"{style.label(record.about)}, $t={style.number(t)}$"
-                yield plots.Plot(title=title, own=partial(self._own, record, i, shown), aspect=0.8)
-        if shown and self.law and getattr(getattr(shown[0], self.field), self.law) is not None:
-            yield plots.Plot(title=self.law_title, own=partial(self._own, shown[0], None, shown), aspect=0.8)
-
-    def _own(self, record: Any, i: int | None, records: Records, ax: Axes) -> list[plots.Entry]:
-        return self.draw(ax, record, i, records)
 
 
 class Own(NamedTuple):

@@ -310,7 +310,7 @@ def arguments_of(*run):
     """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
 
     `run` is scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
-    :class:`~spi.ensemble.drivers.Driver` as noise they are those of the first of several calls.
+    noise that is given as arrays they are those of the first of several calls.
     """
     return next(_calls(*run))
 

@@ -12,8 +12,8 @@ neither drawn nor applied).  In its class body stand its traits (``dimension = 3
 orders and what it preserves stand in ``schemes.SCHEMES``.
 
 A class must implement the methods marked ``@method``; those marked ``@method(default=True)`` have a default, and those
-marked ``@method(optional=True)`` only some models have.  A ``@trait`` is required unless it has a default.
-``registration.py`` checks classes against this file.
+marked ``@method(optional=True)`` only some models have; one with ``compiled=False`` is called in Python only.  A
+``@trait`` is required unless it has a default.  ``registration.py`` checks classes against this file.
 
 A state y is a tuple of d floats, of an array-state model an array.  In kernels LANES paths travel together: their
 states are one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
@@ -104,6 +104,11 @@ def commuting_noises(model):
 @trait(bool, default=False)
 def large(model):
     """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
+
+
+@trait(bool, default=False)
+def generated(model):
+    """Whether a program wrote the class, from formulas that it has checked: it compiles, and nobody knows its lines."""
 
 
 @trait(bool, default=False)
@@ -248,50 +253,82 @@ def add_dissipation(model, value, h, y):
     return value
 
 
-@method(default=True)
+@method(default=True, compiled=False)
 def decay_rates(model):
-    """The rates at which the Casimir functions decay; empty where they are preserved.  Called in Python only."""
+    """The rates at which the Casimir functions decay; empty where they are preserved."""
     return ()
 
 
-@method(default=True)
+@method(default=True, compiled=False)
 def in_kernels(model):
-    """The record that kernels are given; of an array-state model one with its tables, a class with the methods below.
-
-    Called in Python only.
-    """
+    """The record that kernels are given; of an array-state model one with its tables, of a class with methods below."""
     return model
 
 
-@method(default=True)
+@method(default=True, compiled=False)
 def fault(model):
-    """(key, fault, advice) of an invalid parameter, or None.  Called in Python only."""
+    """(key, fault, advice) of an invalid parameter, or None."""
     return None
 
 
-@method(optional=True)
+@method(optional=True, compiled=False)
 def at_temperature(model, temperature):
     """The record at a temperature of a model whose friction is a part of its own flows, None without friction."""
 
 
-@method(optional=True)
+@method(optional=True, compiled=False)
 def one_path(model, scheme, h):
     """A mover of one path of an array-state model in parts that threads share, None if there is none for the scheme.
 
     It has ``moved(states (d,), first, steps, every, seed, path)``, the states (stored, d) after each `every` steps from
     t = 0 on, the last state, and the report (1, len(REPORT)) of its steps; ``along`` has the same arguments and gives
-    each of these states on the way.  Called in Python only.
+    each of these states on the way.
     """
 
 
-@method(optional=True)
+@method(default=True, compiled=False)
+def component_names(model):
+    """The names of the components in formulas, besides y1, y2, ...; () if they have none."""
+    return ()
+
+
+@method(default=True, compiled=False)
+def named_numbers(model):
+    """{name: number} that formulas may name, whole ones also ranges such as i = 1..n.
+
+    Here the fields that are numbers.
+    """
+    return {key: x for key, x in model._asdict().items() if isinstance(x, float | int) and not isinstance(x, bool)}
+
+
+@method(default=True, compiled=False)
+def parameters(model):
+    """{name: value} of what results state as parameters, here all fields."""
+    return model._asdict()
+
+
+@method(default=True, compiled=False)
+def report(model, y):
+    """Lines for people about a model, and about it at the initial state y, for `spi check`."""
+    return []
+
+
+@method(optional=True, compiled=False)
+def gibbs_law(model, temperature, sweeps):
+    """The law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
+
+    It has ``numbers``, ``sweeps``, ``states(z)`` and ``moved(states, seed, stream, first)``.
+    """
+
+
+@method(optional=True, compiled=False)
 def state_fault(model, y):
-    """(fault, advice) of a state at which the model cannot begin, or None.  Called in Python only."""
+    """(fault, advice) of a state at which the model cannot begin, or None."""
 
 
-@method(optional=True)
+@method(optional=True, compiled=False)
 def observables(model):
-    """{name: function of states (d, ...)} besides H and the Casimir functions.  Called in Python only."""
+    """{name: function of states (d, ...)} besides H and the Casimir functions."""
 
 
 @method(optional=True)
@@ -353,11 +390,11 @@ def noise_groups(array_state_model):
     """The number of groups of noises, at most that of noises."""
 
 
-@method(default=True)
+@method(default=True, compiled=False)
 def noises_commute(array_state_model):
     """Whether the fields of all noises commute, not only those of one group, on which strong orders depend.
 
-    Called in Python only.  Of other models it follows from their fields.
+    Of other models it follows from their fields.
     """
     return noises(array_state_model) <= 1
 
@@ -459,6 +496,12 @@ def structure_is_kept(model):
 
     Then the implicit midpoint rule is a Poisson map, since B has the same value before and after a step.
     """
+
+
+@method(default=True, compiled=False)
+def why_inexact(model, part, k):
+    """(formula, reason) of number k of the "pieces" or "noises" without an exact flow."""
+    return f"{part}[{k}]", "as the model says"
 
 
 @method(optional=True)

@@ -78,6 +78,15 @@ def work_size(scheme, model):
 
 
 @method(default=True)
+def compile_size(scheme, model):
+    """(flows, fields): the flows whose code a step has, else how often it has the derivative of the whole field.
+
+    Called in Python only, to predict how long its kernel takes to be compiled.
+    """
+    return 0, 1
+
+
+@method(default=True)
 def memory_size(scheme, model):
     """The floats, at first 0, that a block carries from step to step behind its states in `y`."""
     return 0

@@ -9,8 +9,8 @@
 
 Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
 
-:class:`Numbers` defines the operations; ``__init__.py`` and ``spi.systems.text`` give the same grammar other meanings,
-in which the words of ``ranges.py`` stand for several terms.
+:class:`Numbers` defines the operations; ``__init__.py`` and ``symbols.py`` give the same grammar other meanings, in
+which the words of ``ranges.py`` stand for several terms.
 """
 
 import cmath

@@ -169,6 +169,28 @@ def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
         yield body, inner
 
 
+def has_range(text: Any) -> bool:
+    """Whether a text stands for several entries, as ``x(i) for i = 1..n`` does."""
+    return isinstance(text, str) and re.search(r"\bfor\b", text) is not None
+
+
+def without_ranges(texts: list[Any], words: Mapping[str, float]) -> list[Any]:
+    """Texts in which ``cos(2*pi*i/n), 0 for i = 1..n`` is written out as numbers; the others stay as they are.
+
+    Of the `words` those with whole values may stand in them.  NumberError if one cannot be read.
+    """
+    if not any(map(has_range, texts)):
+        return texts
+    from .symbols import Exact, expression  # which takes a third of a second
+
+    exact = Exact({word: value for word, value in words.items() if isinstance(value, int)})
+    numbers: list[Any] = []
+    for text in texts:
+        some = [expression(entry, inner) for entry, inner in entries(text, exact)] if has_range(text) else None
+        numbers += [text] if some is None else [repr(float(value)) for value in some]
+    return numbers
+
+
 def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 

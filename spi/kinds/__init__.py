@@ -1,4 +1,4 @@
-"""The kinds of experiment, one folder each: the only place that lists them.
+"""The kinds of experiment, one folder each: those of the core, and those that plug-ins offer.
 
 A kind is a folder, or one file, with four modules, which are imported when they are first needed:
 
@@ -10,11 +10,13 @@ A kind is a folder, or one file, with four modules, which are imported when they
   file holds, of a part; and perhaps ``rows(readings)``, rows of CSV and JSON beside those of each record;
 * ``figure``: ``draw = Figures(PANELS, FACTS)``, see ``spi.drawing.panels``, and perhaps a function ``film``.
 
-A new kind is such a folder and a line in KINDS.
+A new kind is such a folder or file in a plug-in, see ``spi.plugins``.
 """
 
 from importlib import import_module
 from typing import Any
+
+from ..plugins import Registry
 
 
 class Folder:
@@ -39,14 +41,9 @@ class Kind(Folder):
 
 
 #: name in a spec file -> kind
-KINDS = {
+_OWN = {
     "strong": Kind("spi.kinds.strong"),
     "trajectory": Kind("spi.kinds.trajectory"),
     "weak": Kind("spi.kinds.weak"),
-    "work_precision": Kind("spi.kinds.work_precision"),
-    "stability": Kind("spi.kinds.stability"),
-    "equilibrium": Kind("spi.kinds.equilibrium"),
-    "statistics": Kind("spi.kinds.statistics"),
-    "lyapunov": Kind("spi.kinds.lyapunov"),
-    "answer": Kind("spi.kinds.answer"),
 }
+KINDS = Registry("kinds", _OWN, Kind)

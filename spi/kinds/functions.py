@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.protocol import conserved, dimension
-from spi.exact import gibbs
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.specs.keys import listed, shown, wrong
@@ -165,19 +164,3 @@ def ns_to_evaluate(function: PathFunction, ns_of_step: float) -> float:
     """Nanoseconds of a function at a state, roughly: an observable takes about as long as a step."""
     own, named = function.work
     return _OPERATION_NS * (1 + own) + ns_of_step * named
-
-
-def check_named(case: Any, name: str) -> None:
-    """Raise the error about a reference of a function that the case does not have."""
-    if name not in case.functions:
-        raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
-
-
-@functools.lru_cache(maxsize=64, typed=True)
-def gibbs_mean(model: Any, initial: Any, temperature: float, function: PathFunction) -> tuple[float, float]:
-    """Mean of a function under the Gibbs law and its numerical error; ValueError, with a reason, where it is not known.
-
-    Cached, as all schemes have the same; typed, because models of two classes may be equal tuples.
-    """
-    expectation: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(function.values)
-    return expectation

@@ -7,8 +7,9 @@ estimator does.  When there are none, it **finalises**: it measures times, or co
 """
 
 import contextlib
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -24,7 +25,7 @@ from spi.exact.work import Work, reporting_to
 from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
-from spi.specs.drivers import parts_of, stream_of
+from spi.specs.noise import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
 from spi.storage.records import Part
 from spi.storage.stored import Description, Stored
@@ -48,8 +49,9 @@ class State:
         #: results of the plan besides sums over paths, a ``NamedTuple`` with `seconds`
         self.extra: Any = plan.initial_extra()
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
+        self.spare: dict[int, Tally] = {}  #: the same, of paths that are stored and not wanted for now
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
-        self.digests: dict[int, dict[tuple[int, int], str]] = {}
+        self.digests: dict[int, dict[tuple[int, int], str]] = defaultdict(dict)
         self.work: Work | None = None  #: work without paths that is under way
 
     @contextlib.contextmanager
@@ -98,7 +100,7 @@ class State:
         """Store the sums over a chunk, so far as it is computed."""
         done = sums.paths == chunk.paths
         if done:
-            self.digests.setdefault(chunk.path_set, {})[chunk.index, chunk.paths] = digest(sums)
+            self.digests[chunk.path_set][chunk.index, chunk.paths] = digest(sums)
         whole = done and chunk.index < self.path_sets[chunk.path_set].whole
         self.tallies[chunk.path_set] = self.tally(chunk.path_set).with_chunk(chunk, sums, whole)
 
@@ -107,53 +109,57 @@ class State:
         """Wall-clock time spent so far."""
         return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
 
-    def plain(self) -> dict[str, Any]:
-        """The whole state as dicts, lists, arrays, numbers and texts, for a file."""
-        return {
-            "extra": _plain(self.extra),
-            "path_sets": [
-                {
-                    "number": number,
-                    "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
-                    "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
-                    "digests": [[*chunk, text] for chunk, text in self.digests.get(number, {}).items()],
-                }
-                for number, tally in self.tallies.items()
-            ],
-        }
+    def decide(self, extra: Any) -> None:
+        """Go on with another `extra`, and with those of the stored sums that are wanted now."""
+        self.extra = extra
+        for number in tuple(self.spare):
+            self._take(number)
 
-    def merge(self, plain: dict[str, Any], with_extra: bool = True) -> bool:
-        """Add the sums of another state of the same part, in the form of :meth:`plain`; whether there were any.
+    def plain(self, number: int | None) -> dict[str, Any]:
+        """The sums of a path set, or for None `extra`, as dicts, lists, arrays, numbers and texts, for a file."""
+        if number is None:
+            return _plain(self.extra)
+        own = self.tally(number)
+        tallies = [
+            {
+                "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
+                "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
+            }
+            for tally in (own, self.spare.get(number, Tally.empty()).beyond(own))
+        ]
+        return {"tallies": tallies, "digests": [[*chunk, text] for chunk, text in self.digests[number].items()]}
 
-        Sums over paths that are not wanted, or that cannot be separated from those of unwanted paths, are left out.
+    def merge(self, number: int | None, plain: dict[str, Any]) -> bool:
+        """Add what another state of such a part knew, in the form of :meth:`plain`; whether any of it is of use now.
+
+        Sums that include paths that are not wanted are kept for later.  ValueError where some have other shapes.
         """
-        any_of_use = False
-        if with_extra and "extra" in plain:
-            self.extra = _rebuilt(self.extra, plain["extra"])
-            any_of_use = not isinstance(self.extra, Nothing)
-        path_sets = self.path_sets
-        for other in plain["path_sets"]:
-            number = other["number"]
-            if number < len(path_sets):
-                empty = self.plan.empty(number)
-                nodes = self._adopted(number, {(k, n): _rebuilt(empty, sums) for k, n, sums in other["nodes"]})
-                short = self._adopted(number, {index: _rebuilt(empty, sums) for index, sums in other["short"]})
-                tally = Tally(nodes, short).within(path_sets[number])
-                self.tallies[number] = self.tally(number).merged(tally)
-                any_of_use |= bool(tally.nodes or tally.short)
-                digests = {(index, paths): text for index, paths, text in other["digests"]}
-                self.digests.setdefault(number, {}).update(digests)
-        return any_of_use
+        if number is None:
+            _check_shapes(self.extra, plain)
+            self.decide(_rebuilt(self.extra, plain))
+            return True
+        empty = self.plan.empty(number)
+        for tally in plain["tallies"]:
+            for *_, sums in (*tally["nodes"], *tally["short"]):
+                _check_shapes(empty, sums)
+        self.digests[number].update({(index, paths): text for index, paths, text in plain["digests"]})
+        taken = False
+        for tally in plain["tallies"]:
+            nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in tally["nodes"]}
+            short = {index: _rebuilt(empty, sums) for index, sums in tally["short"]}
+            self.spare[number] = Tally(nodes, short).beside(self.spare.get(number, Tally.empty()))
+            taken |= self._take(number)
+        return taken
 
-    def fits(self, plain: dict[str, Any]) -> bool:
-        """Whether all sums in the form of :meth:`plain` have the shapes of those of this part."""
-        path_sets = self.path_sets
-        return all(
-            _fits(self.plan.empty(other["number"]), sums)
-            for other in plain.get("path_sets", ())
-            if other["number"] < len(path_sets)
-            for *_, sums in (*other["nodes"], *other["short"])
-        )
+    def _take(self, number: int) -> bool:
+        """Move stored sums over paths that are wanted to the others; whether there are any."""
+        spare = self.spare[number]
+        wanted = Tally(self._adopted(number, spare.nodes), self._adopted(number, spare.short))
+        wanted = wanted.within(self.path_sets[number])
+        if wanted.each:
+            self.tallies[number] = self.tally(number).merged(wanted)
+        self.spare[number] = spare.beyond(self.tally(number))
+        return bool(wanted.each)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
         """The sums over paths of a path set, by any key, without those with which the plan cannot go on."""
@@ -161,23 +167,21 @@ class State:
         return {key: value for key, value in adopted.items() if value is not None}
 
 
-def _fits(like: Any, plain: dict[str, Any]) -> bool:
-    """Whether the fields of a record are arrays of the shapes of those of `like`, where these are not empty."""
+def _check_shapes(like: Any, plain: dict[str, Any]) -> None:
+    """ValueError unless the fields of a record have the shapes of those of `like`, where these are not empty."""
     fields = like._asdict()
     if fields.keys() != plain.keys():
-        return False
+        raise ValueError("other fields")
     for name, value in fields.items():
         if hasattr(value, "_asdict"):
-            if not (isinstance(plain[name], dict) and _fits(value, plain[name])):
-                return False
+            _check_shapes(value, plain[name])
             continue
         own, other = np.asarray(value), np.asarray(plain[name])
         lengths = zip(own.shape, other.shape, strict=False)
         if own.ndim != other.ndim or any(length not in (0, there) for length, there in lengths):
-            return False
+            raise ValueError(f"other shapes of {name}")
         if own.dtype.kind in "biuf" and other.dtype.kind not in "biuf":
-            return False
-    return True
+            raise ValueError(f"no numbers in {name}")
 
 
 def _plain(record: Any) -> dict[str, Any]:
@@ -198,6 +202,7 @@ class Cost(NamedTuple):
     seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
     bytes: int  #: of memory
     kept: int = 0  #: those of them that are needed until all parts are written
+    at_most: bool = False  #: whether a target may be reached before
 
 
 class Done(NamedTuple):
@@ -301,9 +306,14 @@ class Plan:
         """The record of the scheme."""
         return self.row.record
 
+    @property
+    def of_paths(self) -> "Plan":
+        """The plan whose paths these are, see ``spi.running.tracing``: itself, or one that it has for them."""
+        return self
+
     @cached_property
     def stream(self) -> Any:
-        """The increments of the paths of the case's seed: a ``RandomStream`` or a ``Driver``."""
+        """The increments of the paths of the case's seed: a ``RandomStream``, or what a driver has in its place."""
         return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -340,8 +350,9 @@ class Plan:
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that do not follow from sums: description, times, threads, and what the case says of itself."""
-        facts = {fact: getattr(self.case, fact) for fact in self.record.facts() if hasattr(self.case, fact)}
+        """The fields that do not follow from sums: description, times, threads, and facts that are keys of the case."""
+        keys = [fact for fact in self.record.facts() if fact in type(self.case).model_fields]
+        facts = {key: getattr(self.case, key) for key in keys}
         return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -385,21 +396,6 @@ class Plan:
     def finalise(self, state: State) -> Iterator[Any]:
         """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""
         yield from ()
-
-    @property
-    def each(self) -> tuple[Self, ...]:
-        """The plans of all levels of extrapolation that use its paths, fewest first, as their results in a state."""
-        parts = self.part.each()
-        return tuple(replace(self, part=part) for part in parts) if len(parts) > 1 else (self,)
-
-    def own_among(self, counts: Callable[[Self], int]) -> slice:
-        """The slice of the entries of this level among those of :attr:`each`, which have `counts`."""
-        before = sum(counts(plan) for plan in self.each if plan.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + counts(self))
-
-    def all_results(self, state: State) -> tuple[Stored, ...]:
-        """The results of all levels of extrapolation that use the paths."""
-        return tuple(plan.results(state) for plan in self.each)
 
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:

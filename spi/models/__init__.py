@@ -4,15 +4,13 @@ from typing import get_args, get_type_hints
 
 from ..checks.registration import check_class
 from ..ensemble.protocol import large
+from ..plugins import Registry, imported
 from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise
 from .sine_euler import SineEuler
 from .spins import Spins
 from .zeitlin import Zeitlin
-
-#: name in a spec file -> class
-MODELS: dict[str, type] = {}
 
 
 def check_model_class(name, cls):
@@ -26,6 +24,16 @@ def check_model_class(name, cls):
     if len(get_args(sigma)) != cls.noises:
         right = f"must have a field sigma, a tuple of {cls.noises} strengths"
         raise TypeError(f"model '{name}' ({cls.__qualname__}) {right}")
+
+
+def _offered(place):
+    """The class that a plug-in offers at "module:class"; TypeError as :func:`check_model_class`."""
+    check_model_class(place, cls := imported(place))
+    return cls
+
+
+#: name in a spec file -> class
+MODELS = Registry("models", made=_offered)
 
 
 def register_model(name, cls):

@@ -40,7 +40,7 @@ from ..numerics.elementary import expm1
 _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
-    *("large", "in_kernels", "fault", "at_temperature", "one_path", "state_fault", "observables"),
+    *("large", "in_kernels", "fault", "at_temperature", "one_path", "gibbs_law", "state_fault", "observables"),
     *("frozen", "has_friction", "friction_time", "friction_slope"),
 )
 

@@ -394,3 +394,12 @@ def expm1(x):
     half = i >> np.int64(1)
     a, b = from_bits((half + 1023) << _52), from_bits((i - half + 1023) << _52)
     return a * rest * b + (a * b - 1.0)
+
+
+@device
+def sinh_coshm1(x):
+    """(sinh x, cosh x - 1), to all digits also for small x."""
+    e = expm1(abs(x))
+    f = e / (1.0 + e)
+    s = 0.5 * (e + f)
+    return (s if x >= 0.0 else -s), 0.5 * e * f

@@ -1,4 +1,4 @@
-"""Further functions of one float that generated models call, made of those of ``elementary.py``.
+"""Further functions of one float, made of those of ``elementary.py``.
 
 Nothing here calls the C library, whose last digits are other ones on other systems.  Each function is accurate to 4
 units in the last place for any argument, and NaN goes to NaN (``tests/numerics/test_functions.py``).

@@ -22,15 +22,15 @@ BRIDGES = 2**15  # Brownian bridges, channel = 2^12 * number of the bridge + pro
 AREAS = 2**14  # Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
 INITIAL = 2**13  # random initial states
 DRIVERS = 2**12  # and up to 2 more: further numbers of drivers that are no Brownian motion
-TANGENTS = 2**12 + 2**11  # the first tangent vectors of Lyapunov exponents
+TANGENTS = 2**12 + 2**11  # the first tangent vectors along paths
 SITES = 2**15 + 2**14  # turns, normal and uniform numbers of the sites of one large lattice, channel = site of a part
 UNIFORMS = 2**11  # uniform numbers, channel = 4 * (number // 4) + step mod 4
 # streams of increments and of points, all below what is added to them, each with its coins behind it:
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j, j < 64
 POINTS = 1536  # scrambles of quasi-random points, and keyed numbers beside them
 DIFFERENCES = 1024  # increments of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j, j < 64
-#: Of an answer: increments of path set number j < 68 of scheme number i: ANSWERS[i] + 2 j.
-ANSWERS = (512, 648, 784, 144, 280, 1152, 1288, 1540, 1676, 1812)
+#: Of a kind with independent path sets: increments of set number j < 68 of scheme number i: PATH_SETS[i] + 2 j.
+PATH_SETS = (512, 648, 784, 144, 280, 1152, 1288, 1540, 1676, 1812)
 
 #: The largest number of Wiener processes of paths, so that their channels and those of bridges are apart.
 MOST_NOISES = 4096

@@ -59,27 +59,6 @@ def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
             yield f"{sweep.case} with {counts.replace(' of', ' values of', 1)}", case.schemes
 
 
-def verified(check: Any) -> Iterator[str]:
-    """The outcome of a check of results, a ``spi.running.verify.Verification``, line by line."""
-    count = len(check.checked)
-    equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
-    yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
-    if check.whole:
-        yield "all numbers but times were derived again from these paths"
-    if check.sums:
-        yield f"all numbers were derived again from the sums over paths in {check.sums}"
-    if check.sums and not check.whole:
-        yield "--all computes these sums again as well"
-    if not check.sums and not check.whole:
-        yield "its numbers were not derived again: their sums over paths are not beside it, and --all was not given"
-    yield from (f"different: {label}" for label in check.different)
-    yield from (f"wrong: {label}" for label in check.wrong)
-    if check.sound:
-        return
-    yield "what is not as it was when they were computed:"
-    yield from check.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)
-
-
 def result_lines(results: Iterable[Any]) -> Iterator[str]:
     """A list of results (``spi.running.finding.Listed``): the name of each, and a description under it."""
     for one in results:

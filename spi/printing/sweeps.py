@@ -41,7 +41,7 @@ def _table(title: str, curves: Sequence[Curve]) -> Grid:
     for owner in dict.fromkeys(map(_owner, curves)):
         members = [curve for curve in curves if _owner(curve) == owner]
         about, function = members[0].about, members[0].function
-        cells = {(point.at, curve.name): Cell(_text(point)) for curve in members for point in curve.points}
+        cells = {(point.at, curve.name): Cell(quantity_text(point)) for curve in members for point in curve.points}
         texts = [about.label, *compress((about.estimator, function), several)]
         rows: list[list[Cell]] = []
         for at in dict.fromkeys(at for at, _ in cells if at):
@@ -83,7 +83,7 @@ def _at(curves: Sequence[Curve], name: str) -> str:
     return f" at\nh = {power_of_two(h)}" if len(steps) == 1 and (h := steps.pop()) else " at the\nsmallest h"
 
 
-def _text(point: Quantity) -> str:
+def quantity_text(point: Quantity) -> str:
     """A quantity with its interval, of orders and quantiles by its ends."""
     if math.isnan(point.value):
         return point.lost or "not resolved"
@@ -108,7 +108,10 @@ def _ends(curve: Curve) -> str:
     """The first and the last value of a curve, with those of the parameter, or the only one."""
     ends = [curve.points[0], *curve.points[1:][-1:]]
     places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in ends]
-    values = [f"{_text(one)} at {place}" if place else _text(one) for one, place in zip(ends, places, strict=True)]
+    values = [
+        f"{quantity_text(one)} at {place}" if place else quantity_text(one)
+        for one, place in zip(ends, places, strict=True)
+    ]
     zeros = "".join(
         f", zero at {curve.word} = {with_interval(*zero)} on a line between values" for zero in curve.zeros()
     )

@@ -169,7 +169,6 @@ class Table(NamedTuple):
     columns: Sequence[Column]
     title: str = ""  #: in place of that of the case
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
-    of: Callable[[Sequence[Any]], Sequence[Any]] = list  #: the records that it shows, of those of a case
 
     def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
         """The table of the records of a case, and what its brackets and its large numbers mean."""
@@ -184,7 +183,7 @@ class Table(NamedTuple):
 
     def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
         """The table of the records of a case, without columns in which there is nothing; None if none is left."""
-        axes, readings = self.axes.split(), self.of(readings)
+        axes = self.axes.split()
         columns: dict[str, Column] = {}
         parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:
@@ -276,7 +275,7 @@ def _clipped(readings: Sequence[Any]) -> Iterator[str]:
         return
     from ..ensemble.increments import clipped_variance  # not needed to start the program
 
-    sizes = [getattr(one, "h", getattr(one, "step", None)) for one in readings]
+    sizes = [one.get(name) for one in readings for name in ("h", "step")]
     h = max((float(np.max(size)) for size in sizes if size is not None and np.size(size)), default=0.0)
     if h > 0.0 and (left := clipped_variance(h)) < _WHOLE:
         then = ", by the root of which they are divided" * ("temperature" in about.parameters)
@@ -304,47 +303,50 @@ def _lines(record: Stored) -> Iterator[str]:
     yield from record.remarks()
 
 
-def _common(record: Any) -> Iterator[str]:
-    """Order, paths, angles of flows and solvers of equations, of records that have such fields.
+def _common(record: Stored) -> Iterator[str]:
+    """Order, paths, angles of flows and solvers of equations, of records that have them, by their names in files.
 
     A kind of one's own has any of them, and each is said without the others.
     """
-    note = getattr(record, "note", "")
-    if (order := getattr(record, "order", None)) is not None and not all_exact(note):
-        fitted, expected = len(getattr(record, "h", ())), getattr(record, "expected_order", None)
-        few = math.isfinite(order.order) and order.points < fitted
-        through = f", through the finest {order.points} of {fitted}" * few
-        yield order_text(order.order, order.low, order.high, expected) + through
+    note, step, samples = (record.get(name) for name in ("note", "step", "samples"))
+    low = record.get("order_low")
+    if low is not None and not np.ndim(low) and not all_exact(note or ""):
+        order, high, expected, points = map(record.get, ("order", "order_high", "expected_order", "points_in_fit"))
+        fitted = np.size(record.get("h"))
+        few = math.isfinite(order) and points < fitted
+        yield order_text(order, low, high, expected) + f", through the finest {points} of {fitted}" * few
     if note:
         yield note
-    if hasattr(record, "step") and hasattr(record, "samples"):
-        times, nonfinite, ns = (getattr(record, name, None) for name in ("t", "nonfinite", "ns_per_step"))
+    if step is not None and samples is not None:
+        times, nonfinite, ns = map(record.get, ("t", "nonfinite", "ns_per_step"))
         until = "" if times is None else f" until t = {times[-1]:g}"
         lost = f", {nonfinite} of them diverged" if nonfinite else ""
         took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
-        yield f"{record.samples} paths{until} with h = {record.step:g}{lost}{took}"
-    if count := getattr(record, "reference_nonfinite", 0):
+        yield f"{samples} paths{until} with h = {step:g}{lost}{took}"
+    if count := record.get("reference_nonfinite"):
         yield f"{count} reference paths diverged (NaN or infinity)"
-    angle: Any = getattr(record, "largest_angle", None)
-    if angle is not None and np.ndim(angle) < 2 and (note := angle_note(float(np.max(angle)))):
-        yield note
+    angle = record.get("largest_angle")
+    if angle is not None and np.ndim(angle) < 2 and (remark := angle_note(float(np.max(angle)))):
+        yield remark
     yield from _accepted(record)
-    solver: Any = getattr(record, "solver", None)
-    if hasattr(solver, "solves") and np.ndim(solver.solves) < 2:
-        solves, iterations, failures = (each.sum() for each in (solver.solves, solver.iterations, solver.failures))
-        mean, residual = iterations / solves if solves else 0.0, short(solver.largest_residual.max(initial=0))
-        yield f"solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {residual}"
+    solves, iterations, failures, residuals = map(record.get, _SOLVER)
+    if solves is not None and np.ndim(solves) < 2:
+        mean = iterations.sum() / solves.sum() if solves.any() else 0.0
+        residual = short(residuals.max(initial=0))
+        yield f"solver: {mean:.1f} iterations a step, {failures.sum():g} failures, largest residual {residual}"
 
 
-def _accepted(record: Any) -> Iterator[str]:
+_SOLVER = "solves", "iterations", "failures", "largest_residual"
+
+
+def _accepted(record: Stored) -> Iterator[str]:
     """The shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
-    acceptance = getattr(record, "acceptance", None)
-    if acceptance is None or np.ndim(acceptance.noise_accepted) > 1:
+    noise, drift = map(record.get, ("noise_accepted", "drift_accepted"))
+    if noise is None or np.ndim(noise) > 1:
         return
-    shares = np.atleast_1d(acceptance.noise_accepted), np.atleast_1d(acceptance.drift_accepted)
-    for i, (noise, drift) in enumerate(zip(*shares, strict=True)):
-        where = f"h = {record.h[i]:g}: " if np.ndim(acceptance.noise_accepted) else ""
-        yield f"{where}accepted: {noise:.1%} of the noise flows, {drift:.1%} of the steps of the drift"
+    places = [f"h = {h:g}: " for h in record.get("h")] if np.ndim(noise) else [""]
+    for where, *shares in zip(places, np.atleast_1d(noise), np.atleast_1d(drift), strict=True):
+        yield "{}accepted: {:.1%} of the noise flows, {:.1%} of the steps of the drift".format(where, *shares)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -245,7 +245,7 @@ def interval_text(
 
 def order_text(order: float, low: float, high: float, expected: float | None = None) -> str:
     """A fitted order with its interval, and the one by theory."""
-    fitted = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
+    fitted = f"order {interval_text(order, (low, high), '.3f', True) if math.isfinite(order) else 'not resolved'}"
     if expected is None or math.isnan(expected):
         return f"{fitted} (measured; theory states none)"
     later = ", perhaps at smaller steps" * (low > expected)  # where a term of higher order is still the larger one

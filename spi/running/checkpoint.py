@@ -1,4 +1,4 @@
-"""The states of all parts of an experiment, and the file in which they are stored while it runs and afterwards."""
+"""The states of all parts of an experiment, and the sums that are stored of them while it runs and afterwards."""
 
 import contextlib
 import glob
@@ -7,16 +7,19 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.plans import Plan, State
+from ..specs.naming import results_in
 from ..statistics.tallies import Chunk
-from ..storage import StorageError
-from ..storage.results import SUFFIX, SUMS_VERSION
+from ..storage import StorageError, Store
+from ..storage.results import aside, write_bytes
+from ..storage.sums import SUMS_VERSION
 from .load import name_of, plans
 from .workers import WorkersLost
 
@@ -54,32 +57,55 @@ class Shard:
             raise ValueError(text)
         return shard
 
+    @property
+    def ending(self) -> str:
+        """What the names of its files have before their ending."""
+        return f"shard-{self.number}-of-{self.count}"
 
-_OF_SHARD = re.compile("[.]shard-([0-9]+)-of-([0-9]+)$")  # the end of the name of a shard's file, without its ending
+
+_OF_SHARD = re.compile("[.]shard-([0-9]+)-of-([0-9]+)$")  # the end of the name of a shard's note, without its ending
+
+#: The ending of the notes on unfinished runs.
+NOTE = "json"
 
 
 class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
 
-def sums_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None = None) -> Path:
-    """The file of sums: ``<out>/sums/<name>-<hash of the spec>-<digest of the sources>-v<layout>.sums``.
+def note_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None = None) -> Path:
+    """The note on an unfinished run: ``<out>/sums/<experiment>-<hash of the spec>-<digest of the sources>.json``.
 
-    Other sources might go on with other numbers, so that their sums stand in a file of their own, which stays.
+    Other sources might go on with other numbers, so that they have notes and sums of their own.
     """
-    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{SUMS_VERSION}"
-    suffix = f".shard-{shard.number}-of-{shard.count}" if shard else ""
-    return Path(out) / "sums" / f"{name}{suffix}{SUFFIX}"
+    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}"
+    return Path(out) / "sums" / ".".join(filter(None, (name, shard.ending if shard else "", NOTE)))
 
 
 class Checkpoint:
-    """The states of all parts of an experiment, and their file."""
+    """The states of all parts of an experiment, and their files.
 
-    def __init__(self, experiment: specs.Experiment, path: Path, limits: Limits, tell: Callable[[str], None]) -> None:
-        self.experiment, self.path, self.limits, self.tell = experiment, path, limits, tell
+    Each path set, and what a part knows besides, has a file of its own in ``<out>/sums``, called by its key, and an
+    unfinished run a note there.
+    """
+
+    def __init__(
+        self,
+        experiment: specs.Experiment,
+        out: str | Path,
+        limits: Limits,
+        tell: Callable[[str], None],
+        shard: Shard | None = None,
+    ) -> None:
+        self.experiment, self.limits, self.tell = experiment, limits, tell
+        self.store, self.shard = Store(Path(out) / "sums"), shard
+        self.note = note_path(experiment, out, shard)
         self.states = [State(plan) for plan in plans(experiment)]
-        self.by_name = {name_of(state.plan): state for state in self.states}
-        self.keys = {name: Keys.of(state.plan) for name, state in self.by_name.items()}
+        self.keys = [sums_keys(state.plan) for state in self.states]
+        #: what the files have, by the number of a part and that of a path set, None for what it knows besides
+        self.stored: dict[tuple[int, int | None], Any] = {
+            (part, None): state.extra for part, state in enumerate(self.states)
+        }
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
@@ -88,12 +114,15 @@ class Checkpoint:
         self.machines = {storage.machine()}  #: on which any of the sums were computed
 
     @property
-    def sizes(self) -> dict[str, dict[str, int]]:
-        """Name of a part -> the wanted size of its sums, by their keys."""
-        return {
-            name: dict(zip(self.keys[name].path_sets, state.plan.sizes(), strict=True))
-            for name, state in self.by_name.items()
-        }
+    def keys_by_part(self) -> dict[str, list[str]]:
+        """Name of a part -> the keys of what it knows besides sums, and of its path sets."""
+        named = zip(self.states, self.keys, strict=True)
+        return {name_of(state.plan): list(keys.values()) for state, keys in named}
+
+    @property
+    def all_keys(self) -> set[str]:
+        """The keys of all parts."""
+        return {key for keys in self.keys for key in keys.values()}
 
     def missing(self) -> list[tuple[int, Chunk]]:
         """The chunks that are wanted for now and not done, with the number of their part."""
@@ -104,98 +133,103 @@ class Checkpoint:
         return tuple(f"{label} {digest}" for state in self.states for label, digest in digests_of(state).items())
 
     def shards(self) -> dict[Shard, Path]:
-        """The files of those shards of the experiment that have been begun."""
+        """The notes of those shards of the experiment that have been begun."""
         shards = {}
-        for file in self.path.parent.glob(f"{glob.escape(self.path.stem)}.shard-*{SUFFIX}"):
-            if match := _OF_SHARD.fullmatch(file.stem.removeprefix(self.path.stem)):
+        for file in self.store.folder.glob(f"{glob.escape(self.note.stem)}.shard-*.{NOTE}"):
+            if match := _OF_SHARD.fullmatch(file.stem.removeprefix(self.note.stem)):
                 with contextlib.suppress(ValueError):  # a name that no run gives
                     shards[Shard.of(f"{match[1]}/{match[2]}")] = file
         return shards
 
     def resume(self) -> None:
-        """Take the sums in the file and in those of shards, and of other parts those of other specs of the name."""
-        merged = self.merge(self.path)
-        merged = merged.union(*(self.merge(file, with_extra=False) for file in self.shards().values()))
-        self.take_of_others(self.by_name.keys() - merged)
-
-    def take_of_others(self, lacking: Collection[str]) -> None:
-        """Take the sums of some parts from other specs of the name; say so, and which sums other sources have."""
-        samples = {}
-        for file in self._files() if lacking else ():
-            about = None if _OF_SHARD.search(file.stem) else storage.about_sums(file)
-            if about and _same_sources(about):
-                samples[file] = about.get("samples") or 0
-        any_merged = False
-        for file in sorted(samples, key=samples.__getitem__, reverse=True):
-            if merged := self.merge(file, only=lacking):
-                any_merged = True
-                self.tell(f"{', '.join(sorted(merged))}: going on with the sums over paths in {file}")
-        if lacking == self.by_name.keys() and not any_merged:
+        """Take all sums that are stored, those of shards too; say so unless an unfinished run goes on."""
+        taken = self.take()
+        for shard in self.shards():
+            taken |= self.take(shard.ending)
+        if taken and not self.note.exists():
+            self.tell(f"{', '.join(sorted(taken))}: going on with the sums over paths in {self.store.folder}")
+        if not taken:
             self.tell_of_other_sources()
 
+    def take(self, shard: str = "") -> set[str]:
+        """Take the stored sums, of a shard or of the whole; the names of the parts that can use any."""
+        taken = set()
+        for part, (state, keys) in enumerate(zip(self.states, self.keys, strict=True)):
+            for number, key in keys.items():
+                try:
+                    plain = self.store.read(key, shard)
+                    if plain is None:
+                        continue
+                    machines = plain.pop("machines")
+                    useful = state.merge(number, plain)
+                except StorageError as error:
+                    self.tell(f"warning: {error}")
+                    continue
+                except ValueError:
+                    self.tell(f"warning: {self.store.path(key, shard)}: has sums of other shapes, which begin anew")
+                    continue
+                if not shard:
+                    self.stored[part, number] = _known(state, number)
+                if useful:
+                    self.machines.update(machines)
+                    taken.add(name_of(state.plan))
+        return taken
+
     def tell_of_other_sources(self) -> None:
-        """Say which sums over the same paths other sources of spi computed."""
-        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not _same_sources(about)]
-        for file, about in others[:1]:
-            more = f" (and {len(others) - 1} more)" if others[1:] else ""
-            self.tell(
-                f"{file}{more} has sums over these paths that {storage.computed_by(about)}; they are kept, and those "
-                "sources go on with them; with these the run begins anew"
-            )
-
-    def remove_finished(self, spec_hash: str, source_digest: str) -> None:
-        """Remove the sums of a finished run of another spec, or by other sources, whose results are replaced."""
-        for file, about in self._of_spec(spec_hash):
-            if about.get("finished") and about.get("source_digest") == source_digest:
-                file.unlink(missing_ok=True)
-
-    def _files(self, spec_hash: str = "") -> list[Path]:
-        """The files of sums of all specs of this name, or of one."""
-        return sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*{SUFFIX}"))
-
-    def _of_spec(self, spec_hash: str) -> Iterator[tuple[Path, dict]]:
-        """The files of sums of a spec of this name, by whichever sources, with their attributes."""
-        for file in self._files(spec_hash):
-            about = storage.about_sums(file, any_version=True)
-            if about is not None and about.get("spec_hash") == spec_hash:
-                yield file, about
-
-    def merge(self, path: Path, with_extra: bool = True, only: Collection[str] | None = None) -> set[str]:
-        """Add the sums over the very same paths in a file, of some parts or of all; the names of the parts it has."""
-        read = storage.read_sums(path)
-        if read is None or not _same_sources(read[0]):
-            if read is None and path.exists():
-                self.tell(f"warning: {path}: is damaged; what it has is computed anew")
-            return set()
-        merged = set()
-        for name in self.by_name if only is None else only:
-            if plain := stored_of(*read, self.keys[name]):
-                if not self.by_name[name].fits(plain):
-                    self.tell(f"warning: {path}: has sums of other shapes than those of {name}, which begins anew")
-                    continue
-                if not self.by_name[name].merge(plain, with_extra):
-                    continue
-                merged.add(name)
-                self.machines.update(read[0]["machines"])
-        return merged
+        """Say which unfinished run of this spec other sources of spi have begun."""
+        name = self.note.name.removesuffix(f"-{NUMBERS_DIGEST[:8]}.{NOTE}")
+        for file in sorted(self.store.folder.glob(f"{glob.escape(name)}-*.{NOTE}")):
+            if (about := read_note(file)) is not None and about["source_digest"] != NUMBERS_DIGEST:
+                self.tell(
+                    f"{file}: has a run of this spec that {storage.computed_by(about)}; its sums are kept, and those "
+                    "sources go on with them; with these the run begins anew"
+                )
+                return
 
     def save(self, finished: bool = False) -> None:
-        """Write the file."""
+        """Write the files of all that is new, and unless it is finished the note.
+
+        What is known besides sums comes first: of more sums than it wants some could not be used.
+        """
         began = time.monotonic()
-        about = {
-            "keys": {name: keys._asdict() for name, keys in self.keys.items()},
-            "spec_hash": self.experiment.hash,
-            "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
-            "spi_version": __version__,
-            "samples": sum(self.experiment.samples),
-            "finished": finished,
-            "machines": sorted(self.machines),
-            "progress": progress_of(self.states),
-            "run": as_run(self.experiment),
-        }
-        storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
+        if not finished:
+            self.write_note()
+        new: dict[tuple[bool, str], list[tuple[int, int | None]]] = defaultdict(list)
+        for part, (state, keys) in enumerate(zip(self.states, self.keys, strict=True)):
+            for number, key in keys.items():
+                known = _known(state, number)
+                if known is not None and known is not self.stored.get((part, number)):
+                    if number is None and self.shard:  # each shard has the decisions of the whole
+                        continue
+                    new[number is not None, key].append((part, number))
+        for (_, key), places in sorted(new.items()):
+            part, number = max(places, key=lambda place: _known(self.states[place[0]], place[1]).seconds)
+            plain = {"machines": sorted(self.machines), **self.states[part].plain(number)}
+            self.store.write(key, plain, self.shard.ending if self.shard else "")
+            self.stored |= {place: _known(self.states[place[0]], place[1]) for place in places}
         self.saved, self.saved_work = time.monotonic(), self._work()
         self.pause = max(self.limits.checkpoint_seconds, (self.saved - began) / _SHARE)
+
+    def write_note(self) -> None:
+        """Write which run is unfinished, how far it is and which sums it needs."""
+        about = {
+            **{name: value for name, value in as_run(self.experiment).items() if name in _NOTED},
+            "spec_hash": self.experiment.hash,
+            "source_digest": NUMBERS_DIGEST,
+            "spi_version": __version__,
+            "progress": progress_of(self.states),
+            "keys": sorted(self.all_keys),
+        }
+        with aside(self.note) as temporary:
+            write_bytes(temporary, json.dumps(about).encode())
+
+    def remove_shards(self) -> None:
+        """Remove the files of all shards."""
+        shards = self.shards()
+        if shards:
+            self.store.remove_shards(self.all_keys)
+        for note in shards.values():
+            note.unlink(missing_ok=True)
 
     def tick(self) -> None:
         """Save if it is time to; a checkpoint that cannot be written is no reason to stop."""
@@ -224,13 +258,14 @@ class Checkpoint:
                 self.save()
             except StorageError as error:
                 raise Stopped(f"{why}; progress could not be saved: {error}") from None
-            raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
+            saved = f"progress is saved in {self.store.folder}"
+            raise Stopped(f"{why}; {saved}: run the same command again to resume") from None
         except Exception as error:  # whatever it is, what is done is not lost with it
             with contextlib.suppress(StorageError):
                 if self._work() > self.saved_work:
                     self.save()
                 if isinstance(error, WorkersLost) and self._work():
-                    raise WorkersLost(f"{error}; progress is saved in {self.path}") from None
+                    raise WorkersLost(f"{error}; progress is saved in {self.store.folder}") from None
             raise
 
     def _work(self) -> float:
@@ -238,8 +273,25 @@ class Checkpoint:
         return sum(state.seconds for state in self.states)
 
 
-def _same_sources(about: dict) -> bool:
-    return about["version"] == SUMS_VERSION and about.get("source_digest") == NUMBERS_DIGEST
+def _known(state: State, number: int | None) -> Any:
+    """What a state has of a path set, None for nothing, or for None besides sums; another object when it grows."""
+    return state.extra if number is None else state.tallies.get(number)
+
+
+#: The names of what stands in a note of a run.
+_NOTED = ("experiment", "kind", "title", "profile", "overrides")
+
+_MOST_OF_NOTE = 10**8  # bytes
+
+
+def read_note(path: Path) -> dict[str, Any] | None:
+    """The note on an unfinished run; None if it is none."""
+    with contextlib.suppress(OSError, ValueError):
+        about = json.loads(storage.contents(path, _MOST_OF_NOTE))
+        needed = {*_NOTED, "source_digest", "progress", "keys"}
+        if isinstance(about, dict) and needed <= about.keys() and isinstance(about["keys"], list):
+            return about
+    return None
 
 
 def label_of(plan: Plan, chunk: Chunk) -> str:
@@ -284,43 +336,44 @@ def as_run(experiment: specs.Experiment) -> dict[str, Any]:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Sums of earlier runs go by the digest of all that determines them.
+# Sums go by the hash of all that decides them.
 #
 # Another scheme, another value of a swept parameter, another case or another claim changes no sum that is there, so
-# that a spec with more of them computes only what is new.
+# that a spec with more of them, or fewer, computes only what is new.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Keys(NamedTuple):
-    """Digests of all that determines a part: its sums over the paths of each path set, and its other results."""
-
-    extra: str
-    path_sets: tuple[str, ...]
-
-    @classmethod
-    def of(cls, plan: Plan) -> "Keys":
-        """The keys of a plan."""
-        numbers = range(len(plan.path_sets(plan.initial_extra())))
-        return cls(_digest(plan.deciding(None)), tuple(_digest(plan.deciding(number)) for number in numbers))
+def sums_keys(plan: Plan) -> dict[int | None, str]:
+    """By the number of a path set the key of its sums, and by None that of what the part knows besides sums."""
+    keys: dict[int | None, str] = {None: _key(plan.deciding(None))}
+    for number, path_set in enumerate(plan.path_sets(plan.initial_extra())):
+        keys[number] = _key({**plan.deciding(number), "chunk_blocks": path_set.chunk_blocks})
+    return keys
 
 
-def _digest(deciding: dict[str, Any]) -> str:
-    """A digest of mappings in their order, since sums stand in the order of the functions that they are of."""
-    text = json.dumps(deciding, separators=(",", ":"), allow_nan=False)
+def _key(deciding: dict[str, Any]) -> str:
+    """A hash of mappings in their order, since sums stand in the order of the functions that they are of."""
+    text = json.dumps([SUMS_VERSION, NUMBERS_DIGEST, deciding], separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def stored_of(about: dict[str, Any], parts: dict[str, Any], keys: Keys) -> dict[str, Any]:
-    """The state of a part with these keys in a file of sums, as ``State.plain`` makes it; empty if it has nothing."""
-    extras = [part for part, its in about["keys"].items() if its["extra"] == keys.extra]
-    path_sets = {key: (part, i) for part, its in about["keys"].items() for i, key in enumerate(its["path_sets"])}
-    places = [(number, *path_sets[key]) for number, key in enumerate(keys.path_sets) if key in path_sets]
-    sums = [
-        {**stored, "number": number}
-        for number, part, there in places
-        for stored in parts[part]["path_sets"]
-        if stored["number"] == there
-    ]
-    if not (extras or sums):
-        return {}
-    return {"path_sets": sums} | ({"extra": parts[extras[-1]]["extra"]} if extras else {})
+def remove_unneeded(results: Path, replaced: set[str]) -> None:
+    """Remove sums once the results that are made of them are replaced for the second time.
+
+    That are the `replaced` ones of `results`, and those of unfinished runs, with these sources, of this file that were
+    there before the former results, but for all that other results in the folder or other unfinished runs need.
+    """
+    store, before = Store(results.parent / "sums"), storage.former(results).stat().st_mtime
+    notes = [(file, about) for file in store.folder.glob(f"*.{NOTE}") if (about := read_note(file))]
+    needed = [set[str]()]
+    for file, about in notes:
+        whose = results_in(results.parent, about["experiment"], about["profile"], about["overrides"])
+        if whose == results and about["source_digest"] == NUMBERS_DIGEST and file.stat().st_mtime < before:
+            store.remove_shards(about["keys"])
+            file.unlink(missing_ok=True)
+            replaced = replaced.union(about["keys"])
+        else:
+            needed.append(set(about["keys"]))
+    if replaced:  # else the other results need not be read
+        needed += [storage.keys_needed(file) for file in results.parent.glob("*.h5")]
+        store.remove(replaced.difference(*needed))

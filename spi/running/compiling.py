@@ -20,11 +20,9 @@ from ..checks.compilable import explained
 from ..compiler.inlining import is_compiled, types_of
 from ..compiler.modules import is_foreign
 from ..compiler.records import record_classes
-from ..ensemble.protocol import dimension, drift_tables, large, noise_indices, pieces
-from ..ensemble.scheme_protocol import judges
+from ..ensemble.protocol import dimension, drift_tables, large
+from ..ensemble.scheme_protocol import compile_size
 from ..printing.text import human_time
-from ..schemes.midpoint import IsospectralMidpoint, Midpoint
-from ..schemes.stages import sweeps
 from . import orphans
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -38,7 +36,6 @@ STARTING = 2.0  #: of the first kernel of a process, which loads the compiler
 _LOOP = 1.9  # the loop over time, with increments and sums
 _SWEEP, _COMPONENT = 0.35, 0.03  # a sweep, and each of its components
 _SQUARE = 0.01  # of the field of a step, for the square of the number of components
-_NEWTON = 3  # times as much for schemes that solve equations
 _ARRAYS = 5.0  # a step of an array-state model, whose flows are loops over arrays
 _OTHER = 0.4  # a kernel that takes no steps
 _ROW = 4  # components that a sweep with tables counts for, however many rows it has
@@ -68,12 +65,10 @@ def size_of(scheme: Any, model: Any) -> Size:
     """The :class:`Size` of a step."""
     if large(model):
         return Size(0, 0, arrays=True)
-    stages = getattr(scheme, "stages", None)
-    if stages is None and not judges(scheme):
-        times = _NEWTON if isinstance(scheme, (Midpoint, IsospectralMidpoint)) else 1
-        return Size(0, 0, times * dimension(model) ** 2)
-    count = len(noise_indices(model)) + 2 * pieces(model) - 1 if stages is None else len(sweeps(stages, model))
-    return Size(count, min(dimension(model), _ROW) if drift_tables(model) else dimension(model))
+    flows, fields = compile_size(scheme, model)
+    if fields:
+        return Size(0, 0, fields * dimension(model) ** 2)
+    return Size(flows, min(dimension(model), _ROW) if drift_tables(model) else dimension(model))
 
 
 _JOBS = "jobs"  # file of the pickled jobs

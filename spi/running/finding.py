@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .. import storage
 from ..specs.document import SpecError, text_of
 from ..specs.experiment import PROFILES
 from ..specs.keys import suggestion
 from ..specs.naming import results_in
 from ..storage import StorageError
-from ..storage.results import SUFFIX, read_root
+from ..storage.results import read_root
 from . import shipped
+from .checkpoint import NOTE, read_note
 from .load import STORED, load
 
 #: The endings of spec files.
@@ -64,7 +64,7 @@ def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
 
 def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
-    paths = sorted(folder.glob("*.h5"))
+    paths = sorted(set(folder.glob("*.h5")) - set(folder.glob("*.previous.h5")))
     if wanted != PLAIN:
         wanted.path(folder, "")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
@@ -112,12 +112,10 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
             problems.append(str(error))
         except Exception:  # of whatever kind, since the others can be listed
             problems.append(f"{path}: does not tell its spec; run the experiment again with --fresh")
-    for path in sorted((folder / "sums").glob(f"*{SUFFIX}")):
-        about = storage.about_sums(path) or {"finished": True}
-        if not about["finished"]:
-            run = about["run"]
-            name = results_in(folder, run["experiment"], run["profile"], run["overrides"]).stem
-            lines.append(Listed.of(name, run, (), f"unfinished: {about['progress']}"))
+    for path in sorted((folder / "sums").glob(f"*.{NOTE}")):
+        if about := read_note(path):
+            name = results_in(folder, about["experiment"], about["profile"], about["overrides"]).stem
+            lines.append(Listed.of(name, about, (), f"unfinished: {about['progress']}"))
     return lines, problems
 
 

@@ -6,17 +6,16 @@ import inspect
 import json
 import platform
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import specs, storage
 from ..kinds import KINDS
-from ..kinds.answer.keys import question
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
 from ..specs.document import Document, override, text_of
-from ..specs.experiment import ANSWER, Heading, heading
+from ..specs.experiment import Heading, heading
 from ..specs.files import Files, UntrustedCode
 from ..storage.results import read_root
 from . import shipped
@@ -28,7 +27,7 @@ STORED = (".h5",)
 @functools.cache
 def layers() -> specs.Layers:
     """The layers of spec files of all kinds."""
-    return specs.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
+    return specs.Layers(KINDS)
 
 
 def load(
@@ -71,27 +70,30 @@ def load_any(
     return load(path, profile or "laptop", overrides, added=added)
 
 
-def load_answer(
-    path: str | Path, profile: str | None = None, overrides: Iterable[str] = (), trust_code: bool = False
-) -> specs.Experiment:
-    """An answer about the system and the initial value of what ``load_any`` reads, called ``<name>.answer``.
+Asked = Callable[[specs.Experiment, Sequence[str]], str]  #: the text of a spec about an experiment, given the overrides
 
-    SpecError as there, and if there are no answers about what is integrated.
+
+def load_about(
+    path: str | Path,
+    kind: str,
+    asked: Asked,
+    profile: str | None = None,
+    overrides: Sequence[str] = (),
+    trust_code: bool = False,
+) -> specs.Experiment:
+    """An experiment of a kind about the system of what ``load_any`` reads, called ``<name>.<kind>``.
+
+    One of this kind is itself meant.  SpecError as for ``load_any``, and if the kind cannot do with what is integrated.
     """
     if Path(path).suffix in STORED:
-        return load_stored(path, trust_code, overrides, profile, answer=True)
+        return load_stored(path, trust_code, overrides, profile, about=(kind, asked))
     source, profile = load(path), profile or "laptop"
-    target = source.path.with_name(f"{source.name}.{ANSWER}.yaml")
-    if source.kind == ANSWER:
+    target = source.path.with_name(f"{source.name}.{kind}.yaml")
+    if source.kind == kind:
         return load(path, profile, overrides)._replace(name=target.stem)
     named = Path(source.called) != source.path
-    called = target.stem if named else f"{source.called} ({ANSWER})"  # for there is no file of the question
-    return specs.load(target, layers(), profile, overrides, _question(source, overrides), called=called)
-
-
-def _question(source: specs.Experiment, overrides: Iterable[str]) -> str:
-    """The spec of an answer about an experiment, without its functions where there are others in the overrides."""
-    return question(source, functions=not any(text.startswith("functions=") for text in overrides))
+    called = target.stem if named else f"{source.called} ({kind})"  # for there is no file of this spec
+    return specs.load(target, layers(), profile, overrides, asked(source, overrides), called=called)
 
 
 def load_stored(
@@ -100,12 +102,12 @@ def load_stored(
     overrides: Iterable[str] = (),
     profile: str | None = None,
     added: Iterable[tuple[str, str]] = (),
-    answer: bool = False,
+    about: tuple[str, Asked] | None = None,
 ) -> specs.Experiment:
     """The experiment whose results are in a file, as it was run, with further `overrides`.
 
-    Another `profile` takes the place of that of the run, and files can be `added`.  With `answer` it is an answer about
-    the system, as ``load_answer`` makes it.
+    Another `profile` takes the place of that of the run, and files can be `added`.  `about` is a kind, and what makes
+    a spec of that kind about the system, as for ``load_about``.
 
     This alone decides whether Python code that a results file holds is run: with `trust_code`, or where the person has
     a file with the same text at the path that the spec names, seen from the current folder or from ./experiments.
@@ -123,11 +125,12 @@ def load_stored(
         trusts=lambda name, text: trust_code or _is_here(name, text),
     )
     try:
-        if not answer:
+        if about is None:
             return read(*as_run, stored.text)
+        kind, asked = about
         source = read(text=stored.text)
-        text = source.text if source.kind == ANSWER else _question(source, as_run[1])
-        return read(*as_run, text)._replace(name=f"{stored.name}.{ANSWER}")
+        text = source.text if source.kind == kind else asked(source, as_run[1])
+        return read(*as_run, text)._replace(name=f"{stored.name}.{kind}")
     except UntrustedCode as error:
         raise storage.StorageError(
             f"{path}: holds Python code, {error}, that equals no file of that path here; read it first "

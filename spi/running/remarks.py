@@ -1,18 +1,17 @@
 """Remarks on an experiment before it is run."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
-from .. import specs, systems
-from ..ensemble.protocol import dimension, large, strengths
-from ..exact.gibbs import reach
+from .. import specs
+from ..ensemble.protocol import generated, report
 from ..kinds import KINDS
 from ..models.delegation import undamped
 from ..models.zeitlin import fields
+from ..plugins import Registry
 from ..schemes import typical_ns
 
-_MOST_COMPONENTS = 24  #: of states whose reachable set is computed
+WARNINGS = Registry("warnings")  #: name -> the warning about a case, "" if there is none
 
 
 def remarks(experiment: specs.Experiment) -> list[str]:
@@ -24,36 +23,14 @@ def remarks(experiment: specs.Experiment) -> list[str]:
 
 def warnings(experiment: specs.Experiment) -> list[str]:
     """The limits of the results of an experiment, a line each."""
-    lines: dict[Any, str] = {}  # cases that differ in steps or strengths have the same fields
-    for case in experiment.cases:
-        model = undamped(case.model)
-        if math.isinf(case.temperature) or large(model) or dimension(model) > _MOST_COMPONENTS:
-            continue
-        fields = type(model), model._replace(sigma=tuple(map(bool, strengths(model)))), case.initial
-        if fields not in lines:
-            line = _of_temperature(case, model)
-            lines[fields] = line and _of(experiment, case, line)
-    return list(filter(None, lines.values()))
+    each = ((case, warning(case)) for case in experiment.cases for warning in WARNINGS.values())
+    return list(dict.fromkeys(_of(experiment, case, line) for case, line in each if line))
 
 
 def _of(experiment: specs.Experiment, case: specs.BaseCase, line: str) -> str:
     """A line with the name of its case, where there are several."""
     several = len({case.owner for case in experiment.cases}) > 1
     return f"{case.owner}: {line}" if several else line
-
-
-def _of_temperature(case: specs.BaseCase, model: Any) -> str:
-    """A warning where exp(-H/T) is not the only stationary law, as further functions are conserved; "" elsewhere."""
-    try:
-        rank, surface = reach(model, case.initial)
-    except (ValueError, ArithmeticError):  # of formulas that are not for several states at once
-        return ""
-    if rank >= surface:
-        return ""
-    return (
-        f"warning: the noises and the drift move a state in {rank} of the {surface} dimensions of its Casimir surface,"
-        " so that exp(-H/T) is not the only stationary law"
-    )
 
 
 def _noise(case: specs.BaseCase) -> Iterator[str]:
@@ -67,13 +44,13 @@ def _noise(case: specs.BaseCase) -> Iterator[str]:
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
     """Reports on the models of an experiment, lines by the name of the system and its cases.
 
-    Of generated models how they are split, of fluids what they resolve.
+    Of generated models also what a step takes.
     """
     reports: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
         model = undamped(case.model)
-        lines = systems.report(model)
-        if lines:
+        lines = report(model, case.initial)
+        if lines and generated(model):
             steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
             lines = [*lines, *steps]
         if lines := lines or fields.report(model, case.initial):

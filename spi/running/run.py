@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,6 @@ from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..exact.work import Work
-from ..kinds.answer.study import Prediction
 from ..kinds.plans import KernelCall, Plan, State
 from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
@@ -22,10 +21,10 @@ from ..specs.naming import results_in
 from ..storage.records import Results
 from ..storage.stored import Stored, gathered
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, sums_path
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, sources
-from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
+from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
     "Cost",
@@ -43,7 +42,6 @@ __all__ = [
     "results_path",
     "run",
     "sources",
-    "sums_path",
 ]
 
 
@@ -70,7 +68,7 @@ def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> C
         path_steps=math.fsum(part.path_steps for part in costs),
         seconds=STARTING_SECONDS + sum(part.seconds for part in costs) / thread_count(),
         megabytes=_bytes(costs) / 1e6,
-        at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
+        at_most=any(part.at_most for part in costs),
     )
 
 
@@ -128,18 +126,19 @@ def run(
 ) -> Path:
     """Run an experiment, write its results file and return its path.
 
-    Sums that are there already are not computed again: of an unfinished run, of a finished one, or of parts of either
-    that are the same in another spec of this name.  With `fresh` nothing earlier is looked at, and any results are
-    replaced.  `workers` are processes that compute; without them this one does, on all its threads.
+    Sums that are there already are not computed again, whichever run computed them.  Results of this name of another
+    spec, as before it was edited, or by other sources are kept once, see :func:`spi.storage.former`.  With `fresh`
+    nothing earlier is looked at.  `workers` are processes that compute; without them this one does, on all its threads.
 
-    Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
+    Raises StorageError if the results cannot be written, Stopped if interrupted.
     """
     target = results_path(experiment, out)
     if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
         whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
         watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
         storage.remove_leftovers(target)  # of a run that was killed when its results were there
-        storage.remove_leftovers(sums_path(experiment, out))
+        storage.remove_leftovers(target.parent / "sums")
+        note_path(experiment, out).unlink(missing_ok=True)
         return target
     session = Session(experiment, out, fresh, watch, limits)
     if not fresh:
@@ -151,9 +150,8 @@ def run(
         if workers is None:
             advance_here(session.states, session.batch_done)
         else:
-            session.machines |= workers.machines()
+            workers.machines = session.machines  # which are saved with the sums
             advance_with(workers, Source.of(experiment), session.states, session.batch_done)
-            session.machines |= workers.machines()
         return session.finish()
 
 
@@ -165,8 +163,8 @@ def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
 class Session(Checkpoint):
     """An experiment, or a shard of it, that is computed, and its results file.
 
-    StorageError if either file could not be written, or if there are results of another spec and `fresh` does not say
-    that they may be replaced.
+    StorageError if a file could not be written, or if the results would replace something else and `fresh` does not
+    say that they may.
     """
 
     def __init__(
@@ -181,14 +179,11 @@ class Session(Checkpoint):
         self.fresh, self.watch = fresh, watch
         self.target = results_path(experiment, out)
         storage.check_writable(self.target)
-        super().__init__(experiment, sums_path(experiment, out, shard), limits, watch.tell)
-        self.check_replaceable()
-        storage.check_writable(self.path)
-
-    def check_replaceable(self) -> None:
-        """StorageError if there are results that may not be replaced."""
-        if not self.fresh:
-            storage.check_replaceable(self.target, identity(self.experiment), self.sizes)
+        if not fresh:
+            storage.finished(self.target, {})  # no other file is replaced
+        super().__init__(experiment, out, limits, watch.tell, shard)
+        storage.check_writable(self.note)
+        self.replaced: set[str] | None = None  #: the keys of the sums of results that are there no more
 
     def compile(self) -> None:
         """Compile all kernels that are missing."""
@@ -202,30 +197,33 @@ class Session(Checkpoint):
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         finalise(self.states, self.batch_done)
-        replaced = storage.spec_and_sources(self.target)
         records: list[Stored] = []
         for number, state in enumerate(self.states):
             with state.working(partial(self.batch_done, number)):
-                records += state.plan.all_results(state)
+                records.append(state.plan.results(state))
         try:
-            own = {"parts": json.dumps(self.sizes), "machines": tuple(sorted(self.machines))}
+            own = {"sums": json.dumps(self.keys_by_part), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))
             results = Results(root_attributes(self.experiment) | own, groups, self.chunks())
-            # another run may have written there in the meantime
-            storage.write(self.target, results, self.check_replaceable)
+            storage.write(self.target, results, self.make_room)
         except storage.StorageError:
-            self.save(finished=True)  # so that nothing is computed again once this is mended
+            self.save()  # so that nothing is computed again once this is mended
             raise
         try:
             self.save(finished=True)
         except storage.StorageError as error:
             self.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
             return self.target
-        if replaced not in (None, (self.experiment.hash, NUMBERS_DIGEST)):
-            self.remove_finished(*replaced)
-        for file in self.shards().values():
-            file.unlink(missing_ok=True)
+        self.note.unlink(missing_ok=True)
+        self.remove_shards()
+        if self.replaced is not None:
+            self.tell(f"{self.target} is written anew; the former results are in {storage.former(self.target)}")
+            remove_unneeded(self.target, self.replaced)
         return self.target
+
+    def make_room(self) -> None:
+        """Keep results of another spec, which another run may have written in the meantime."""
+        self.replaced = storage.make_room(self.target, identity(self.experiment), self.fresh)
 
 
 def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
@@ -266,7 +264,6 @@ def identity(experiment: specs.Experiment) -> dict[str, Any]:
     return {
         **as_run(experiment),
         "spec_hash": experiment.hash,
-        "paths_hash": experiment.paths_hash,
         "samples": experiment.samples,
         "model_code": _code(experiment),
         "expect": experiment.expect,
@@ -296,19 +293,3 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:
-    """The name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
-    for plan in plans(experiment):
-        answer: Any = plan
-        compiling.compile_missing(kernel_calls([plan]), watch.report_compiling)
-        state = State(plan)
-
-        def tick(number: int, state: State = state) -> None:
-            watch.report(progress_of_part(state, number, 1))
-
-        while (predicted := answer.prediction(state.extra)) is None:
-            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, tick)
-            allocate(0, state, tick)
-        yield plan.case.name, predicted

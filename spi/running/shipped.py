@@ -27,6 +27,6 @@ def path_of(spec: str | Path) -> Path:
     return own if is_name and not path.is_file() and own.is_file() else path
 
 
-def template(name: str) -> str:
-    """The text of a new experiment: `name` is "experiment", or "system" for one with an equation of its own."""
-    return (Path(__file__).parent / "templates" / f"{name}.yaml").read_text(encoding="utf-8")
+def template() -> str:
+    """The text of a new experiment."""
+    return (Path(__file__).parent / "templates" / "experiment.yaml").read_text(encoding="utf-8")

@@ -20,7 +20,6 @@ from ..ensemble.random_states import RandomState, first_states
 from ..ensemble.scheme_protocol import advance, advance_large, report_row, work_size
 from ..kinds.blocks import BATCH_BYTES, SamplesPlan, in_batches
 from ..kinds.plans import PathsPlan
-from ..kinds.work_precision.study import WorkPlan
 from ..numerics.rng import LANES
 from ..printing.text import short
 from ..specs import SpecError
@@ -65,7 +64,7 @@ class Paths(NamedTuple):
     @classmethod
     def of(cls, plan: Any) -> list["Paths"]:
         """Those of a plan, one set after the other; SpecError for a lattice whose sites threads share."""
-        plan = plan.errors if isinstance(plan, WorkPlan) else plan
+        plan = plan.of_paths
         if plan.case.in_parts:
             raise SpecError(f"{plan.case.name}: is one large lattice, whose flows are not traced; take a smaller one")
         first, sizes = getattr(plan.case, "path", 0), plan.sizes()

@@ -1,14 +1,12 @@
 """The chunks of all parts, computed in this process or by workers.
 
-Workers are an executor of ``concurrent.futures``: here of threads with a process each, below that of Dask.
+Workers are an executor of ``concurrent.futures``: one of threads with a process each, or any that a user hands in.
 """
 
 import contextlib
-import logging
-import re
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -22,7 +20,7 @@ from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
-from .orphans import end_with_parent, follow_the_parent
+from .orphans import follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
 MOST_LOSSES, MOST_WORKERS = 5, 1024
@@ -52,13 +50,11 @@ News = tuple[int, Work]
 class Workers:
     """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
 
+    size: int  #: the number of chunks that are computed at once
+
     def __init__(self) -> None:
         self.reports: list[News] = []  #: of work without paths
-
-    @property
-    def size(self) -> int:
-        """The number of chunks that are computed at once."""
-        raise NotImplementedError
+        self.machines = set[str]()  #: the ``storage.machine`` of those that computed, where it may be another than here
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere, again where its process is lost."""
@@ -73,21 +69,12 @@ class Workers:
         reports, self.reports = self.reports, []
         return reports
 
-    def check(self) -> None:
-        """Called when nothing was done for a while."""
-
-    def machines(self) -> set[str]:
-        """The ``storage.machine`` of all machines but this one on which they are."""
-        return set()
-
 
 class Processes(Workers):
     """Worker processes on this machine, among which its processors are shared out.
 
     A thread hands a chunk to an idle process and waits at its pipe, whose end says that the process was killed.
     """
-
-    size: int = 0
 
     def __init__(self, size: int) -> None:
         super().__init__()
@@ -158,13 +145,17 @@ def _serve(connection: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
         while True:
             function, *arguments = connection.recv()
-            answer: tuple[Any, Exception | None]
-            try:
-                with reporting_to(report):
-                    answer = function(*arguments), None
-            except Exception as error:
-                answer = None, error
+            with reporting_to(report):
+                answer = _answer(function, *arguments)
             connection.send(answer)
+
+
+def _answer(function: Callable[..., Any], *arguments: Any) -> tuple[Any, Exception | None]:
+    """(result, None) or (None, error) of a call."""
+    try:
+        return function(*arguments), None
+    except Exception as error:
+        return None, error
 
 
 @contextlib.contextmanager
@@ -177,6 +168,47 @@ def processes(size: int) -> Iterator[Processes]:
         workers.close()
 
 
+class ExecutorWorkers(Workers):
+    """The workers of any executor of ``concurrent.futures``; each of its calls is one chunk, on one thread.
+
+    An executor does not say how many calls it makes at once, so it has as many chunks as the largest would need.
+    """
+
+    size = MOST_WORKERS
+
+    def __init__(self, executor: Executor) -> None:
+        super().__init__()
+        self.executor = executor
+
+    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+        """Have a chunk computed by one of them."""
+        with self._or_lost():
+            return self.executor.submit(_compute, source, number, chunk)
+
+    def result(self, future: Future) -> Any:
+        """The result of a future that is done."""
+        with self._or_lost():
+            (result, error), machine = future.result()
+        self.machines.add(machine)
+        if error is not None:
+            raise error
+        return result
+
+    @contextlib.contextmanager
+    def _or_lost(self) -> Iterator[None]:
+        """Within it all errors are those of the executor, as where its processes were killed."""
+        try:
+            yield
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}".rstrip(": ").splitlines()[0]
+            raise WorkersLost(f"the executor lost its workers ({reason})") from error
+
+
+def _compute(source: Source, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
+    """The answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
+    return _answer(compute, source, number, chunk, 1), storage.machine()
+
+
 #: Called with the number of a part after each batch of it, and while work without paths goes on; what it raises ends
 #: the work.
 Tick = Callable[[int], None]
@@ -184,7 +216,7 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without a result after which reports are shown, and the workers checked.
+#: Seconds without a result after which reports are shown.
 _PATIENCE = 0.5
 
 
@@ -211,19 +243,25 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
     tick(0)
     left: list[list[Chunk] | None] = [state.missing()[::-1] for state in states]
     waiting = dict[Future, Task]()
-    while True:
-        while len(waiting) < _AHEAD * workers.size and (task := _next(states, left, waiting.values(), tick)):
-            waiting[workers.submit(source, *task)] = task
-        if not waiting:
-            return
-        done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
-        _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
-        for future in done:
-            number, chunk = waiting.pop(future)
-            states[number].put(chunk, workers.result(future))
-            tick(number)
-        if not done:
-            workers.check()
+    try:
+        while True:
+            while len(waiting) < _AHEAD * workers.size and (task := _next(states, left, waiting.values(), tick)):
+                waiting[workers.submit(source, *task)] = task
+            if not waiting:
+                return
+            done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+            _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
+            for future in sorted(done, key=_has_failed):  # what is there is not lost with those that fail
+                number, chunk = waiting.pop(future)
+                states[number].put(chunk, workers.result(future))
+                tick(number)
+    finally:
+        for future in waiting:  # the executor may live on
+            future.cancel()
+
+
+def _has_failed(future: Future) -> bool:
+    return future.cancelled() or future.exception() is not None
 
 
 def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
@@ -264,7 +302,7 @@ def allocate(number: int, state: State, tick: Tick) -> bool:
     with state.working(partial(tick, number)):
         extra = state.plan.next_allocation(state)
     if extra is not None:
-        state.extra = extra
+        state.decide(extra)
     return extra is not None
 
 
@@ -291,127 +329,8 @@ def _runs(chunks: Sequence[Chunk], state: State) -> Iterator[list[Chunk]]:
         yield run
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The workers of a Dask cluster, on this machine or others.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-_GONE = "the scheduler of the Dask cluster does not answer any more"
-
-
-class Dask(Workers):
-    """The workers of a Dask cluster, one thread each."""
-
-    def __init__(self, client: Any) -> None:
-        super().__init__()
-        self.client = client
-        self.executor: Executor = client.get_executor(pure=False)
-        self.topic = f"spi {client.id}"
-        client.subscribe_topic(self.topic, self._heard)
-
-    @property
-    def size(self) -> int:
-        """The number of threads of its workers, at the moment."""
-        with self._reached():
-            return max(1, sum(self.client.nthreads().values()))
-
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
-        """Have a chunk computed by one of them."""
-        with self._reached():
-            return self.executor.submit(_compute, self.topic, source, number, chunk)
-
-    def result(self, future: Future) -> Any:
-        """The result of a future that is done; Dask cancels those of a scheduler that is gone."""
-        from distributed.scheduler import KilledWorker
-
-        try:
-            return future.result()
-        except KilledWorker as error:
-            raise WorkersLost.over_a_chunk(error.allowed_failures + 1) from None
-        except CancelledError:
-            raise WorkersLost(_GONE) from None
-
-    def machines(self) -> set[str]:
-        """The machines of its workers, at the moment."""
-        with self._reached():
-            return set(self.client.run(storage.machine, on_error="ignore").values())
-
-    def check(self) -> None:
-        """Notice that the scheduler is gone for longer than Dask waits for it; to the workers it sees itself."""
-        if self.client.status in ("closing", "closed"):
-            raise WorkersLost(_GONE)
-
-    def _heard(self, event: tuple[float, Any]) -> None:
-        _, (number, *work) = event
-        self.reports.append((number, Work(*work)))
-
-    @contextlib.contextmanager
-    def _reached(self) -> Iterator[None]:
-        """Within it all that is raised because the scheduler is gone becomes one error with a line."""
-        try:
-            yield
-        except Exception as error:
-            if isinstance(error, OSError):
-                raise WorkersLost(_GONE) from None
-            self.check()
-            raise
-
-
-def _compute(topic: str, source: Source, number: int, chunk: Chunk) -> Any:
-    """The sums over a chunk, in a worker, which logs its work without paths for the client."""
-    from distributed import get_worker
-
-    def report(work: Work | None) -> None:
-        if work is not None:
-            title, *seconds = work
-            get_worker().log_event(topic, (number, title, *map(float, seconds)))
-
-    with reporting_to(report):
-        return compute(source, number, chunk, 1)
-
-
-@contextlib.contextmanager
-def _without_its_log() -> Iterator[None]:
-    """Within it Dask logs nothing: a line says the same as its tracebacks, as of a scheduler that is gone."""
-    logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
-    levels = [log.level for log in logs]
-    for log in logs:
-        log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        for log, level in zip(logs, levels, strict=True):
-            log.setLevel(level)
-
-
-@contextlib.contextmanager
-def connected(address: str) -> Iterator[Dask]:
-    """The workers of the scheduler at an address, or ``local:N`` for N of its own on this machine.
-
-    Raises ImportError if Dask is not installed, ValueError if `address` is none, OSError if nobody answers.
-    """
-    import dask.config
-    from distributed import Client, LocalCluster
-
-    # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
-    settings: dict[str, Any] = {f"distributed.{role}.http.routes": [] for role in ("scheduler", "worker")}  # no pages
-    settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
-    with _without_its_log(), dask.config.set(settings), contextlib.ExitStack() as stack:
-        if address.startswith("local:"):
-            size = int(address[6:]) if re.fullmatch("local:[0-9]{1,9}", address) else 0
-            if not 1 <= size <= MOST_WORKERS:
-                raise ValueError(f"N must be from 1 to {MOST_WORKERS}")
-            quiet: Any = {"scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}, "dashboard_address": None}
-            quiet |= {"silence_logs": logging.ERROR, "threads_per_worker": 1, "processes": True}
-            client = stack.enter_context(Client(stack.enter_context(LocalCluster(n_workers=size, **quiet))))
-            client.register_worker_callbacks(end_with_parent)
-        else:
-            client = stack.enter_context(Client(address))
-        yield Dask(client)
-
-
-def workers_of(place: int | str | None) -> contextlib.AbstractContextManager[Workers | None]:
-    """So many processes on this machine, the cluster at an address as in :func:`connected`, or None for neither."""
-    if place is None:
-        return contextlib.nullcontext()
-    return connected(place) if isinstance(place, str) else processes(place)
+def workers_of(asked: int | Executor | None) -> contextlib.AbstractContextManager[Workers | None]:
+    """So many processes on this machine, those behind an executor, or None for neither."""
+    if isinstance(asked, Executor):
+        return contextlib.nullcontext(ExecutorWorkers(asked))
+    return contextlib.nullcontext() if asked is None else processes(asked)

@@ -1,16 +1,10 @@
-"""The schemes, by the names that experiments use, and the orders that theory states of them.
-
-With other drivers than Brownian motion, see docs/drivers.md, the orders of compositions of exact flows follow from what
-such a step lacks: half a commutator of the drift and an increment, and dX_k dX_l / 2 - A_kl times that of two noises,
-of which palindromes lack A_kl alone.
-"""
+"""The schemes, by the names that experiments use, and the orders that theory states of them."""
 
 import math
 
 import numpy as np
 
 from ..compiler.inlining import uncompiled
-from ..ensemble.drivers import Fractional, OrnsteinUhlenbeck
 from ..ensemble.fields import noise_field, noise_field_derivative
 from ..ensemble.protocol import (
     exact_flows,
@@ -26,7 +20,7 @@ from ..ensemble.protocol import large as has_arrays
 from ..ensemble.scheme_protocol import judges
 from .midpoint import is_reversible, preserved
 from .splitting import splitting
-from .stages import acting_flows, has_loops, indices_of, is_own_reverse, is_reversed_by_coin, needs_coins, with_friction
+from .stages import acting_flows, has_loops, indices_of, is_own_reverse, is_reversed_by_coin, with_friction
 from .table import POISSON, SCHEMES, Scheme, register_scheme, typical_ns
 
 __all__ = [
@@ -134,7 +128,7 @@ def strong_order(entry, model, initial, law=None):
     states = [] if has_arrays(model) else _states_near(initial)
     commuting = noises_commute(model) if has_arrays(model) else _commute(model, states)
     if law is not None:
-        return driven_order(law, entry, model, commuting)
+        return law.strong_order(entry, model, commuting)
     order = entry.strong_order_commuting if commuting else entry.strong_order
     if commuting and entry.left_out is not None and not has_arrays(model):  # of large models f_k' f_k is not 0
         left_out = _products(entry.left_out, model, states)
@@ -147,7 +141,7 @@ def order_without_noise(entry, model):
     if not has_theory(entry, model):
         return None
     if entry.composition is not None:
-        return 2.0 if _is_palindrome(entry, model, False) else 1.0
+        return 2.0 if is_palindrome(entry, model, False) else 1.0
     return None if math.isnan(entry.order_without_noise) else entry.order_without_noise
 
 
@@ -172,28 +166,13 @@ def _products(word, model, states):
         )
 
 
-def driven_order(law, entry, model, commuting):
-    """The strong order with a driver, for noises that commute or do not; None where it is not known."""
-    if entry.composition is None or not has_theory(entry, model):
-        return None
-    balanced = _is_palindrome(entry, model, commuting)
-    if isinstance(law, OrnsteinUhlenbeck):
-        return 2.0 if balanced else 1.5 if is_reversed_by_coin(entry.composition) else 1.0
-    if isinstance(law, Fractional):
-        even = balanced or needs_coins(entry.composition)
-        order = law.hurst + 0.5 if commuting else 2.0 * law.hurst - 0.5
-        return order if even else min(1.0, order)
-    return None
-
-
 def weak_order(entry, model, extrapolate=0, law=None):
     """The weak order for smooth functions, after so many levels of extrapolation; None where theory states none.
 
     `law` is that of the driver, None for Brownian motion.
     """
     if law is not None:
-        stated = entry.composition is not None and has_theory(entry, model) and isinstance(law, OrnsteinUhlenbeck)
-        return (2.0 if _is_palindrome(entry, model, True) else 1.0) if stated else None
+        return law.weak_order(entry, model)
     if not extrapolate:
         if not noise_indices(in_kernels(model)):
             return order_without_noise(entry, in_kernels(model))
@@ -202,7 +181,7 @@ def weak_order(entry, model, extrapolate=0, law=None):
     return exponents[-1] if exponents else None
 
 
-def _is_palindrome(entry, model, commuting):
+def is_palindrome(entry, model, commuting):
     """Whether a step is its own reverse path by path, where noises that commute may stand in any order."""
     stages, indices = entry.composition, indices_of(model)
     words = [acting_flows(stages, indices, coin) for coin in (1, -1)]

@@ -15,7 +15,7 @@ from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
 from ..numerics.rng import LANES
 from .splitting import LIE_TROTTER, run_stages, stages_work
-from .stages import needs_coins
+from .stages import needs_coins, sweeps
 
 
 @method
@@ -77,6 +77,9 @@ class AsymptoticPreserving(NamedTuple):
 
     def work_size(scheme, model):
         return noises(model) * LANES + stages_work(model)
+
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         move_processes(model, y, scheme, h, dW, work)

@@ -179,6 +179,9 @@ class Metropolis(NamedTuple):
     def work_size(scheme, model):
         return size_or((3 + dimension(model)) * LANES, model) + judged_work(model)
 
+    def compile_size(scheme, model):
+        return len(noise_indices(model)) + len(there_and_back(model)), 0
+
     def advance(scheme, model, h, dW, coins, y, work, report):
         backwards = y[dimension(model) * LANES :]
         energies, times, proposed = work[:LANES], work[LANES:], work[3 * LANES :]

@@ -62,6 +62,9 @@ class Splitting(NamedTuple):
     def work_size(scheme, model):
         return stages_work(model)
 
+    def compile_size(scheme, model):
+        return len(sweeps(scheme.stages, model)), 0
+
     def of_arrays(scheme, model):
         within = not (has_loops(scheme.stages) or has_joint(scheme.stages))
         return LargeComposition.of(scheme.stages, model) if within else scheme

@@ -1,7 +1,7 @@
 """Compositions of flows as data: stages, each of them all pieces of H, or all noises, in some order, or loops.
 
 All properties of a splitting scheme derive from its stages by :func:`flows_in_order`: its kernel, the backward
-operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and the cost of a step.
+operators of solvers, whether it needs coins, whether it has antithetic paths, and the cost of a step.
 
 The fraction of a stage is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the

@@ -113,7 +113,7 @@ class Scheme(NamedTuple):
 
     @property
     def solvable_without_sampling(self):
-        """Whether ``spi.exact.kolmogorov`` can do it: a composition, each noise flow with an increment of its own."""
+        """Whether solvers can be asked for it: a composition, each noise flow with an increment of its own."""
         stages = self.composition
         return stages is not None and not self.multiscale and not has_loops(stages) and not has_shared(stages)
 

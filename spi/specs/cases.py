@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic
 
-from ..compiler.dispatch import answers
+from ..compiler.dispatch import MOST, answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
 from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
@@ -17,6 +17,7 @@ from ..ensemble.protocol import (
     Positive,
     at_temperature,
     casimir_degrees,
+    component_names,
     conserved,
     dimension,
     flows_lacking,
@@ -25,6 +26,7 @@ from ..ensemble.protocol import (
     large,
     noise_indices,
     noises,
+    parameters,
     squared_length_is_casimir,
 )
 from ..ensemble.scheme_protocol import judges, needs_areas
@@ -38,8 +40,6 @@ from ..models.spins import Spins
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import hidden, variables
-from ..systems.keys import MOST
 from .checks import (
     check_count,
     check_distinct,
@@ -49,7 +49,6 @@ from .checks import (
     wrong_scheme,
 )
 from .compositions import Compositions, check_steps, weak_order
-from .drivers import Noise, check_noise, described
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -72,10 +71,10 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .names import CodeKeys, Taken, check_values, named_in, numbers_of
+from .noise import Noise
 from .sweep import PLACES, SWEEP, Swept, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
-LAWS = ("law", "distance")  # panels about a stationary law
 CLIP = (
     "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes; at a temperature they are then divided by the "
     "standard deviation of clipped normal numbers"
@@ -169,9 +168,7 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    noise: key_of(Noise, "what drives the noises, as in {kind: fractional, hurst: 0.7}; default: Brownian motion") = (
-        None
-    )
+    noise: key_of(Noise, "what drives the noises, as in {kind: brownian}, which is the default") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
@@ -196,6 +193,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -234,6 +232,11 @@ class BaseCase(Keys):
         return (self.sweep and self.sweep.case) or self.name
 
     @property
+    def scopes(self) -> list[str]:
+        """The names to which a claim may be restricted: entries of the keys :attr:`scoping`."""
+        return [entry for key in self.scoping for entry in getattr(self, key)]
+
+    @property
     def claims(self) -> tuple[Claim, ...]:
         """The claims of ``expect``."""
         return claims(self)
@@ -241,7 +244,7 @@ class BaseCase(Keys):
     @property
     def variables(self) -> tuple[str, ...]:
         """The names of the components; () if the system gives them none."""
-        return variables(undamped(self.model))
+        return tuple(component_names(self.model))
 
     @property
     def clipping(self) -> int:
@@ -252,7 +255,29 @@ class BaseCase(Keys):
     @property
     def driver(self) -> str:
         """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
-        return described(self.noise)
+        return self.noise.text if self.noise else ""
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """The panels about a stationary law, which is known without damping and temperature only."""
+        return ()
+
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The step sizes for which increments are drawn; those of larger steps are sums of them."""
+        raise NotImplementedError
+
+    @property
+    def wanted_paths(self) -> int:
+        """The number of paths whose noise is drawn."""
+        return getattr(self, "samples", None) or 1
+
+    def check_driven(self) -> None:
+        """Raise the error about what is for Brownian motion, of a case with another driver."""
+        if not self.driven:
+            raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
+        if getattr(self, "truncate_noise", False):
+            raise wrong("is true, whose bound is that for Brownian motion", "leave it out", "truncate_noise")
 
     @property
     def model_name(self) -> str:
@@ -261,8 +286,7 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of the model by name, and the damping or temperature where there is one."""
-        model = undamped(self.model)
-        values = {key: value for key, value in model._asdict().items() if key not in hidden(model)}
+        values = dict(parameters(undamped(self.model)))
         for key, value in values.items():
             if hasattr(value, "_fields"):
                 values[key] = str(value)
@@ -342,7 +366,9 @@ class BaseCase(Keys):
                 able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
                 able += " without damping" if self.damping else ""
                 raise wrong_scheme(self, name, f"which is for {able}", "use another")
-        check_noise(self)
+        if self.noise:
+            self.check_driven()
+            self.noise.check(self)
 
     @condition
     def _check_lists(self) -> None:
@@ -396,6 +422,11 @@ class StepCase(BaseCase):
         """T."""
         return self.final_time
 
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The step."""
+        return (self.step,)
+
     @condition
     def _check_step(self) -> None:
         check_step(self)
@@ -411,12 +442,18 @@ class ErrorCase(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
 
+    listed_under: ClassVar[str] = "errors"
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
 
     @property
     def last_time(self) -> float:
         """T."""
         return self.final_time
+
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """The reference step."""
+        return (self.reference_step,)
 
     @condition
     def _check_steps(self) -> Self:
@@ -452,7 +489,7 @@ def _damped(case: Any) -> Any:
     if len(degrees) != conserved(case.model):
         fault = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(fault, "leave it out, or state casimir_degrees", "damping")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+    if laws := case.laws_shown:
         raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
@@ -476,7 +513,7 @@ def _thermal(case: Any) -> Any:
         raise wrong("is 0, at which friction would be infinite", right, "temperature")
     if case.damping:
         raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
-    if described(case.noise):
+    if case.noise:
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
@@ -492,7 +529,7 @@ def _thermal(case: Any) -> Any:
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+    if laws := case.laws_shown:
         raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
     return thermal(model, temperature)
 

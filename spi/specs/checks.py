@@ -6,15 +6,14 @@ from typing import Any
 
 from pydantic_core import PydanticCustomError
 
+from ..compiler.dispatch import MOST
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import area_pairs, flows_lacking, inner
+from ..ensemble.protocol import area_pairs, flows_lacking, inner, why_inexact
 from ..ensemble.scheme_protocol import judges, needs_areas, substeps
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
-from ..systems import inexact
-from ..systems.keys import MOST
 from .keys import quantity, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
@@ -105,7 +104,7 @@ def check_flows(case: Any) -> None:
     able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
     able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
     part, k = lacking[0]
-    formula, why = inexact(undamped(case.model)).get(part, {}).get(k, (f"{part}[{k}]", "as the model says"))
+    formula, why = why_inexact(undamped(case.model), part, k)
     why = why.replace(f"'{formula}'", "it")
     for name in case.schemes_used:
         if case.row(name).composition is not None:

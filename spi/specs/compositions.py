@@ -34,7 +34,8 @@ from ..checks.registration import check_class
 from ..checks.scheme_checks import check_scheme
 from ..compiler import modules
 from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
-from ..exact.kolmogorov import backward
+from ..exact.words import weak_order as order_of_words
+from ..exact.words import words_of
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
 from ..models.delegation import undamped
@@ -199,9 +200,9 @@ def weak_order(stages: Stages, model: Any) -> float:
 @functools.lru_cache(maxsize=64)
 def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
     """The order, where a piece and its noises commute."""
-    words = backward.words_of(acting, lambda part, k: True)
+    words = words_of(acting, lambda part, k: True)
     family = {("noise", j): ("drift", k) for k, noises_of in enumerate(families) for j in noises_of}
-    return float(backward.weak_order(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
+    return float(order_of_words(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
 
 
 def _plain(entry: Stages | Scheme) -> Any:

@@ -114,8 +114,7 @@ def _claim(case: Any, path: tuple[str, ...], stated: Stated) -> Claim:
     if len(path) == 1:
         right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
         raise wrong(f"is {shown(stated.text)}", right, "expect", scheme)
-    within = [entry for key in case.scoping for entry in getattr(case, key)]
-    within += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
+    within = case.scopes
     scopes, limits, text = [], [], stated.text
     for n, key in enumerate(path[1:], 2):
         place = "expect", *path[:n]

@@ -22,13 +22,14 @@ from annotated_types import Ge, MinLen
 from pydantic import ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
+from ..plugins import lacking
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, suggestion
-from .models import ModelPart, check_overrides, is_another, overridden
+from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, shown, suggestion, wrong
+from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", "text_of"]
@@ -41,10 +42,7 @@ __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load", 
 PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
-ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
-
-#: The kind of experiments that name an accuracy and leave steps and samples to the program.
-ANSWER = "answer"
+ONLY_IN_FILES = ("kind", "group", "asks", "figure", "cases", "profiles")
 
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
@@ -66,6 +64,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
+        "group": (key_of(str | None, "the group in which `spi list` shows it; default: that of its kind"), None),
         "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
@@ -75,23 +74,49 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     return profile, file
 
 
-class Layers(NamedTuple):
-    """The readers of the layers of spec files, by kind of experiment."""
+class Layers:
+    """The readers of the layers of spec files, by kind of experiment, each made when a file of its kind is read."""
 
-    cases: dict[str, type[BaseCase]]  #: kind -> class of a complete case
-    profiles: dict[str, type[Keys]]  #: kind -> class of a profile or an override
-    file: Any  #: a ``pydantic.TypeAdapter`` for a whole file
+    def __init__(self, kinds: Mapping[str, Any]) -> None:
+        self.kinds = kinds  #: name -> folder of the kind, whose ``keys.Case`` is the class of a complete case
+        self._made: dict[str, tuple[type[Keys], type[Keys]]] = {}
 
-    @classmethod
-    def of(cls, cases: Mapping[str, type[BaseCase]]) -> "Layers":
-        """The layers of the kinds whose classes of cases are given by name."""
-        both = {kind: _layers(kind, case_class) for kind, case_class in cases.items()}
-        file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
-        return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
+    def case(self, kind: str) -> type[BaseCase]:
+        """The class of a complete case."""
+        case: type[BaseCase] = self.kinds[kind].keys.Case
+        return case
+
+    def _of(self, kind: str) -> tuple[type[Keys], type[Keys]]:
+        if kind not in self._made:
+            self._made[kind] = _layers(kind, self.case(kind))
+        return self._made[kind]
+
+    def profile(self, kind: str) -> type[Keys]:
+        """The class of a profile or an override."""
+        return self._of(kind)[0]
+
+    def read(self, data: Any) -> Any:
+        """A whole file, given as plain data; ``pydantic.ValidationError`` if it is not valid."""
+        kind: Any = data.get("kind") if isinstance(data, dict) else None
+        here = isinstance(kind, str) and kind in self.kinds
+        return self._of(kind)[1].model_validate(data) if here else self._any.validate_python(data)
+
+    @property
+    def _any(self) -> pydantic.TypeAdapter:
+        """The reader of a file of any kind."""
+        files: Any = one_of([self._of(kind)[1] for kind in self.kinds], "kind", self.kinds)
+
+        def check(data: Any) -> Any:
+            if isinstance(data, dict) and (advice := lacking("kinds", data.get("kind"))):
+                raise wrong(f"is {shown(data['kind'])}", advice, "kind")
+            return data
+
+        whole: Any = Annotated[files, pydantic.BeforeValidator(check)]
+        return pydantic.TypeAdapter(whole)
 
     def json_schema(self) -> dict[str, Any]:
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
-        schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self.file.json_schema()}
+        schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self._any.json_schema()}
         return {**schema, "title": "An experiment of spi"}
 
 
@@ -119,7 +144,7 @@ class Heading(NamedTuple):
     title: str
     figure: int | None  #: of the paper
     kind: str
-    model: Mapping[str, Any]  #: its keys, or those of the first case
+    group: str  #: in ``spi list``
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
@@ -128,11 +153,11 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Only its keys are looked at: models and initial states can take seconds.
     """
     try:
-        file = kinds.file.validate_python(Document(text_of(path), str).data)
+        file = kinds.read(Document(text_of(path), str).data)
     except (SpecError, ValidationError):
         return None
-    model: Mapping[str, Any] = next((layer.model for layer in (file, *(file.cases or ())) if layer.model), {})
-    return Heading(file.title or Path(path).stem, file.figure, file.kind, model)
+    group = file.group or kinds.case(file.kind).listed_under
+    return Heading(file.title or Path(path).stem, file.figure, file.kind, group)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -173,13 +198,6 @@ class Experiment(NamedTuple):
     def samples(self) -> tuple[int, ...]:
         """The number of samples of each case, 0 where there is none."""
         return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
-
-    @property
-    def paths_hash(self) -> str:
-        """As `hash`, but without the numbers of samples, which change no path."""
-        cases = self.effective["cases"].items()
-        paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
-        return _hash({**self.effective, "cases": paths})
 
 
 def _canonical(value: Any) -> str:
@@ -223,7 +241,7 @@ def load(
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, place)
     named = Files(path, files, trusts, added)
-    file: Any = _valid(kinds.file.validate_python, document.data, [(document, ())])
+    file: Any = _valid(kinds.read, document.data, [(document, ())])
     stem = title or Path(path).stem  # which need not be Unicode
     title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
     owners = _owners(document, title)
@@ -232,8 +250,8 @@ def load(
     }
     last: list[Layer] = [(override(called, text), ()) for text in overrides]
     for layer, _ in last:
-        _valid(kinds.profiles[file.kind].model_validate, layer.data, [(layer, ())])
-    read = partial(_cases, kinds.cases[file.kind], named, document, owners)
+        _valid(kinds.profile(file.kind).model_validate, layer.data, [(layer, ())])
+    read = partial(_cases, kinds.case(file.kind), named, document, owners)
     each = {name: read(above) for name, above in {"": [], **profiles}.items()}
     cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
@@ -265,9 +283,11 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     """The text of an experiment as plain data; `place` precedes the numbers of lines in messages."""
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
-        document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
-        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
+        document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.kinds)}")
+    if isinstance(document.data, dict) and "kind" not in document.data:
+        key = source_of(document.data).in_file
+        if key and key not in document.data:
+            document.fail((), f"is a {key}, no experiment; an experiment has it as model: {{{key}: {Path(path).name}}}")
     return document
 
 

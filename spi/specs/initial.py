@@ -1,41 +1,35 @@
-"""The key ``initial``: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
+"""The key ``initial``: numbers, or a mapping that one of :data:`INITIAL` reads, by the first of its keys that is there.
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
-    initial: {modes: {"1,0": 0.1+0.3i, "2,-1": 0.2}}
-    initial: {vorticity: "cos(x1) + cos(x2)"}
-    initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
 
 Whatever stands there becomes the numbers of the state at once, and these are what decides results.  A law by which each
 path has a state of its own, ``initial: {law: gaussian, ...}``: see the laws below.
 """
 
-import functools
 import hashlib
 import math
-import re
 from collections.abc import Callable
-from functools import lru_cache
-from typing import Annotated, Any, Literal, cast
+from functools import lru_cache, reduce
+from operator import or_
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Le
 
+from ..compiler.dispatch import answers
 from ..ensemble.long_states import LONG, LongState, state_of
-from ..ensemble.protocol import NonNegative, Positive, dimension, large, populations
+from ..ensemble.protocol import NonNegative, component_names, dimension, gibbs_law, large, named_numbers, populations
 from ..ensemble.random_states import Gaussian, Gibbs, Listed, LongRandomState, RandomState, Spheres, Uniform
 from ..exact.surfaces import least_on, quadratic, spheres
-from ..expressions import as_numpy, parse_expression
-from ..expressions.arithmetic import NumberError, parse
+from ..expressions.arithmetic import NumberError
+from ..expressions.ranges import has_range, without_ranges
+from ..models import MODELS
 from ..models.delegation import undamped
-from ..models.spins import Spins
-from ..models.spins.whole import Sampled
-from ..models.zeitlin import fields
-from ..models.zeitlin.tables import places
-from ..systems import expanded, has_range, variables
+from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
-from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
+from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, quantity, shown, suggestion, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of initial states, of which each path has its own.
@@ -47,7 +41,6 @@ from .keys import ABSENT, Keys, Seed, State, condition, entries_in, key_of, one_
 # ---------------------------------------------------------------------------------------------------------------------
 
 LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
-_SWEEPS = 1000  # of lattices of spins
 _TRIALS = 2**16  # states by which it is estimated
 #: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
 _MOST_NUMBERS = 2**20
@@ -57,7 +50,15 @@ _MATRIX = tuple[tuple[float, ...], ...]
 _Through = key_of(State, "a state on the Casimir surface")
 
 
-class OnSurface(Keys):
+class Law(Keys):
+    """A law; a subclass has a key ``law`` of one value, and a method ``state(model, files)``."""
+
+    def is_for(self, model: Any) -> bool:
+        """Whether there are such laws for a model."""
+        return not large(model)
+
+
+class OnSurface(Law):
     """Uniform on a Casimir surface."""
 
     law: Literal["uniform_on_surface"]
@@ -69,25 +70,25 @@ class OnSurface(Keys):
         return RandomState(surface.typical, Uniform(surface), self.model_dump())
 
 
-class OfGibbs(Keys):
+class OfGibbs(Law):
     """Density exp(-H/T) on a Casimir surface."""
 
     law: Literal["gibbs"]
-    through: key_of(State, "a state on the Casimir surface; not for the model spins") = ABSENT
+    through: key_of(State, "a state on the Casimir surface; not for lattices") = ABSENT
     temperature: key_of(float, "T in the density exp(-H/T); may be negative", "energy")
     sweeps: key_of(
-        Annotated[int, Ge(1), Le(10**7)], "of the model spins: sweeps over the lattice by which a state is drawn"
+        Annotated[int, Ge(1), Le(10**7)], "of lattices: sweeps over the lattice by which a state is drawn"
     ) = ABSENT
 
     def state(self, model: Any, files: Files) -> Any:
         """A typical state, and the law."""
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
-        own, other = ("sweeps", "through") if isinstance(model, Spins) else ("through", "sweeps")
+        own, other = ("sweeps", "through") if answers(gibbs_law, model) else ("through", "sweeps")
         if other in self.model_fields_set:
             raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
-        if isinstance(model, Spins):
-            sampled = Sampled(model, self.temperature, self.sweeps or _SWEEPS)
+        if answers(gibbs_law, model):
+            sampled = model.gibbs_law(self.temperature, self.sweeps)
             start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))[:, 0]
             given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
             if len(start) > LONG:
@@ -114,8 +115,12 @@ class OfGibbs(Keys):
             raise wrong(fault, right, "temperature")
         return RandomState(surface.typical, law, self.model_dump(exclude={"sweeps"}))
 
+    def is_for(self, model: Any) -> bool:
+        """See :class:`Law`: also for a large model that draws its states."""
+        return super().is_for(model) or answers(gibbs_law, undamped(model))
 
-class OfGauss(Keys):
+
+class OfGauss(Law):
     """Normal."""
 
     law: Literal["gaussian"]
@@ -157,7 +162,7 @@ class OfGauss(Keys):
         return _cholesky(matrix)
 
 
-class OfPoints(Keys):
+class OfPoints(Law):
     """Drawn from given states, with replacement."""
 
     law: Literal["points"]
@@ -189,21 +194,27 @@ class OfPoints(Keys):
         return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), plain)
 
 
-_CLASSES = (OnSurface, OfGibbs, OfGauss, OfPoints)
-LAWS = ("uniform_on_surface", "gibbs", "gaussian", "points")
-Law = one_of(_CLASSES, "law", LAWS)
-_READ = pydantic.TypeAdapter(Law)
+#: The name of a law -> the class of its keys.
+LAWS = Registry("laws", {"uniform_on_surface": OnSurface, "gibbs": OfGibbs, "gaussian": OfGauss, "points": OfPoints})
 
 
-def random_state(data: dict[str, Any], model: Any, files: Files) -> Any:
-    """The :class:`RandomState` of a mapping with the key ``law``; () if the model is not known yet."""
-    given = _READ.validate_python(data)
-    if model is None:
-        return ()
-    if large(model) and not (isinstance(given, OfGibbs) and isinstance(undamped(model), Spins)):
-        right = "give one state; or move states of your own by spi.Integrator, see docs/integrator.md"
-        raise wrong(f"is a law, which is for models of few components, not for {type(model).__qualname__}", right)
-    return given.state(undamped(model), files)
+class OfLaw:
+    """The reader of a mapping with the key ``law``."""
+
+    @staticmethod
+    def model_validate(data: dict[str, Any]) -> Any:
+        """The record of a mapping, by the name of its law."""
+        name = data["law"]
+        if isinstance(name, str) and name in LAWS:
+            return LAWS[name].model_validate(data)
+        if advice := lacking("laws", name):
+            raise wrong(f"is {shown(name)}", advice, "law")
+        return pydantic.TypeAdapter(OfLaw.hint()).validate_python(data)
+
+    @staticmethod
+    def hint() -> Any:
+        """The annotation of all laws."""
+        return one_of([*LAWS.values()], "law", LAWS)
 
 
 def _check_length(values: tuple, model: Any, key: str) -> None:
@@ -261,7 +272,7 @@ def _cholesky(matrix: _MATRIX) -> list[list[float]]:
 
 
 def _names(model: Any) -> list[str]:
-    return list(variables(model)) or [f"y{i + 1}" for i in range(dimension(model))]
+    return list(component_names(model)) or [f"y{i + 1}" for i in range(dimension(model))]
 
 
 def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -309,192 +320,25 @@ def _of_npz(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
     return y, weight
 
 
-_MODE = re.compile(r"\s*([+-]?[0-9]{1,6})\s*,\s*([+-]?[0-9]{1,6})\s*")
-_FIELDS = ("modes", "vorticity", "random")
-_POINTS_A_MODE = 4  # and more: of the grid on which a field is sampled, along each side and for each of N
-
-
-class Random(Keys):
-    """A random vorticity."""
-
-    spectrum: key_of(str, "energy of shell k up to a factor, an expression in k such as k^4*exp(-k^2/18)")
-    energy: key_of(Positive, "H of the state") = 1.0
-    seed: key_of(Seed, "seed of the random phases and amplitudes") = 1
-
-
-class Vorticity(Keys):
-    """An initial vorticity on the torus, given in one of three ways."""
-
-    modes: key_of(
-        Annotated[dict[str, Any], MinLen(1)], 'modes that are not 0, as in {"1,0": 0.1+0.3i, "2,-1": 0.2}'
-    ) = ABSENT
-    vorticity: key_of(str, "an expression in x1 and x2, which go from 0 to 2*pi") = ABSENT
-    random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
-    subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
-
-    @condition
-    def _check_one(self) -> None:
-        given = [key for key in _FIELDS if key in self.model_fields_set]
-        if len(given) != 1:
-            keys = _FIELDS if given else (*_FIELDS, "file")
-            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(keys)}")
-        if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
-            raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
-
-    def state(self, n: int) -> tuple[float, ...]:
-        """The state of the lattice modulo `n`; raises the error about the key that is wrong."""
-        if self.modes is not None:
-            return _of_modes(self.modes, n)
-        if self.random is not None:
-            return _at_random(self.random.spectrum, self.random.energy, self.random.seed, n)
-        return _of_field(self.vorticity, self.subtract_mean, n)
-
-
-class Stored(Keys):
+class FromFile(Keys):
     """An initial value of any model that stands in a file."""
 
     file: key_of(
-        str, "a file of numpy.save: a number per component, or a vorticity on a square grid of at least N points a side"
+        str, "a file of numpy.save: a number per component, or a field on a square grid of at least N points a side"
     )
-    subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity on the grid") = False
+    subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the field on the grid") = False
 
-    def state(self, files: Any, n: int | None) -> Any:
-        """The numbers of the state, on the lattice modulo `n` if there is one."""
+    def state(self, model: Any, files: Files) -> Any:
+        """The numbers of the state, or what the model makes of values on a grid."""
         values = array_in(files, self.file)
         if values.ndim == 1:
             return state_of(values)
-        shape = f"{values.shape[0]} x {values.shape[1]}"
-        if n is None:
-            raise wrong(f"has {shape} numbers", "must have one dimension, a number per component", "file")
-        if values.shape[0] != values.shape[1] or len(values) < n:
-            right = f"must have as many columns as rows, at least {n}; or one dimension"
-            raise wrong(f"is a vorticity on {shape} points", right, "file")
-        return _of_samples(values, self.subtract_mean, n, "file")
-
-
-def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
-    """The state in which all modes but the given ones are 0."""
-    y, lattice = np.zeros(n * n - 1), places(n)
-    written: dict[int, str] = {}
-    for key, value in given.items():
-        if not (match := _MODE.fullmatch(key)):
-            raise wrong("is not a mode", 'must be two whole numbers, as in "2,-1"', "modes", key)
-        mode = int(match[1]), int(match[2])
-        if mode == (0, 0):
-            raise wrong("is the mean, which is 0", "leave it out", "modes", key)
-        if mode not in lattice:
-            right = f"both numbers must be between -{n // 2} and {n // 2}"
-            raise wrong(f"is not a mode of the lattice modulo {n}", right, "modes", key)
-        place, sign = lattice[mode]
-        if place in written:
-            fault = f"is given twice, also as {shown(written[place])}"
-            raise wrong(fault, "remove one, since -m has the complex conjugate of m", "modes", key)
-        written[place] = key
-        omega = _complex(value, key)
-        y[2 * place : 2 * place + 2] = omega.real, sign * omega.imag
-    return tuple(y.tolist())
-
-
-def _complex(value: Any, key: str) -> complex:
-    """The number that stands under the name of a mode."""
-    reason = ""
-    if isinstance(value, str):
-        try:
-            return complex(parse(value))
-        except NumberError as error:
-            reason = f" ({error})"
-    raise wrong(f"is {shown(value)}{reason}", "must be a number such as 0.2 or 0.1+0.3i", "modes", key)
-
-
-@functools.lru_cache(maxsize=16)
-def _of_field(text: str, subtract_mean: bool, n: int) -> tuple[float, ...]:
-    """The state that is nearest to a vorticity, sampled on a grid; kept, as all profiles of a file are read."""
-    points = 1 << (_POINTS_A_MODE * n - 1).bit_length()
-    x = 2 * np.pi * np.arange(points) / points
-    right = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"
-    values = _values(text, ("x1", "x2"), np.stack(np.meshgrid(x, x, indexing="ij")), right, "vorticity")
-    return _of_samples(values, subtract_mean, n, "vorticity")
-
-
-def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tuple[float, ...]:
-    """The state that is nearest to a vorticity on a grid, which stands under `key`."""
-    mean, largest = float(values.mean()), float(np.abs(values).max())
-    if subtract_mean:
-        values = values - mean
-    elif abs(mean) > fields.MEAN_ROUNDING * largest:
-        fault = f"has the mean {mean:.12g}, which must be 0 on the torus"
-        raise wrong(fault, "subtract it, or add subtract_mean: true", key)
-    return tuple(fields.projected(values, n).tolist())
-
-
-@functools.lru_cache(maxsize=16)
-def _at_random(text: str, energy: float, seed: int, n: int) -> tuple[float, ...]:
-    """A random state; kept as well."""
-    k = np.arange(1.0, fields.shells_of(n).max() + 1)
-    right = "must be an expression in k such as k^4*exp(-k^2/18)"
-    spectrum = _values(text, ("k",), k[None], right, "random", "spectrum")
-    where = None
-    if (spectrum < 0).any():
-        where = f"negative for k = {k[np.argmin(spectrum)]:.0f}"
-    elif not spectrum.any():
-        where = f"0 for k = 1 to {len(k)}"
-    if where:
-        right = "energies must not be negative, nor 0 in all shells"
-        raise wrong(f"is {shown(text)}, which is {where}", right, "random", "spectrum")
-    return tuple(fields.random_state(n, spectrum, energy, seed).tolist())
-
-
-def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str) -> np.ndarray:
-    """The values of an expression in some names at points (names, ...), all of them finite."""
-    try:
-        if other := re.search(r"\b[yY][0-9]+\b", text):  # the names of components of states
-            raise NumberError(f"unknown word '{other[0]}'")
-        tree = parse_expression(text, len(names), names)
-    except NumberError as error:
-        raise wrong(f"is {shown(text)} ({error})", right, *keys) from None
-    values = as_numpy(tree)(points)
-    if not np.isfinite(values).all():
-        first = np.unravel_index(np.argmin(np.isfinite(values)), values.shape)
-        where = ", ".join(f"{name} = {x[first]:.6g}" for name, x in zip(names, points, strict=True))
-        raise wrong(f"is {shown(text)}, which is not finite at {where}", "must be finite everywhere", *keys)
-    return values
-
-
-def _one_or_more(value: Any) -> Any:
-    """A single direction as a list of it."""
-    return [value] if isinstance(value, list) and not any(isinstance(entry, list) for entry in value) else value
-
-
-class SpinStates(Keys):
-    """Spins along one direction, along one for each site of the cell, or in random directions."""
-
-    spins: key_of(
-        Annotated[
-            Literal["random"] | tuple[State, ...],
-            pydantic.BeforeValidator(_one_or_more),
-        ],
-        "the direction of all spins, a list of those of the sites of a cell, or random",
-    )
-    seed: key_of(Seed, "of random directions") = 1
-
-    def state(self, model: Any) -> Any:
-        """The state of a lattice of spins."""
-        if model is None:  # it is wrong, which is reported
-            return ()
-        if not isinstance(undamped(model), Spins):
-            raise wrong("has spins, which is for the model spins", "give a list, a number per component", "spins")
-        sites, per_cell = dimension(model) // 3, len(undamped(model).cell.sites)
-        if self.spins == "random":
-            directions = np.random.default_rng(self.seed).standard_normal((sites, 3))
-        else:
-            if any(len(direction) != 3 or not any(direction) for direction in self.spins):
-                raise wrong("has a direction that is none", "give three numbers, not all 0, such as [0, 0, 1]", "spins")
-            given = np.array(self.spins, float)
-            if len(given) not in (1, per_cell):
-                raise wrong(f"has {entries_in(len(given))}", f"must have 1 or {per_cell}", "spins")
-            directions = np.tile(given, (sites // len(given), 1))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return state_of(directions)
+        name = MODELS.name_of(type(model)) or ""
+        if name in GRIDS:
+            return GRIDS[name](model, values, self.subtract_mean)
+        shape = " x ".join(map(str, values.shape))
+        right = lacking("grids", name) or "must have one dimension, a number per component"
+        raise wrong(f"has {shape} numbers", right, "file")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -502,36 +346,56 @@ class SpinStates(Keys):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+#: Name of a model -> what makes a state of it of values on a grid: of (model, values, whether to subtract their mean).
+GRIDS = Registry("grids")
+
+#: Key under ``initial`` -> class of the keys of such a mapping, with a method ``state(model, files)`` that gives the
+#: numbers for the record of a model without damping.
+INITIAL = Registry("initial", {"law": OfLaw, "file": FromFile})
+
+
 def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
     """The state that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
         given = numbers(_with_ranges(value, info))
         return state_of(given) if len(given) > LONG else given
-    if "law" in value:
-        return random_state(value, info.data.get("model"), cast(Files, info.context))
-    model = info.data.get("model")
-    if "spins" in value:
-        return SpinStates.model_validate(value).state(model)
-    given = (Stored if "file" in value else Vorticity).model_validate(value)
-    if model is None:  # it is wrong, which is reported
+    return state_in(value, info.data.get("model"), info.context)
+
+
+def state_in(data: dict[str, Any], model: Any, files: Any) -> Any:
+    """The state that a mapping stands for; () if the model is wrong, which is reported."""
+    key = next((key for key in INITIAL if key in data), None)
+    if key is None:
+        for name in data:
+            advice = lacking("initial", name)
+            raise wrong("is not a known key", advice or suggestion(name, INITIAL), name)
+        raise wrong("is an empty mapping", f"must have one of {', '.join(INITIAL)}")
+    given = INITIAL[key].model_validate(data)
+    if model is None:
         return ()
-    n = fields.lattice_of(model)
-    if isinstance(given, Stored):
-        return given.state(info.context, n)
-    if n is None:
-        right = "must be a list, a number per component, or have file"
-        raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
-    return given.state(n)
+    if isinstance(given, Law) and not given.is_for(model):
+        right = "give one state; or move states of your own by spi.Integrator, see docs/integrator.md"
+        raise wrong(f"is a law, which is for models of few components, not for {type(model).__qualname__}", right)
+    return given.state(undamped(model), files)
+
+
+class _AnyInitial:
+    """In the JSON Schema, whatever may stand there; the readers of plug-ins are imported only for that."""
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
+        mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
+        whole: Any = reduce(or_, [State, *mappings])
+        return handler(pydantic.TypeAdapter(whole).core_schema)
 
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
-    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
+    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the whole numbers of the model."""
     if not isinstance(value, list):
         return value
     if info.data.get("model") is None:  # it is wrong, which is reported, and its sizes are not known
         return [entry for entry in value if not has_range(entry)]
     try:
-        return expanded(value, info.data["model"])
+        return without_ranges(value, named_numbers(info.data["model"]))
     except NumberError as error:
         raise wrong(f"has a range that cannot be read ({error})", "write it as in cos(i), 0 for i = 1..n") from None
 
@@ -546,6 +410,6 @@ def _plain(value: Any) -> Any:
 #: The annotation of ``initial``.
 Initial = Annotated[
     State,
-    pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | SpinStates | Stored | Law),
+    pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, _AnyInitial()]),
     pydantic.PlainSerializer(_plain),
 ]

@@ -20,7 +20,6 @@ from pydantic_core import PydanticCustomError
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
-from ..storage.records import RENAMED_KINDS
 from .document import Location
 
 _MOST_LISTED = 64  # names in a message
@@ -47,8 +46,6 @@ def shown(value: Any) -> str:
 def suggestion(word: Any, words: Collection[str]) -> str:
     """Advice about a word that is none of `words`."""
     word = word if isinstance(word, str) else ""
-    if (renamed := RENAMED_KINDS.get(word)) in words:
-        return f"it is called '{renamed}' now, and nothing else changes"
     near = difflib.get_close_matches(word, words, 1)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(words)}"
 

@@ -2,165 +2,47 @@
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
-    model: {system: heavy_top.yaml, parameters: {weight: 1}}
 
 :data:`SOURCES` says for each key that tells where a model comes from how the mapping is read.
 """
 
-import keyword
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import reduce
-from operator import getitem, or_
-from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from functools import cache, reduce
+from operator import or_
+from types import MappingProxyType
+from typing import Annotated, Any, Literal, NamedTuple
 
 import pydantic
-from pydantic import BeforeValidator, Field, PlainValidator, create_model
+from pydantic import Field, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
-from .. import systems
 from ..checks.model_checks import check_once
 from ..compiler import modules
 from ..compiler.dispatch import answers
-from ..ensemble.protocol import fault, large, state_fault
+from ..ensemble.protocol import fault, generated, large, state_fault
 from ..expressions.ranges import meaning_of, taken_name
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
-from ..models.spins import Anisotropy, Spins, Terms, Transport
-from ..models.spins.lattices import Cell
-from .document import Document, Location, SpecError
+from ..plugins import Registry, lacking
+from .document import Document, Location
 from .files import Files
-from .keys import ABSENT, Keys, check_keys, fields_of, one_of, shown, suggestion, wrong
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Models that are Lie-Poisson systems written in YAML: in the spec itself, or in a file that it names.
-#
-#     model: {algebra: so(3), hamiltonian: y1^2/2 + y2^2/4, noises: [y3], sigma: [0.1]}
-#     model: {system: heavy_top.yaml, parameters: {weight: 2}}
-#
-# Keys beside ``system`` override those of the file, parameters and sizes one by one.
-# ---------------------------------------------------------------------------------------------------------------------
-
-#: Keys whose mappings are overridden entry by entry.
-BY_ENTRY = ("parameters", "sizes")
-#: The keys of a system besides those of its definition.
-_OTHERS = {
-    "system": "path of a YAML file with the keys of a system",
-    "name": "what the system is called",
-    "lattice": "true: H is a sum over pairs of spins, which the compiled flows of the model spins move",
-    "sigma": "strengths of the noises, numbers or formulas in the time t; 0 switches one off",
-}
-KEYS = {**systems.KEYS, **_OTHERS}
-
+from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
 
 #: Keys of a case that people write among those of the model.
 OUTSIDE = ("temperature", "damping", "initial", "seed", "eps", "schemes", "functions", "samples", "final_time")
 
 
-def read_system(data: Mapping[str, Any], files: Files) -> Any:
-    """The record of the model that is generated of a system; raises the error about a key of `data`."""
-    check_keys(data, KEYS, outside=OUTSIDE)
-    document = _document(data["system"], files) if "system" in data else None
-    whole = overridden(document.data, data) if document else data
-    name = _name(whole)
-    definition = {key: value for key, value in whole.items() if key in systems.KEYS}
-    if systems.names_time(whole.get("sigma")):
-        definition["sigma"] = whole["sigma"]
-    try:
-        if whole.get("lattice", "false") not in ("false", False):
-            from ..systems.bonds import spins_of  # which imports sympy, as the other one does
+class Source(NamedTuple):
+    """Where a model comes from, told by a key of its mapping: how the mapping is read, and what else is asked of it."""
 
-            model = _lattice(spins_of(definition, whole.get("sigma")))
-            systems.remember(model, definition)
-            return model
-        made = systems.made(definition, name)
-        from ..systems.definition import strengths
-
-        of_noises = strengths(definition, whole.get("sigma"))
-    except systems.DefinitionError as error:
-        _report(error, data, document)
-    return systems.record(made, [strength or None for strength in of_noises], definition)
-
-
-def _lattice(fields: Mapping[str, Any]) -> Spins:
-    """The model of spins with these fields, as ``systems.bonds.spins_of`` finds them."""
-    bonds, noise = tuple(Terms(**terms) for terms in fields["bonds"]), fields["noise"]
-    own = {"lattice": Cell(**fields["lattice"]), "bonds": bonds, "anisotropy": Anisotropy(**fields["anisotropy"])}
-    model = Spins(**{**fields, **own, "noise": noise and Transport(**noise)})
-    if fault := model.fault():
-        raise wrong(fault[1], fault[2], "lattice")
-    return model
-
-
-def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:
-    """The keys of a system in the file at this path; raises the error about the key ``system``."""
-    data: Mapping[str, Any] = _document(path, files).data
-    return data
-
-
-def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a system, overridden by those of a higher layer."""
-    pairs = {key: (below.get(key), above.get(key)) for key in BY_ENTRY}
-    both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
-    return {**below, **above, **both}
-
-
-def _name(whole: Mapping[str, Any]) -> str:
-    path = whole.get("system")
-    given = whole.get("name")
-    if given is None:
-        stem = "".join(c if c.isalnum() else "_" for c in Path(path).stem) if path else "own_system"
-        return stem if _is_name(stem) else f"system_{stem}"
-    if not isinstance(given, str) or not _is_name(given):
-        right = "must be a word of letters, digits and _ that begins with a letter, and no name that Python or we use"
-        raise wrong(f"is {shown(given)}", right, "name")
-    return given
-
-
-def _is_name(word: str) -> bool:
-    """Whether the class that is generated can be called so."""
-    return word.isidentifier() and not word.startswith("_") and not keyword.iskeyword(word) and word not in systems.USED
-
-
-def _document(path: Any, files: Files) -> Document:
-    """The file of a system."""
-    if not isinstance(path, str):
-        raise wrong(f"is {shown(path)}", "must be the path of a YAML file, seen from the folder of this one", "system")
-    text = files.text(path, "system")
-    try:
-        document = Document(text, lambda line: f"line {line}")
-    except SpecError as error:
-        raise wrong(f"is {shown(path)}, {error}", "correct that file", "system") from None
-    if not isinstance(document.data, dict):
-        raise wrong(f"is {shown(path)}, which is not a mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
-    if unknown := next((key for key in document.data if key not in KEYS or key == "system"), None):
-        fault = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
-        right = suggestion(unknown, [key for key in KEYS if key != "system"])
-        raise wrong(fault, "it stands outside of model" if unknown in OUTSIDE else right, "system")
-    return document
-
-
-def _report(error: systems.DefinitionError, data: Mapping[str, Any], document: Document | None) -> NoReturn:
-    """Raise the error about the key to which one of a definition belongs."""
-    fault, _, right = str(error).rpartition("; ")
-    fault, right = (fault, right) if fault else (right, "correct it")
-    keys = tuple(error.keys)
-    if document is None or (keys and keys[0] in data and keys[0] not in BY_ENTRY) or _stands_in(data, keys):
-        raise wrong(fault, right, *keys) from None
-    place = document.places.get(keys[: document.depth(keys)], "line 1")
-    key = ".".join(str(k) for k in keys if isinstance(k, str))
-    raise wrong(f"is {shown(data['system'])}, {place}, {key}: {fault}", right, "system") from None
-
-
-def _stands_in(data: Any, keys: tuple[Any, ...]) -> bool:
-    """Whether `keys` lead to a value."""
-    try:
-        reduce(getitem, keys, data)
-    except (LookupError, TypeError):
-        return False
-    return bool(keys)
+    read: Callable[[Any, Files], Any]  #: the record of the model, given the mapping and the files of the spec
+    fields: Mapping[str, tuple[Any, str]] = MappingProxyType({})  #: for the JSON Schema, key -> its type and what it is
+    #: Keys with numbers by name, which higher layers override one by one, each with the word for such a number.
+    numbers: Mapping[str, str] = MappingProxyType({})
+    in_file: str = ""  #: the key that names a file with further keys of the model, which the others override
+    of_file: Callable[[Any, Files], Mapping[str, Any]] = lambda path, files: {}  #: the keys in the file of this path
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -198,7 +80,15 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 
 def _by_name(data: Any, files: Files) -> Any:
-    parameters = _BUILT_IN.validate_python(data)
+    name = data.get("name") if isinstance(data, dict) else None
+    if isinstance(name, str) and name in MODELS:
+        parameters: Any = keys_of_model(name).model_validate(data)
+    elif advice := lacking("models", name):
+        raise wrong(f"is {shown(name)}", advice, "name")
+    elif absent := next((key for key in data or () if lacking("sources", key)), None):
+        raise wrong(f"is {shown(data[absent])}", f"{lacking('sources', absent)}", absent)
+    else:
+        parameters = pydantic.TypeAdapter(one_of([*map(keys_of_model, MODELS)], "name", MODELS)).validate_python(data)
     if named := taken_name(getattr(parameters, "variables", ())):
         raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
     return _record(MODELS[parameters.name], parameters)
@@ -262,34 +152,49 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
 # All of them
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: Key that tells where a model comes from -> how its mapping becomes a record, given the files that belong to the spec.
-#: If a mapping has several of these keys, the first of them counts.
-SOURCES: dict[str, Callable[[Any, Files], Any]] = {
-    "python": _of_python,
-    "system": read_system,
-    "algebra": read_system,
-    "bracket": read_system,
-    "name": _by_name,
-}
+#: Key that tells where a model comes from -> :class:`Source`; plug-ins add to it by :attr:`spi.plugins.Plugin.sources`.
+#: If a mapping has several of these keys, ``python`` goes first and ``name`` last.
+SOURCES = Registry(
+    "sources",
+    {
+        "python": Source(_of_python, {"python": (str, "path of a Python file, seen from the folder of this one")}),
+        "name": Source(_by_name, {"name": (str, "name of a class in the Python file")}),
+    },
+)
 
 
-def _source(data: Any) -> str | None:
-    return next((key for key in SOURCES if key in data), None) if isinstance(data, dict) else None
+def _key_of_source(data: Any) -> str | None:
+    keys = sorted(SOURCES, key="name".__eq__)
+    return next((key for key in keys if key in data), None) if isinstance(data, dict) else None
+
+
+def source_of(*layers: Any) -> Source:
+    """The source of a model whose mapping these layers make up."""
+    data = {key: True for layer in layers if isinstance(layer, dict) for key in layer}
+    source: Source = SOURCES[_key_of_source(data) or "name"]
+    return source
+
+
+def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a model, overridden by those of a higher layer."""
+    pairs = {key: (below.get(key), above.get(key)) for key in source_of(below, above).numbers}
+    both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
+    return {**below, **above, **both}
 
 
 def is_another(above: Any, below: Any) -> bool:
     """Whether a mapping names another model than the one that it overrides, instead of changing parameters of that."""
-    source = _source(above)
+    source = _key_of_source(above)
     if source is None or not isinstance(above, dict) or not isinstance(below, dict):
         return False
     other = "name" in above and above["name"] != below.get("name")
-    return other or source not in ("name", _source(below))
+    return other or source not in ("name", _key_of_source(below))
 
 
 def name_of(model: Any) -> str:
     """The name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, built_in in MODELS.items() if built_in is cls), cls.__qualname__)
+    return MODELS.name_of(cls) or cls.__qualname__
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -301,7 +206,7 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
         return
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
-        if systems.variables(model):  # nobody wrote its class, whose name and lines say nothing
+        if generated(model):  # the name and lines of its class say nothing
             complaint = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
             raise wrong(f"{complaint}{more}", _remedy(complaint), "model", *SOURCES)
         fault = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
@@ -309,7 +214,7 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
 
 
 def _remedy(complaint: str) -> str:
-    """Advice where a system written in YAML fails a generic check."""
+    """Advice where a model that is made of formulas fails a generic check."""
     if "not finite" in complaint or "cannot be computed" in complaint:
         return "near the initial state the formulas must be finite; take others, or another state"
     if "gradient" in complaint or "hessian" in complaint:
@@ -326,13 +231,13 @@ def _plain(model: Any) -> dict[str, Any]:
 
 def _read(data: Any, info: pydantic.ValidationInfo) -> Any:
     files: Any = info.context
-    return SOURCES[_source(data) or "name"](data, files)
+    return source_of(data).read(data, files)
 
 
-#: The keys of the built-in models, complete and in part.
-COMPLETE = [_keys_of(cls, {"name": Literal[name]}, True) for name, cls in MODELS.items()]
-_PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.items()]
-_BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
+@cache
+def keys_of_model(name: str, complete: bool = True) -> type[Keys]:
+    """The keys of a model with a name, all of them or, unless `complete`, any."""
+    return _keys_of(MODELS[name], {"name": Literal[name]}, complete)
 
 
 #: In the JSON Schema, a name that is none of theirs.
@@ -340,17 +245,11 @@ _NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
 
 
 class _FromElsewhere(Keys):
-    """A model that is not built in: by its class in a Python file, or a system."""
+    """A model that is not built in: by its class in a Python file, or by what else :data:`SOURCES` names."""
 
     model_config = pydantic.ConfigDict(
         extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": _NOT_BUILT_IN}}]}
     )
-
-    python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
-    system: Annotated[str, Field(description=KEYS["system"])] = ABSENT
-    algebra: Annotated[str, Field(description=KEYS["algebra"])] = ABSENT
-    bracket: Annotated[dict[str, Any], Field(description=KEYS["bracket"])] = ABSENT
-    name: Annotated[str, Field(description="name of a class in the Python file")] = ABSENT
 
 
 Model = Annotated[
@@ -359,17 +258,29 @@ Model = Annotated[
     pydantic.PlainSerializer(_plain),
     Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
 ]
+
+
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
-ModelPart = Annotated[
-    dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, [*_PARTS, _FromElsewhere]))
-]
+class _AnyModel:
+    """In the JSON Schema, a mapping of any model; the classes of models are imported only for that."""
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
+        parts = [keys_of_model(name, complete=False) for name in MODELS]
+        told = {key: field for source in SOURCES.values() for key, field in source.fields.items()}
+        fields: Any = {key: (Annotated[hint, Field(description=what)], ABSENT) for key, (hint, what) in told.items()}
+        elsewhere = create_model("FromElsewhere", __base__=_FromElsewhere, __doc__=_FromElsewhere.__doc__, **fields)
+        whole: Any = reduce(or_, [*parts, elsewhere])
+        return handler(pydantic.TypeAdapter(whole).core_schema)
+
+
+ModelPart = Annotated[dict[str, Any], _AnyModel()]
 
 
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
 def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[str, Any], files: Files) -> None:
-    """Raise the error about a parameter or size that a layer adds to a system and that no formula names.
+    """Raise the error about a number with a name that a layer adds to a model and that no formula names.
 
     `data` are the keys of a case, which the layers together make up.
     """
@@ -377,15 +288,20 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
     if not isinstance(model, dict):
         return
     lowest = next(part["model"] for document, top in layers if "model" in (part := document.at(top)))
-    whole: Mapping[str, Any] = model
-    if "system" in model:
+    source, whole = source_of(model), model
+    if source.in_file in model:
         try:
-            lowest = system_in_file(model["system"], files)
+            lowest = source.of_file(model[source.in_file], files)
         except PydanticCustomError:
             return  # reading the model reports it
         whole = overridden(lowest, model)
-    used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
-    for key, noun in zip(BY_ENTRY, ("parameter", "size"), strict=True):
+    named = {key: list(value.values()) for key, value in whole.items() if key in source.numbers and value}
+    initial = data.get("initial")
+    texts = _texts(
+        [list({**whole, **named}.values()), list(initial.values()) if isinstance(initial, dict) else initial]
+    )
+    used = {word for text in texts for word in _WORD.findall(text)}
+    for key, noun in source.numbers.items():
         declared = names_under(key, lowest)
         for name in names_under(key, model):
             if name not in declared and name not in used:
@@ -400,12 +316,11 @@ def names_under(key: str, model: Any) -> list[str]:
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """The texts in which formulas stand: all but the names of parameters and sizes."""
+    """The texts in which formulas may stand, keys of mappings included."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list):
         for entry in value:
             yield from _texts(entry)
     elif isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _texts([*inner, *inner.values()] if key == "bracket" and isinstance(inner, dict) else inner)
+        yield from _texts([*value, *value.values()])

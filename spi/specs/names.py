@@ -20,13 +20,22 @@ import pydantic
 
 from ..compiler.dispatch import answers
 from ..ensemble.observer import energies, invariants_of
-from ..ensemble.protocol import casimirs, conserved, dimension, frozen, hamiltonian, in_kernels, large, observables
+from ..ensemble.protocol import (
+    casimirs,
+    conserved,
+    dimension,
+    frozen,
+    hamiltonian,
+    in_kernels,
+    large,
+    named_numbers,
+    observables,
+)
 from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import meaning_of
 from ..models.delegation import undamped
 from ..numerics.rng import LANES
-from ..systems import observables_of, words
 from .keys import Keys, key_of, shown, wrong
 
 Array = np.ndarray
@@ -84,17 +93,18 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
     """
     own, variables = undamped(model), set(variables)
     found = {match[0]: match for match in _INVARIANT.finditer(text) if match[0] not in variables}
-    named = observables(own) if answers(observables, own) else observables_of(own) if "energy_current" in text else {}
+    named = observables(own) if answers(observables, own) else {}
     own_code = {name: _checked(name, f) for name, f in (code.functions if code else ()) if name not in variables}
     named = ChainMap(own_code, named)
     values = {word: named[word] for word in _WORD.findall(text) if word in named}
     values |= {name: _invariant(model, match[1]) for name, match in found.items() if name not in named}
-    return {**words(own), **{name: Observable(name, f) for name, f in values.items()}}
+    return {**named_numbers(own), **{name: Observable(name, f) for name, f in values.items()}}
 
 
 def numbers_of(case: Any) -> dict[str, float | int]:
     """The numbers that a formula of a case may name where no state is meant: those of the model, and T."""
-    return words(undamped(case.model)) | ({"T": case.temperature} if math.isfinite(case.temperature) else {})
+    temperature = {"T": case.temperature} if math.isfinite(case.temperature) else {}
+    return {**named_numbers(undamped(case.model)), **temperature}
 
 
 def check_values(case: Any, values: Callable[[Array], Array]) -> None:
@@ -110,7 +120,7 @@ class Taken:
         own = undamped(case.model)
         invariants = ("H", "C", *(f"C{c + 1}" for c in range(conserved(case.model))))
         code = (name for name, _ in case.python.functions) if case.python else ()
-        self.words = {*case.variables, *words(own), *invariants, *code}
+        self.words = {*case.variables, *named_numbers(own), *invariants, *code}
         self.named = observables(own) if answers(observables, own) else {}
         self.components = dimension(case.model)
 

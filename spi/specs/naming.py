@@ -4,7 +4,7 @@
     rigid_body_strong.quick           --profile quick
     rigid_body_strong.e70e6b          --seed 2, or --set seed=2
     rigid_body_strong.quick.3d2508    --profile quick --set 'steps=[2^-3]'
-    rigid_body_strong.answer.e70e6b   spi answer rigid_body_strong --seed 2
+    rigid_body_strong.KIND.e70e6b     a spec about its system that a command makes, --seed 2
 
 The six characters are a digest of all overrides, which stand in the file; `spi list results` tells them.  What changes
 no path is no part of the name: with other `samples` a run goes on in the same file, and titles and claims are written
@@ -12,7 +12,6 @@ anew.  A name follows from the options alone, so that results are found where th
 """
 
 import hashlib
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -34,10 +33,8 @@ def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = 
 
 
 def results_in(folder: str | Path, name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> Path:
-    """The file of results in a folder; one that an earlier version of spi wrote under its longer name goes first."""
-    overrides = tuple(overrides)
-    former = Path(folder) / f"{_former_name(name, profile, overrides)}.h5"
-    return former if former.is_file() else Path(folder) / f"{results_name(name, profile, overrides)}.h5"
+    """The file of results in a folder."""
+    return Path(folder) / f"{results_name(name, profile, overrides)}.h5"
 
 
 def _last(overrides: Iterable[str]) -> dict[str, str]:
@@ -54,24 +51,6 @@ def _is_neutral(key: str) -> bool:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()[:6]
-
-
-def _former_name(name: str, profile: str, overrides: Iterable[str]) -> str:
-    """The name with all overrides, as in ``rigid_body_strong.quick.seed=2``, and digests where they are long."""
-    tags = []
-    for key, value in sorted(_last(overrides).items()):
-        text = value.removeprefix("[").removesuffix("]")
-        if not (_PLAIN.fullmatch(text) and len(text) <= 24 and re.fullmatch("[a-z0-9_.]+", key)):
-            short = re.sub("[^A-Za-z0-9_+-]+", "_", text)[:24].strip("_")
-            text, key = f"{short}-{_digest(f'{key}={value}')}", re.sub("[^A-Za-z0-9_.]+", "_", key)
-        tags.append(f"{key}={text}")
-    if len(".".join(tags)) > 64:
-        tags = [f"set-{_digest('.'.join(tags))}"]
-    return ".".join([name, *([] if profile == "laptop" else [profile]), *tags])
-
-
-#: Letters that a value kept in such a name.
-_PLAIN = re.compile(r"[a-z0-9_+,-]+(?:[.][a-z0-9_+,-]+)*")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -27,11 +27,11 @@ from ..expressions.arithmetic import Numbers
 from ..models import MODELS
 from .files import Files
 from .keys import powers_of_two, suggestion, wrong
-from .models import BY_ENTRY, SOURCES, names_under, system_in_file
+from .models import SOURCES, names_under, source_of
 
-POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
-_NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: where it may stand in other kinds
+POINT = ("model", "damping", "temperature", "initial", "eps")  #: where a parameter of the system may stand
+PLACES = (*POINT, "noise", "functions", "final_time", "step", "reference_step")  #: where it may stand by default
+_FORMULAS = ("model", "initial", "noise", "functions")  # those that have formulas; the others have numbers
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
 SWEEP += "of two parameters a map"
@@ -133,7 +133,7 @@ def _putting(
     place = _place(data, word, declared, keys)
     within = [key for key in keys if key in data and not (key == "model" and word in declared)]
     if not place and not any(_names(data[key], word) for key in within):
-        meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key in _NUMBERS)])
+        meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key not in _FORMULAS)])
         right = meant if meant.startswith("did you") else f"use it in one of {', '.join(keys)}"
         raise wrong(f"the parameter '{word}' is not used", right)
 
@@ -166,23 +166,25 @@ def apart(cases: Sequence[Any]) -> list[Any]:
     return separate
 
 
-def _place(data: Mapping[str, Any], word: str, declared: Sequence[str], keys: Sequence[str]) -> tuple[str, ...]:
+def _place(data: Mapping[str, Any], word: str, declared: Mapping[str, str], keys: Sequence[str]) -> tuple[str, ...]:
     """Where a parameter of this name has its value; () if there is none, or if that is a formula with the name."""
     model: Any = data.get("model")
     if word in declared:
-        return "model", "parameters", word
+        return "model", declared[word], word
     if word in _parameters(model) and not _names(model.get(word), word):
         return "model", word
-    return (word,) if word in keys and word in _NUMBERS and not _names(data.get(word), word) else ()
+    return (word,) if word in keys and word not in _FORMULAS and not _names(data.get(word), word) else ()
 
 
-def _declared(model: Any, files: Files) -> list[str]:
-    """The parameters of a system that is written in YAML."""
-    names = names_under("parameters", model)
-    if isinstance(model, dict) and isinstance(path := model.get("system"), str):
+def _declared(model: Any, files: Files) -> dict[str, str]:
+    """The numbers to which a model gives names, also in a file that it names -> the key under which they stand."""
+    if not isinstance(model, dict):
+        return {}
+    source, layers = source_of(model), [model]
+    if source.in_file in model:
         with suppress(PydanticCustomError):  # reading the model reports it
-            names += names_under("parameters", system_in_file(path, files))
-    return names
+            layers.append(dict(source.of_file(model[source.in_file], files)))
+    return {name: key for key in source.numbers for layer in layers for name in names_under(key, layer)}
 
 
 def _parameters(model: Any) -> list[str]:
@@ -190,7 +192,7 @@ def _parameters(model: Any) -> list[str]:
     if not isinstance(model, dict):
         return []
     keys = dict.fromkeys((*getattr(_class_of(model), "_fields", ()), *model))
-    return [key for key in keys if key not in (*SOURCES, *BY_ENTRY)]
+    return [key for key in keys if key not in (*SOURCES, *source_of(model).numbers)]
 
 
 def _class_of(model: Mapping[str, Any]) -> Any:

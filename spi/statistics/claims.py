@@ -189,6 +189,11 @@ def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
         yield from readings[0].quantities_of_case(readings)
 
 
+def orders_of(readings: Sequence[Stored]) -> list[Quantity]:
+    """The fitted orders of the records of a case, those of the largest errors over eps as well."""
+    return [one for one in quantities(readings) if one.name in ("order", "uniform_order")]
+
+
 #: The axes along which a field has quantities of their own, beside those whose values have labels.
 _APART = ("h", "value")
 

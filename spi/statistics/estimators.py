@@ -1,4 +1,4 @@
-"""Means, standard errors, autocorrelations and orders of convergence, from sums over jackknife groups of paths.
+"""Means, standard errors and orders of convergence, from sums over jackknife groups of paths.
 
 Paths fall into GROUPS jackknife groups, lane l of block b into group (b mod 8) * 8 + l mod 8, of which only sums are
 kept, so that memory does not grow with the number of paths.  Standard errors and intervals come from leaving out one
@@ -14,7 +14,9 @@ import numpy as np
 from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
-from ..storage.records import INTERVAL, Order, student
+from ..storage.records import Order, student
+
+Array = np.ndarray
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
@@ -43,6 +45,19 @@ def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples:
             rows = power.reshape(rounds * LANES // PARTS, -1)
             added[k] = np.add.reduce(np.vstack([sum_of_power.reshape(1, -1), rows])).reshape(sum_of_power.shape)
     return added
+
+
+def by_group(values: Array, first: int, end: int) -> Array:
+    """(..., GROUPS): sums over jackknife groups of values (blocks, LANES, ...), the first block being number `first`.
+
+    Paths from number `end` on do not count, whatever they hold.
+    """
+    sums = np.zeros((*values.shape[2:], ROUND, PARTS), values.dtype)
+    for b, block in enumerate(values, first):
+        counted = np.arange(LANES).reshape(-1, *[1] * (block.ndim - 1)) < end - b * LANES
+        parts = np.where(counted, block, 0).reshape(LANES // PARTS, PARTS, *block.shape[1:]).sum(axis=0)
+        sums[..., b % ROUND, :] += np.moveaxis(parts, 0, -1)
+    return sums.reshape(*values.shape[2:], GROUPS)
 
 
 def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,8 +158,6 @@ class Extrapolation(NamedTuple):
         """Bounds of the errors of the combined values, (..., S'), from those of the values, (..., S)."""
         return (bounds[..., self.places] * np.abs(self.weights)).sum(axis=-1) if self.levels else bounds
 
-
-Array = np.ndarray
 
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
@@ -368,103 +381,3 @@ def _selected(logarithms: Array, stderr: Array, smooth: Array) -> Array:
         if np.abs(corrected - before).max() < _SMALL:
             break
     return corrected
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Autocorrelations of stationary series, and the errors of means that follow from them.
-#
-# The integrated autocorrelation time is tau = 1/2 + sum_(l >= 1) rho(l), so that a mean of n values has the variance
-# 2 tau sigma^2 / n.  The sum ends at Sokal's window, the first W >= 5 with W >= 5 tau(W) (Madras and Sokal, J. Stat.
-# Phys. 50, 1988).
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-#: The window is at least this many tau long, and this many values: the latter matters where correlations change sign.
-WINDOW = 5
-
-
-def by_group(values: Array, first: int, end: int) -> Array:
-    """(..., GROUPS): sums over jackknife groups of values (blocks, LANES, ...), the first block being number `first`.
-
-    Paths from number `end` on do not count, whatever they hold.
-    """
-    sums = np.zeros((*values.shape[2:], ROUND, PARTS), values.dtype)
-    for b, block in enumerate(values, first):
-        counted = np.arange(LANES).reshape(-1, *[1] * (block.ndim - 1)) < end - b * LANES
-        parts = np.where(counted, block, 0).reshape(LANES // PARTS, PARTS, *block.shape[1:]).sum(axis=0)
-        sums[..., b % ROUND, :] += np.moveaxis(parts, 0, -1)
-    return sums.reshape(*values.shape[2:], GROUPS)
-
-
-def lagged_products(earlier: Array, later: Array) -> Array:
-    """The spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
-
-    `earlier` and `later` (..., L) are a stretch of a series and the next one.
-    """
-    from scipy.fft import rfft  # not needed to start the program
-
-    size = 2 * later.shape[-1]
-    before, now = rfft(earlier, size), rfft(later, size)
-    shifted = now * (1 - 2 * (np.arange(now.shape[-1]) % 2))  # by half of the size
-    return np.conj(now) * (before + shifted)
-
-
-def lagged_sums(spectrum: Array) -> Array:
-    """(..., L): sums over t of x_t x_(t-l) for l = 0, ..., L - 1 with t in the later stretch."""
-    from scipy.fft import irfft
-
-    lags = spectrum.shape[-1] - 1
-    return np.asarray(irfft(spectrum, 2 * lags))[..., lags - np.arange(lags)]
-
-
-class Correlation(NamedTuple):
-    """The integrated autocorrelation times of some series, (...), in values."""
-
-    tau: Array
-    window: Array  #: W
-    closed: Array  #: whether W >= 5 tau(W) holds for a W within the lags
-
-
-def integrated(covariance: Array) -> Correlation:
-    """The integrated autocorrelation times from autocovariances (..., L) at lags 0, ..., L - 1."""
-    with np.errstate(all="ignore"):
-        each = 0.5 + np.cumsum(covariance[..., 1:] / covariance[..., :1], axis=-1)
-    wide = np.arange(1, covariance.shape[-1]) >= WINDOW * np.maximum(each, 1)  # false for NaN
-    closed = np.asarray(wide.any(axis=-1))
-    place = np.where(closed, wide.argmax(axis=-1), wide.shape[-1] - 1)
-    return Correlation(np.take_along_axis(each, place[..., np.newaxis], -1)[..., 0], place + 1, closed)
-
-
-def of_means(covariance: Array, count: Array | int) -> tuple[Array, Correlation]:
-    """Unbiased autocovariances (..., L), and their integrated times, from deviations from a mean over `count` values.
-
-    These deviations make the covariances too small by the variance of the mean, which is added (Wolff, Comput. Phys.
-    Commun. 156, 2004).
-    """
-    biased = integrated(covariance)
-    lacking = 2 * np.maximum(biased.tau, 0) * covariance[..., 0] / count
-    covariance = covariance + np.where(np.isfinite(lacking), lacking, 0.0)[..., np.newaxis]
-    return covariance, integrated(covariance)
-
-
-class Times(NamedTuple):
-    """Integrated autocorrelation times of some series, (...), in values."""
-
-    tau: Array  #: not below 0
-    stderr: Array  #: that of independent values at least
-    least: Array  #: for errors of means: 1/2, as of independent values, where few values do not tell that it is less
-
-
-def resolved_times(correlation: Correlation, count: Array | int) -> Times:
-    """The times of correlations that were estimated from `count` values, with what these tell of them.
-
-    A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
-    """
-    spread = np.sqrt(2 * (2 * correlation.window + 1) / count)
-    stderr = spread * np.maximum(correlation.tau, 0.5)
-    lost = ~(correlation.tau > INTERVAL * stderr)  # true for NaN
-    return Times(
-        tau=np.maximum(correlation.tau, 0.0),
-        stderr=stderr,
-        least=np.where(lost, np.maximum(correlation.tau, 0.5), correlation.tau),
-    )

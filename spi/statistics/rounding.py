@@ -5,7 +5,7 @@ of two such numbers, or a standard deviation of them, that is at most
 
     8 (1 + sqrt(n)) 2^-52 s
 
-is *exact up to rounding*: it has no order, no autocorrelation time and no quantiles, and half its interval is that
+is *exact up to rounding*: it has no order, no correlation time and no quantiles, and half its interval is that
 bound, so that it is resolved nowhere and no claim about its order is judged.  Strong errors of a scheme that is exact,
 after n = 2^12 steps, are 7 to 10 times smaller.
 """

@@ -143,6 +143,17 @@ class Tally(NamedTuple):
                 short[index] = sums
         return Tally(tally.nodes, {i: sums for i, sums in short.items() if not tally._covers(i)})
 
+    def beside(self, others: "Tally") -> "Tally":
+        """All sums of both, though some may have paths in common, and of a chunk under way those over more paths."""
+        short = {i: sums for i, sums in others.short.items() if i not in self.short or sums.paths > self.short[i].paths}
+        return Tally(self.nodes | others.nodes, self.short | short)
+
+    def beyond(self, others: "Tally") -> "Tally":
+        """Those sums that have paths which another tally has not."""
+        nodes = {node: sums for node, sums in self.nodes.items() if not others._covers_node(node)}
+        short = {i: sums for i, sums in self.short.items() if sums.paths > others._paths_under_way(i)}
+        return Tally(nodes, {i: sums for i, sums in short.items() if not others._covers(i)})
+
     def within(self, path_set: PathSet) -> "Tally":
         """The tally without sums that include later paths than those of `path_set`."""
         nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= path_set.whole}
@@ -190,6 +201,9 @@ class Tally(NamedTuple):
             sums = other.plus(sums) if number & 1 else sums.plus(other)
             height, number = height + 1, number >> 1
         return Tally(nodes | {(height, number): sums}, short)
+
+    def _paths_under_way(self, index: int) -> int:
+        return int(self.short[index].paths) if index in self.short else -1
 
     def _covers(self, index: int) -> bool:
         return self._covers_node((0, index))

@@ -1,19 +1,9 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
+from .provenance import computed_by, finished, former, keys_needed, machine, make_room, provenance
 from .records import INTERVAL, Group, Order, Part, Results
-from .results import (
-    StorageError,
-    about_sums,
-    check_writable,
-    contents,
-    read,
-    read_sums,
-    remove_leftovers,
-    write,
-    write_all,
-    write_sums,
-)
+from .results import StorageError, check_writable, contents, read, remove_leftovers, write, write_all
+from .sums import Store
 
 __all__ = [
     "INTERVAL",
@@ -22,19 +12,18 @@ __all__ = [
     "Part",
     "Results",
     "StorageError",
-    "about_sums",
-    "check_replaceable",
+    "Store",
     "check_writable",
     "computed_by",
     "contents",
     "finished",
+    "former",
+    "keys_needed",
     "machine",
+    "make_room",
     "provenance",
     "read",
-    "read_sums",
     "remove_leftovers",
-    "spec_and_sources",
     "write",
     "write_all",
-    "write_sums",
 ]

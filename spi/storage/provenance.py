@@ -72,40 +72,37 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
     return stored if same and stored.get("complete") else None
 
 
-def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[str, dict[str, int]]) -> None:
-    """Raise StorageError instead of replacing results of another spec or by other sources.
+def former(path: Path) -> Path:
+    """The file in which those results are kept that were in a file before its spec, or the sources, changed."""
+    return path.with_suffix(f".previous{path.suffix}")
 
-    A missing file is fine, and so are results whose parts are all among the new ones, with as many samples or more;
-    `parts` maps the name of a part to {key that determines its numbers: its size}.
+
+def make_room(path: Path, identity: dict[str, Any], fresh: bool = False) -> set[str] | None:
+    """Move results of another spec, or by other sources, to :func:`former`; None if there are none.
+
+    The keys of the sums of those that were there before, which are replaced, are returned.  StorageError about a file
+    that holds no results, unless it may go with `fresh`.
     """
-    if not Path(path).exists():
-        return
-    stored = _existing(path)
-    sizes = _sizes(parts)
+    if not path.exists():
+        return None
     try:
-        old = _sizes(json.loads(stored["parts"]))
-    except (KeyError, TypeError, ValueError, AttributeError):  # where the file does not state them, a key of no part
-        old = {"": 0}
-    among_them = old.keys() <= sizes.keys()
-    if stored.get("source_digest") != identity["source_digest"] and (
-        among_them or stored.get("paths_hash") == identity["paths_hash"]
-    ):
-        raise StorageError(
-            f"{path}: holds results that {computed_by(stored)}; they are kept: use --fresh to compute all anew and "
-            "replace them, or --out for another folder"
-        )
-    if stored.get("spec_hash") == identity["spec_hash"]:
-        return
-    if not among_them:
-        raise StorageError(
-            f"{path}: holds results of another spec, or of this one before it was edited; use --fresh to replace it or "
-            "--out for another folder, or delete it: then what both have alike is not computed again"
-        )
-    if any(size > sizes[key] for key, size in old.items()):
-        raise StorageError(
-            f"{path}: holds results of more samples or of a longer time; "
-            "use --fresh to replace it or --out for another folder"
-        )
+        stored = _existing(path)
+    except StorageError:
+        if fresh:
+            return None
+        raise
+    if all(stored.get(name) == identity[name] for name in ("spec_hash", "source_digest")):
+        return None
+    replaced = keys_needed(former(path))
+    os.replace(path, former(path))
+    return replaced
+
+
+def keys_needed(path: Path) -> set[str]:
+    """The keys of the sums that results are made of; none if there are no such results."""
+    with contextlib.suppress(StorageError, KeyError, TypeError, ValueError, AttributeError):
+        return {key for keys in json.loads(read_root(path)["sums"]).values() for key in keys}
+    return set()
 
 
 def _existing(path: str | Path) -> dict[str, Any]:
@@ -120,24 +117,7 @@ def _existing(path: str | Path) -> dict[str, Any]:
         raise StorageError(f"{problem}; {right} --out for another folder") from error
 
 
-def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
-    """The largest size of all parts with the same key, by key."""
-    largest: dict[str, int] = {}
-    for part in parts.values():
-        largest |= {key: max(size, largest.get(key, 0)) for key, size in part.items()}
-    return largest
-
-
 def computed_by(about: dict[str, Any]) -> str:
     """A clause that says by which sources of spi results or sums, with these attributes, were computed."""
     version = f"spi {about['spi_version']}, " if about.get("spi_version") else ""
     return f"other sources of spi computed ({version}digest {str(about.get('source_digest'))[:8]})"
-
-
-def spec_and_sources(path: str | Path) -> tuple[str, str] | None:
-    """The digests of the spec and of the sources of the results in a file; None if there is no such file."""
-    try:
-        stored = read_root(path)
-        return str(stored.get("spec_hash")), str(stored.get("source_digest"))
-    except StorageError:
-        return None

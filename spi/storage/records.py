@@ -27,9 +27,6 @@ def in_standard_errors(difference: np.ndarray, stderr: np.ndarray) -> np.ndarray
         return np.asarray(difference / np.where(np.isfinite(stderr), stderr, np.nan))
 
 
-#: Kinds of experiment by the names that they had in files of earlier versions.
-RENAMED_KINDS = {"long_time": "equilibrium"}
-
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 
@@ -40,11 +37,6 @@ class Part(NamedTuple):
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
-    together: tuple[int, ...] = ()  #: all levels whose results come from the same paths, fewest first, if several do
-
-    def each(self) -> tuple["Part", ...]:
-        """One part for each level of extrapolation."""
-        return tuple(self._replace(extrapolate=n) for n in self.together) or (self,)
 
     @property
     def variant(self) -> str:

@@ -1,4 +1,4 @@
-"""Files of results, and of sums over paths, written aside and moved into place: nobody ever meets half a file.
+"""Files of results, written aside and moved into place, as those of sums: nobody ever meets half a file.
 
 HDF5 files of ours end with a checksum, a line of text after the part that HDF5 reads.  It is looked at before HDF5 is
 given the file, because a damaged file can make HDF5 itself crash.
@@ -16,7 +16,6 @@ import contextlib
 import errno
 import hashlib
 import itertools
-import json
 import os
 import platform
 import re
@@ -29,7 +28,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from .records import RENAMED_KINDS, Group, Results
+from .records import Group, Results
 
 try:
     import fcntl
@@ -140,17 +139,18 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove temporary files of processes of this machine that were killed while they wrote ``path``."""
+    """Remove temporary files of killed processes of this machine that wrote ``path``, or files in that folder."""
     if os.name != "posix":  # elsewhere there is no harmless way to ask whether a process lives
         return
-    name = re.compile(re.escape(f".{path.name}.{_host()}.") + r"(\d+)\.tmp")
-    for entry in os.listdir(path.parent) if path.parent.is_dir() else ():
+    folder, written = (path, ".+") if path.is_dir() else (path.parent, re.escape(path.name))
+    name = re.compile(rf"\.{written}\.{re.escape(_host())}\.(\d+)\.tmp")
+    for entry in os.listdir(folder) if folder.is_dir() else ():
         if match := name.fullmatch(entry):
             with contextlib.suppress(OSError):  # such as: it lives, and belongs to somebody else
                 try:
                     os.kill(int(match[1]), 0)
                 except (ProcessLookupError, OverflowError):
-                    path.with_name(entry).unlink()
+                    Path(folder, entry).unlink()
 
 
 @contextlib.contextmanager
@@ -306,7 +306,7 @@ def write(path: str | Path, results: Results, check: Callable[[], None] = lambda
     `check` raises an error if the file must not be replaced; see :func:`~spi.storage.results.aside`.
     """
     arrays = itertools.chain.from_iterable(map(_arrays, results.groups))
-    with aside(path, check=check) as temporary, create(temporary, _size_of(arrays)) as file:
+    with aside(path, check=check) as temporary, create(temporary, size_of(arrays)) as file:
         file.attrs[MARK] = VERSION
         _write_attributes(file, results.attributes)
         for group in results.groups:
@@ -326,7 +326,7 @@ def read(path: str | Path) -> Results:
                         groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
                     else:
                         groups.append(_read_group(case, variant, "", source))
-            return Results(_read_root(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
+            return Results(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
@@ -335,12 +335,12 @@ def read_root(path: str | Path) -> dict[str, Any]:
     """The attributes of the whole file, without any results."""
     with _open_results(Path(path)) as file:
         try:
-            return _read_root(file)
+            return _read_attributes(file)
         except DAMAGE as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
 
-def _size_of(arrays: Iterable[Any]) -> int:
+def size_of(arrays: Iterable[Any]) -> int:
     """The bytes of a file with these arrays, about."""
     return sum(np.asarray(values).nbytes + _EACH for values in arrays)
 
@@ -430,14 +430,6 @@ def _read_attributes(source: h5py.Group) -> dict[str, Any]:
     return {name: _decode(value) for name, value in source.attrs.items() if name != MARK}
 
 
-def _read_root(file: h5py.File) -> dict[str, Any]:
-    """The attributes of the whole file."""
-    attributes = _read_attributes(file)
-    if (kind := attributes.get("kind")) in RENAMED_KINDS:
-        attributes["kind"] = RENAMED_KINDS[kind]
-    return attributes
-
-
 def _encode(name: str, value: Any) -> Any:
     if isinstance(value, str):
         return value
@@ -501,80 +493,3 @@ def _version(file: h5py.File) -> int | None:
     """The version of the layout; None if the file is not of ours."""
     version = np.asarray(file.attrs.get(MARK))
     return int(version) if version.shape == () and version.dtype.kind in "iu" else None
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Files of sums over paths, from which results are made and unfinished runs are continued.
-#
-# HDF5 with the checksum of results files: the texts ``about`` and ``parts``, JSON in which arrays stand as numbers, and
-# the group ``arrays`` with each of them by its number.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-#: Increased where the layout changes, or the division into chunks: runs continue with chunks of the same size only.
-SUMS_VERSION = 8
-
-#: The ending of the files.
-SUFFIX = ".sums"
-
-#: The errors that reading a damaged file, or one of another layout, may raise.
-_DAMAGE = (*DAMAGE, ArithmeticError, MemoryError)
-
-
-def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None:
-    """Write `parts`, name -> dicts, lists, arrays, numbers and texts, and `about`, which can be read without them."""
-    arrays: list[Any] = []
-
-    def reference(value: Any) -> Any:
-        """The JSON for what JSON has not: the number of an array, or of NumPy a number."""
-        if isinstance(value, np.generic):
-            return value.item()
-        arrays.append(value)
-        return {"array": str(len(arrays) - 1)}
-
-    text = json.dumps(parts, default=reference)
-    with aside(path) as temporary, create(temporary, _size_of(arrays)) as file:
-        group = file.create_group("arrays")
-        for number, values in enumerate(arrays):
-            group[str(number)] = values
-        file["about"] = json.dumps({"version": SUMS_VERSION, **about})
-        file["parts"] = text
-
-
-def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """(about, parts) of the file; None if there is no such file or it is damaged."""
-    with contextlib.suppress(*_DAMAGE), _opened(path) as file:
-
-        def value(entry: dict[str, Any]) -> Any:
-            return read_array(file["arrays"][entry["array"]]) if set(entry) == {"array"} else entry
-
-        return _about(file), json.loads(file["parts"].asstr()[()], object_hook=value)
-    return None
-
-
-def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
-    """The attributes ``about`` the sums, read without these; None if there is no such file or it is damaged.
-
-    A file of another version of the layout counts as damaged, unless any version will do.
-    """
-    with contextlib.suppress(*_DAMAGE), _opened(path) as file:
-        return _about(file, any_version)
-    return None
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
-    """The file, open for reading; ValueError if its checksum is wrong."""
-    data, sound = checked(path)
-    if not sound:
-        raise ValueError("damaged")
-    with opened(path, data) as file:
-        yield file
-
-
-def _about(file: h5py.File, any_version: bool = False) -> dict[str, Any]:
-    """The attributes ``about`` the sums; ValueError if their layout is that of another version."""
-    about = dict(json.loads(file["about"].asstr()[()]))
-    if about["version"] != SUMS_VERSION and not any_version:
-        raise ValueError(f"written in version {about['version']}")
-    return about

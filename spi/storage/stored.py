@@ -549,6 +549,11 @@ class Stored(Described):
         return np.broadcast_to(values.reshape(sizes), shape)
 
     @classmethod
+    def over_values(cls, each: Any) -> Self:
+        """One record of those for each value of the parameter, of a class that is :attr:`over_swept`."""
+        raise NotImplementedError
+
+    @classmethod
     def quantities_of_case(cls, readings: Any) -> Iterator[Any]:
         """The quantities (``spi.statistics.claims.Quantity``) that follow from several records of a case."""
         yield from ()
@@ -601,26 +606,7 @@ def gathered(records: Iterable[Stored]) -> list[Stored]:
     for one in records:
         case = one.about.owner if one.over_swept else one.about.case
         by_part.setdefault((case, one.about.variant, one.about.estimator), []).append(one)
-    return [_over_values(each) if each[0].over_swept else each[0] for each in by_part.values()]
-
-
-def _over_values(each: Sequence[Stored]) -> Stored:
-    """One record of those for each value."""
-    about, seconds = Description.common([one.about for one in each]), sum(one.wall_seconds for one in each)
-    return type(each[0])(**_stacked(each[0].over_swept, each) | {"about": about, "wall_seconds": seconds})
-
-
-def _stacked(axis: str, each: Sequence[Any], outer: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields of records, those over the axis stacked; others are the same in all."""
-    fields = {}
-    for field in each[0].described:
-        values, axes = [getattr(one, field.name) for one in each], (*outer, *field.meaning.axes, field.meaning.name)
-        fields[field.name] = values[0]
-        if values[0] is not None and field.is_record:
-            fields[field.name] = field.type(**_stacked(axis, values, axes))
-        elif values[0] is not None and axis in axes:
-            fields[field.name] = np.stack(values)
-    return fields
+    return [type(each[0]).over_values(each) if each[0].over_swept else each[0] for each in by_part.values()]
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from spi.compiler import modules
 from spi.ensemble.loop import thread_count
 from spi.models import RigidBody
 from spi.running import run as runs
+from spi.running.workers import MOST_WORKERS
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
 TINY |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}
@@ -73,8 +75,7 @@ def test_an_experiment_by_name_is_what_the_command_line_computes():
     other = spi.run("rigid_body_strong", **TINY | {"seed": 5}, name="other")  # a file of its own
     assert not same(other, found) and same(other, spi.load("other", **TINY | {"seed": 5}))
     spi.run(SPEC, name="mine")
-    with pytest.raises(spi.StorageError, match=r"results of another spec, or .*; use fresh=True .*out= for another"):
-        spi.run(SPEC | {"seed": 5}, name="mine")
+    assert not same(spi.run(SPEC | {"seed": 5}, name="mine"), spi.load("results/mine.previous.h5"))
 
 
 SPEC = {
@@ -152,6 +153,11 @@ NEEDLESS = ["panels", "title", "asks", "figure", "cases", "profiles", "sweep", "
         (lambda: spi.run("rigid_body_strong", threads=10**4), "threads: is 10000; must be at most "),
         (lambda: spi.run("rigid_body_strong", threads="1"), "threads: is '1'; must be a whole number, at least 1"),
         (lambda: spi.run("rigid_body_strong", workers=0), "workers: is 0; must be a whole number, at least 1"),
+        (
+            lambda: spi.run("rigid_body_strong", executor=3),
+            "executor: is of type int; must be one of",
+        ),
+        (lambda: spi.run("rigid_body_strong", executor=3, workers=2), "workers and executor exclude one another; give"),
         (lambda: spi.load(3), "results: is 3; must be a results file, or the name"),
         (lambda: spi.trajectory(IN_NO_FILE, "splitting", **PATH), "model: the class Mine is in no file"),
         (of_path(times=[0, 0.5]), "times: chooses fields of a figure; every=k stores each k-th state"),
@@ -213,10 +219,10 @@ def test_threads_and_workers_are_those_of_the_run(monkeypatch):
 
     before = thread_count()
     monkeypatch.setattr(runs, "run", run)
-    for asked in ({}, {"threads": 1}, {"workers": 1}):
+    for asked in ({}, {"threads": 1}, {"workers": 1}, {"executor": Executor()}):
         with pytest.raises(spi.StorageError, match=r"choose a folder with out=$"):
             spi.run("rigid_body_strong", **asked)
-    assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
+    assert told == [(before, None), (1, None), (before, 1), (before, MOST_WORKERS)] and thread_count() == before
 
 
 # --- paths -----------------------------------------------------------------------------------------------------------

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from model_cases import MODELS_UNDER_TEST, around_the_origin
 from own_models import OSCILLATOR
-from yaml_cases import made
 
 from spi.checks.model_checks import check_model, states_around, states_on_surface
 from spi.compiler import modules
@@ -62,14 +61,6 @@ def test_of_a_model_without_exact_flows_only_the_rest_is_asked():
 def test_hyperbolic_flows_pass(rate):
     assert complaints(HYPERBOLIC, rate=rate) == []
     assert complaints(HYPERBOLIC.replace("exp(-model.rate * t)", "exp(-0.99 * model.rate * t)"), rate=rate)
-
-
-@pytest.mark.parametrize("rate", [1e4, 1e6])
-def test_a_function_that_oscillates_fast_passes(rate):
-    """Also beside a component that is much larger."""
-    record = made(f"{{bracket: {{q p: 1}}, variables: [q, p], hamiltonian: p^2/2 - cos({rate}*q), noises: [q]}}").record
-    for y in ((1.0, 0.5), (1e-6, 1.0)):
-        assert check_model(record, [y], written=False) == []
 
 
 _DERIVATIVES = "its derivatives at t = 0, added up over k, are not structure(drift_gradient)"

@@ -151,7 +151,7 @@ def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
         Path(f"{name}.yaml").write_bytes(SPEC.read_bytes())
     assert spi("run", "a.yaml", "b.yaml", *TINY, "--samples", "2", "--out", "there")[0] == 0
     Path("there/sums").mkdir(exist_ok=True)
-    Path("there/sums/a-0123.sums").write_bytes(b"whatever")
+    Path("there/sums/0123.h5").write_bytes(b"whatever")
     code, _, err = spi("plot", "--results", "there")
     assert code == 0
     stems = [RESULTS.stem.replace(SPEC.stem, name) for name in ("a", "b")]
@@ -244,18 +244,23 @@ def test_folders_that_cannot_be_written_are_refused(spi):
     assert files() == before
 
 
-def test_results_of_another_spec_are_refused(spi):
+def test_a_spec_is_edited_and_run_again(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
     SPEC.write_text(SPEC.read_text(encoding="utf-8").replace("seed: 1", "seed: 78"), encoding="utf-8")
-    before = files()
-    message = one_line(spi("run", SPEC, *TINY))
-    assert f"{RESULTS}: holds results of another spec, or of this one before it was edited; use --fresh" in message
+    before, former = files(), RESULTS.with_suffix(".previous.h5")
     message = one_line(spi("plot", SPEC, *TINY))
     assert f"{RESULTS}: holds results of another spec than {SPEC}; run `spi run {SPEC} --profile quick" in message
     assert files() == before
-
-    assert spi("run", SPEC, *TINY, "--fresh")[0] == 0
+    content = RESULTS.read_bytes()
+    code, _, err = spi("run", SPEC, *TINY)
+    assert code == 0 and f"{RESULTS} is written anew; the former results are in {former}" in err
+    assert former.read_bytes() == content != RESULTS.read_bytes()
     assert spi("plot", SPEC, *TINY)[0] == 0
+    code, out, _ = spi("show", former)
+    assert code == 0 and out
+    assert f"{former.stem}  strong" in spi("list", "results")[1]
+    code, _, err = spi("plot")
+    assert code == 0 and "previous" not in err
 
 
 def test_runs_with_other_options_are_files_of_their_own(spi):
@@ -269,8 +274,8 @@ def test_runs_with_other_options_are_files_of_their_own(spi):
         "body": [],
         "body.quick": ["--profile", "quick"],
         results_name("body", "laptop", ["seed=2"]): ["--seed", "2"],
-        results_name("body", "quick", ["model.sigma=[1,0,0]"]): [
-            *("--profile", "quick", "--set", "model.sigma=[1, 0, 0]")
+        results_name("body", "quick", ["model.sigma=[1,2,1]"]): [
+            *("--profile", "quick", "--set", "model.sigma=[1, 2, 1]")
         ],
     }
     tables = {}
@@ -284,7 +289,7 @@ def test_runs_with_other_options_are_files_of_their_own(spi):
             assert spi("show", called, *options)[1] == tables[tuple(options)]
     assert spi("run", "body.yaml", "--samples", "20")[0] == 0
     assert {row["samples"] for row in json.loads(spi("show", "body", "--format", "json")[1])} == {20}
-    assert {path.stem for path in Path("results").glob("*.h5")} == set(every)
+    assert {path.stem for path in Path("results").glob("*.h5")} == {*every, "body.previous"}
     assert spi("plot", "body", "--seed", "2")[0] == 0 and len([*Path("results").glob("body.*.pdf")]) == 1
     assert spi("verify", "body", "--profile", "quick", "--chunks", "1")[0] == 0
     assert spi("report", "body", "--profile", "quick")[0] == 0
@@ -383,17 +388,15 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     process = subprocess.Popen(
         [SPI, *arguments, "--checkpoint", "0s"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    while not (kept := list(tmp_path.glob("results/sums/*.sums"))) and process.poll() is None:
+    while not (kept := list(tmp_path.glob("results/sums/*.json"))) and process.poll() is None:
         time.sleep(0.05)
     process.send_signal(stop)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 3
     assert out == ""
-    checkpoint = kept[0].relative_to(tmp_path)
-    assert (
-        err.splitlines()[-1] == f"spi: stopped; progress is saved in {checkpoint}: run the same command again to resume"
-    )
-    assert [p.name for p in kept[0].parent.iterdir()] == [checkpoint.name]
+    last = "spi: stopped; progress is saved in results/sums: run the same command again to resume"
+    assert err.splitlines()[-1] == last
+    assert {p.suffix for p in kept[0].parent.iterdir()} <= {".h5", ".json"}
 
 
 def claiming(text):

@@ -28,8 +28,8 @@ def _empty_folder(tmp_path, monkeypatch):
 
 def test_experiments_that_come_with_the_program_are_found_by_name():
     assert shipped.names() == NAMES
-    Path("toda_weak").mkdir()  # a folder of that name is no experiment
-    assert load("toda_weak").name == "toda_weak"
+    Path("maxwell_bloch_strong").mkdir()  # a folder of that name is no experiment
+    assert load("maxwell_bloch_strong").name == "maxwell_bloch_strong"
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
@@ -154,7 +154,9 @@ def switched_on(lines, blocks):
     return "\n".join(line.replace("# ", "", 1) if n in within else line for n, line in enumerate(lines))
 
 
-@pytest.mark.parametrize(("options", "keys"), [((), 6), (("--system",), 3)])
+@pytest.mark.parametrize(
+    ("options", "keys"), [((), 6), pytest.param(("--system",), 3, marks=pytest.mark.needs("systems"))]
+)
 def test_a_new_experiment_is_valid_and_so_is_each_key_that_it_has_switched_off(options, keys):
     code, out, err = call("new", "mine", *options)
     assert (code, out) == (0, "") and err.startswith("wrote mine.yaml\nspi: ") and "spi run mine.yaml" in err
@@ -176,6 +178,7 @@ def test_a_new_experiment_is_valid_and_so_is_each_key_that_it_has_switched_off(o
         load("mine.yaml")
 
 
+@pytest.mark.needs("systems")
 def test_a_new_experiment_from_another_has_its_comments_and_its_files():
     code, _, err = call("new", "sub/top.yaml", "--from", "heavy_top_strong")
     assert code == 0 and err.splitlines()[:2] == ["wrote sub/top.yaml", "wrote sub/systems/heavy_top.yaml"]
@@ -191,16 +194,25 @@ def test_a_new_experiment_from_another_has_its_comments_and_its_files():
 
 def test_nothing_is_overwritten_and_odd_names_are_refused():
     Path("mine.yaml").write_text("precious")
-    for options in ((), ("--system",), ("--from", "rigid_body_strong")):
+    for options in ((), ("--from", "rigid_body_strong")):
         assert "mine.yaml: already exists" in refusal("new", "mine", *options)
     Path("gone.yaml").symlink_to("nowhere")
     assert "gone.yaml: already exists" in refusal("new", "gone")
     for name in ("", "a/", "a\nb", "/"):
         assert "is not a file name" in refusal("new", name)
-    assert "exclude one another" in refusal("new", "other", "--system", "--from", "rigid_body_strong")
     assert "did you mean rigid_body_strong" in refusal("new", "other", "--from", "rigid_body_stron")
     assert "'NAME'" in refusal("new")
     assert sorted(path.name for path in Path().iterdir()) == ["gone.yaml", "mine.yaml"]
+    assert Path("mine.yaml").read_text() == "precious"
+
+
+@pytest.mark.needs("systems")
+def test_a_template_overwrites_nothing_and_excludes_another_experiment():
+    Path("mine.yaml").write_text("precious")
+    assert "mine.yaml: already exists" in refusal("new", "mine", "--system")
+    message = "--from and --system exclude one another; give one of them"
+    assert message in refusal("new", "other", "--system", "--from", "rigid_body_strong")
+    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
     assert Path("mine.yaml").read_text() == "precious"
 
 

@@ -8,10 +8,10 @@ import pytest
 from filled_results import filled
 from rich.console import Console
 
+from spi import views
 from spi.cli import showing, terminal
 from spi.kinds import KINDS
 from spi.printing import text
-from spi.report import views
 from spi.running import shipped
 from spi.storage import Results
 

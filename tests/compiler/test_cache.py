@@ -32,7 +32,7 @@ def copied(tmp_path_factory):
         ("ensemble/loop.py", True, True),
         ("schemes/splitting.py", True, True),
         ("schemes/table.py", False, True),
-        ("exact/kolmogorov/sphere.py", False, True),
+        ("plugins/solve/exact/sphere.py", False, True),
         ("expressions/__init__.py", False, True),
         ("statistics/estimators.py", False, True),
         ("kinds/plans.py", False, True),
@@ -44,7 +44,7 @@ def copied(tmp_path_factory):
         ("drawing/style.py", False, False),
         ("kinds/strong/results.py", False, True),
         ("kinds/strong/keys.py", False, True),
-        ("kinds/stability/figure.py", False, False),
+        ("plugins/comparisons/kinds/stability/figure.py", False, False),
         ("running/run.py", False, False),
         ("cli/__init__.py", False, False),
     ],
@@ -108,12 +108,12 @@ def test_the_digest_of_numbers_covers_all_that_plans_and_keys_import():
 
 
 CONSTANTS = {  # a constant in each of the files that a digest of studies alone leaves out
-    "kinds/equilibrium/keys.py": "_BURNT",
-    "kinds/equilibrium/results.py": "BATCHES",
+    "plugins/dynamics/kinds/equilibrium/keys.py": "_BURNT",
+    "plugins/dynamics/kinds/equilibrium/results.py": "BATCHES",
     "kinds/answer/keys.py": "FINEST",
-    "kinds/statistics/results.py": "LEAST_GROUPS",
-    "kinds/lyapunov/results.py": "EQUAL",
-    "kinds/lyapunov/keys.py": "_WARM_UP",
+    "plugins/dynamics/kinds/statistics/results.py": "LEAST_GROUPS",
+    "plugins/dynamics/kinds/lyapunov/results.py": "EQUAL",
+    "plugins/dynamics/kinds/lyapunov/keys.py": "_WARM_UP",
 }
 
 

@@ -141,6 +141,7 @@ TOGETHER = {
 
 
 @pytest.mark.slow
+@pytest.mark.needs("systems")
 @pytest.mark.parametrize("experiment", TOGETHER)
 def test_bits_do_not_depend_on_the_width_of_vectors_for_any_model(experiment):
     assert_equal_bits([f"{experiment}/{scheme}" for scheme in TOGETHER[experiment]])

@@ -11,7 +11,7 @@ from strong_results import strong_group
 from view_helpers import bars_of, edge, legend_texts, line_of, points_of
 
 from spi.drawing import fitting, layout, page, panels, plots, style
-from spi.kinds.lyapunov.results import Exponents
+from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
 from spi.storage.stored import Description
 
 H = 2.0 ** -np.arange(1, 7)

@@ -14,9 +14,8 @@ from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
 from work_results import work_results
 
-from spi import storage
+from spi import storage, views
 from spi.drawing import page, style
-from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage import Order
 

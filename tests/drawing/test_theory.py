@@ -9,8 +9,8 @@ import pytest
 from spi.drawing import plots
 from spi.drawing.panels import CurvePanel
 from spi.drawing.sweeps import _theory
-from spi.kinds.statistics.figure import _formula
-from spi.kinds.statistics.references import reference_formulas
+from spi.plugins.dynamics.kinds.statistics.figure import _formula
+from spi.plugins.dynamics.kinds.statistics.references import reference_formulas
 from spi.running.load import load
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve

@@ -5,16 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from ensemble_cases import areas_of, increments_of
 from helpers import LANES, RIGID_BODY, compiled_only
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble import areas as area_draws
 from spi.ensemble.areas import GAUSSIAN, TAILS, all_pairs, area_count, area_distance, draw_fourier_areas
-from spi.ensemble.increments import brownian
+from spi.ensemble.increments import brownian, draw_noise, empty_noise
 from spi.ensemble.protocol import area_pairs
 from spi.models import SineEuler
 from spi.numerics.rng import STEPS_PER_DRAW
+from spi.schemes import SCHEMES
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 EXACT = (1, 40)
@@ -22,13 +22,13 @@ EXACT = (1, 40)
 
 @pytest.fixture(scope="module")
 def drawn():
-    """terms -> (dW [noise, sample], areas [pair, sample]) of steps of size 1."""
-    options = {"h": 1.0, "steps": 256, "blocks": 16}
-    dW = np.moveaxis(increments_of(**options)[0], 0, 1).reshape(3, -1)
-    return {
-        terms: (dW, np.moveaxis(areas_of(**options, area_terms=terms)[0], 0, 1).reshape(3, -1))
-        for terms in (*EXACT, GAUSSIAN)
-    }
+    """terms -> (dW [noise, sample], areas [pair, sample]) of steps of size 1, as runs have them."""
+    found = {}
+    for terms in (*EXACT, GAUSSIAN):
+        given = empty_noise(scheme := SCHEMES["munthe_kaas_areas"].record, RIGID_BODY, 256, 16 * LANES)
+        draw_noise(scheme, RIGID_BODY, brownian(1), 1.0, terms, 0, 0, given)
+        found[terms] = given.dW.reshape(-1, 3).T.copy(), given.areas.reshape(-1, 3).T.copy()
+    return found
 
 
 def deviation(values, expected):

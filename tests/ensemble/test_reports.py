@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers import INITIAL, LANES, ONE_NOISE, RIGID_BODY, loop_in_python
 from scheme_cases import ANGLE, FAILURES, ITERATIONS, RESIDUAL, SOLVES, on_the_sphere
-from yaml_cases import made
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import brownian
@@ -63,7 +62,6 @@ SPINS = Spins("ring", (4,), (Terms(exchange=(1.0, 0.8, 0.5)),), noise=Transport(
 WARM = thermal(SPINS._replace(noise=None, alpha=0.5, by="sites"), 0.7)
 FLUID = Zeitlin(3, (Noise(1.5, modes=((0, 1), (1, 0))),))
 BODY = thermal(RIGID_BODY, 0.02)
-INNER = made("{algebra: so(3), hamiltonian: y1^2/2 + y2^2/3 + cos(y1*y2), noises: [y2], inner: midpoint}").record
 STARTS = {Spins: (0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0), Zeitlin: (0.3, -0.4, 0.5, 0.2) * 2}
 
 #: (model, scheme): with failures, angles above pi/4 and refused flows.
@@ -71,7 +69,6 @@ RUNS = {
     "midpoint": (RIGID_BODY, Midpoint(most_iterations=2)),
     "isospectral": (RIGID_BODY, IsospectralMidpoint(most_iterations=1)),
     "splitting": (RIGID_BODY, "splitting"),
-    "inner midpoint": (INNER, "splitting"),
     "judged": (BODY, "splitting_metropolis"),
     "fluid, midpoint": (FLUID, Midpoint(most_iterations=1)),
     "fluid, splitting": (FLUID, "splitting_symmetric"),
@@ -115,7 +112,7 @@ def test_reports_of_single_paths_add_up(name):
 def test_single_paths_report_different_numbers():
     """Negative control of the test above: reports are not the same for all paths."""
     for name in ("midpoint", "splitting", "judged", "fluid, judged", "spins, judged"):
-        found = {tuple(run(*RUNS[name], path + 1, path, h=0.9)[1]) for path in range(8)}
+        found = {tuple(run(*RUNS[name], path + 1, path, h=0.9)[1]) for path in range(4)}
         assert len(found) > 1, name
 
 
@@ -134,12 +131,16 @@ ARRAYS = {
 
 @pytest.mark.parametrize("name", ARRAYS)
 def test_bits_of_array_states_do_not_depend_on_the_number_of_paths(name):
-    """Paths 64 and 65 of 66 and of 70, and the first five of 5 and of 64; steps are long, so that angles are large."""
-    of = functools.partial(run, *ARRAYS[name], h=0.25)
+    """Paths 64 and 65 of 66 and of 70, and the first five of 5 and of 64; steps are long, so that angles are large.
+
+    Of the midpoint rule, which takes longer, one step, and 12 paths, of which four stand in another batch.
+    """
+    steps, many = (1, 12) if "midpoint" in name else (2, LANES)
+    of = functools.partial(run, *ARRAYS[name], h=0.25, steps=steps)
     few, more = of(66, block=1)[0], of(70, block=1)[0]
     assert np.array_equal(few, more[:, :2]) and np.isfinite(few).all()  # others may diverge
-    few, more = of(5)[0], of(LANES)[0]
-    assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 55
+    few, more = of(5)[0], of(many)[0]
+    assert np.array_equal(few, more[:, :5]) and np.isfinite(few).all() and len(np.unique(more[0])) > 0.85 * many
 
 
 def test_a_path_alone_is_not_compared_with_scratch():

@@ -90,7 +90,7 @@ def test_reference_steps_are_halved_by_bridges_of_the_stream_of_bridges():
 
 
 def test_each_increment_is_clipped_by_the_bound_for_its_own_length():
-    options = {"h": 2.0**-4, "steps": 16, "doublings": (0, 2, 3), "blocks": 2}
+    options = {"h": 2.0**-4, "steps": 16, "doublings": (0, 2, 3), "blocks": 1}
     for n in (1, 2, 8):
         pairs = zip(over(n, 0, **options), over(n, 0, truncate=True, **options), strict=True)
         for s, (plain, clipped) in zip(options["doublings"], pairs, strict=True):

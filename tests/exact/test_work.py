@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from spi.exact import kolmogorov, work
+from spi.exact import expectations, work
 from spi.exact.work import counted, expected, reporting_to
 from spi.models import MaxwellBloch, RigidBody
 from spi.schemes import SCHEMES
@@ -86,18 +86,18 @@ def smooth(y):
 
 def scheme_errors(model, initial):
     rows = compositions(SCHEMES["splitting"].composition, model)
-    found = kolmogorov.expectations(model, rows, initial, 0.5, [0.25, 0.125, 0.0625], [smooth], 1e-6)
+    found = expectations.expectations(model, rows, initial, 0.5, [0.25, 0.125, 0.0625], [smooth], 1e-6)
     return found.value, found.limit
 
 
 def refinements(model, initial):
-    refiner = kolmogorov.refiner(model, initial, 0.5, [smooth], 1e-6)
+    refiner = expectations.refiner(model, initial, 0.5, [smooth], 1e-6)
     with work.work("solving", sum(refiner.costs(refiner.effort)[:3])):
         return [refiner.refine(number)[0] for number in range(3)]
 
 
 def means(model, initial):
-    return kolmogorov.exact_expectations(model, initial, np.array([0.25, 0.5]), [smooth], 1e-6)
+    return expectations.exact_expectations(model, initial, np.array([0.25, 0.5]), [smooth], 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_predicted_seconds_are_those_taken_up_to_the_speed_of_the_machine():
     ]
     ratios = []
     for model, initial, final_time, texts, accuracy in asked:
-        refiner = kolmogorov.refiner(model, initial, final_time, functions_of(texts, 3), accuracy)
+        refiner = expectations.refiner(model, initial, final_time, functions_of(texts, 3), accuracy)
         *_, effort = refiner.refine(2)
         began = time.process_time()
         refiner.refine(3)

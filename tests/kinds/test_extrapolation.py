@@ -9,7 +9,7 @@ from helpers import INITIAL, ONE_NOISE, RIGID_BODY, SCHEMES
 from scipy.linalg import expm
 from weak_cases import SPEC, case_of, has_order
 
-from spi.exact.kolmogorov import expectations
+from spi.exact.expectations import expectations
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise
@@ -98,9 +98,9 @@ TABLE = {
 def test_orders_4_6_and_8_without_sampling():
     case = symmetric("functions=sin(2*pi*y1)", "steps=2^0 .. 2^-5", "reference_step=2^-6", "extrapolate=[0, 1, 2, 3]",
                      "estimators=[kolmogorov]", "accuracy=1e-9")  # fmt: skip
-    (together,) = weak.parts(case)  # one solution serves all
-    assert [part.extrapolate for part in together.each()] == [0, 1, 2, 3]
-    assert [part.variant for part in together.each()] == ["splitting_symmetric"] + [
+    parts = weak.parts(case)
+    assert [part.extrapolate for part in parts] == [0, 1, 2, 3]
+    assert [part.variant for part in parts] == ["splitting_symmetric"] + [
         f"splitting_symmetric_extrapolated_{levels}" for levels in (1, 2, 3)
     ]
     plain, *_ = groups = [group_of(case, "kolmogorov", levels) for levels in range(4)]

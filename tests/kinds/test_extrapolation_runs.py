@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from extrapolation_cases import COARSE, SYMMETRIC_CASE, group_of, symmetric
 from helpers import COMPILED, INITIAL, compiled_only, final_states
+from states import finished, resumed, same_numbers, snapshots
 from weak_cases import SPEC
 
-from spi.exact.kolmogorov import expectations
+from spi import storage
+from spi.exact.expectations import expectations
 from spi.kinds.plans import State
 from spi.kinds.weak import study as weak
-from spi.kinds.work_precision import study as work_precision
-from spi.running.run import load
+from spi.plugins.clusters.running.verify import verify
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
+from spi.running.run import load, run
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
@@ -91,16 +94,59 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
     strong = re.sub("(functions|estimators).*", "", text)
     with pytest.raises(SpecError, match="extrapolate: is for weak errors; leave it out, or give functions"):
         load(SPEC, overrides=["extrapolate=1"], text=strong)
-    (together,) = work_precision.parts(case)
-    assert [part.extrapolate for part in together.each()] == [0, 2]
-    p, steps = work_precision.plan(case, together), case.steps
+    zero, two = work_precision.parts(case)
+    assert [part.extrapolate for part in (zero, two)] == [0, 2]
+    p = work_precision.plan(case, two)
     state = State(p)
     state.put(state.missing()[0], next(p.advance(state.missing(), None))[0][1])
-    times = np.arange(1.0, len(steps) + len(steps[2:]) + 1)
+    assert list(p.h) == list(case.steps[2:]) and len(p.kernel_calls()) == 1
+    times = np.arange(1.0, len(p.h) + 1)
     assert state.extra.times.shape == (3, len(times))
     state.extra = state.extra._replace(times=np.tile(times, (3, 1)))
-    plain, twice = p.all_results(state)
-    assert (plain.about.extrapolate, twice.about.extrapolate) == (0, 2)
-    np.testing.assert_allclose(plain.seconds_per_path, times[: len(steps)])
-    np.testing.assert_allclose(twice.seconds_per_path, times[len(steps) :])
-    assert len(p.kernel_calls()) == 2 and [len(job) for job in (plain.h, twice.h)] == [len(steps), len(steps[2:])]
+    found = p.results(state)
+    np.testing.assert_allclose(found.seconds_per_path, times)
+    np.testing.assert_allclose(found.ns_per_step, 1e9 * times * p.h / (case.final_time * (1 + 1 / 2 + 1 / 4)))
+
+
+def test_each_level_of_extrapolation_is_a_part():
+    """In increasing order; a spec of work and precision takes each from the first estimator that has it."""
+    case = symmetric(*COARSE, "schemes=[splitting_symmetric, splitting]", "estimators=[plain, multilevel, kolmogorov]",
+                     "extrapolate=[0, 2, 1]")  # fmt: skip
+    assert weak.parts(case) == [
+        Part(scheme, name, None, levels) for scheme in case.schemes for name in case.estimators for levels in (0, 1, 2)
+    ]
+    chosen = {"functions": {"phi": "y1^2"}, "estimators": ("multilevel", "plain")}
+    assert work_precision.parts(case.model_copy(update=chosen)) == [
+        Part(scheme, "multilevel", None, levels) for scheme in case.schemes for levels in (0, 1, 2)
+    ]
+
+
+@compiled_only
+def test_an_extrapolated_error_has_the_standard_error_that_was_asked_for():
+    """Each level has the weight of its share in the error; and bits do not depend on interruptions."""
+    case = symmetric(*COARSE, "seconds=null", "standard_error=0.002")
+    p = weak.plan(case, Part("splitting_symmetric", "multilevel", None, 2))
+    whole, found = finished(p), snapshots(p, 4)
+    result = p.results(whole)
+    assert result.sampled.error_stderr[:, 0].max() < 0.002 * 1.3
+    np.testing.assert_array_equal(result.history.error_stderr[-1], result.sampled.error_stderr)
+    for plain in found[:: len(found) // 3]:
+        assert same_numbers(resumed(p, plain), whole)
+
+
+@compiled_only
+def test_all_levels_are_in_the_file_of_a_run(tmp_path):
+    spec = tmp_path / "both.yaml"
+    spec.write_text(
+        "kind: weak\nmodel: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [5, 10, 15], sigma: [1, 1, 1]}\n"
+        "initial: [1, 0.5, -0.5]\nfinal_time: 1\nsteps: 2^0 .. 2^-3\nreference_step: 2^-5\nextrapolate: [0, 1]\n"
+        "schemes: [splitting_symmetric]\nfunctions: y1^2\nestimators: [plain, multilevel]\nsamples: 1000\n"
+        "seconds: 0.01\nexpect: {splitting_symmetric: {extrapolate 1: {multilevel: {error: 1}}}}\n"
+    )
+    path = run(load(spec), tmp_path)
+    assert sorted((group.estimator, group.variant) for group in storage.read(path).groups) == [
+        (estimator, f"splitting_symmetric{variant}")
+        for estimator in ("multilevel", "plain")
+        for variant in ("", "_extrapolated_1")
+    ]
+    assert verify(path, None).sound

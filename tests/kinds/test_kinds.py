@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import spread_kind
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS, Kind
+from spi.kinds.plans import State
+from spi.plugins.report.views import page, sections
 from spi.printing.tables import _common
-from spi.report import page, sections, views
 from spi.running import run as runs
-from spi.storage.records import Order
-from spi.storage.stored import Stored
+from spi.storage.stored import Stored, fact
 
 SPEC = """\
 title: Spread
@@ -87,13 +87,24 @@ def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
         ({"step": 0.5, "samples": 3, "nonfinite": 1}, "3 paths with h = 0.5, 1 of them diverged"),
         ({"step": 0.5, "samples": 3, "ns_per_step": 7.0}, "3 paths with h = 0.5, 7.0 ns per step and path"),
         (
-            {"order": Order(order=1.0, low=0.9, high=1.1, points=3)},
+            {"order": 1.0, "order_low": 0.9, "order_high": 1.1, "points_in_fit": 3},
             "order 1.000 [0.900, 1.100] (measured; theory states none)",
         ),
     ],
 )
 def test_each_common_fact_is_said_without_the_others(facts, said):
-    assert list(_common(SimpleNamespace(**facts))) == [said]
+    assert list(_common(SimpleNamespace(get=facts.get))) == [said]
+
+
+def test_keys_of_the_case_alone_become_facts_of_a_record(spread, monkeypatch):
+    class Named(spread_kind.Spread):
+        row: str = fact("what is also called as a method of the case", default="own")
+
+    monkeypatch.setattr(spread_kind.SpreadPlan, "record", Named)
+    (plan,) = runs.plans(runs.load(spread))
+    whole = plan.whole(State(plan))
+    assert hasattr(plan.case, "row") and "row" not in whole
+    assert (whole["samples"], whole["step"]) == (70, 0.125)
 
 
 def test_the_further_kind_is_not_known_without_its_line(tmp_path):

@@ -7,11 +7,11 @@ from states import check_going_on, finished, same_numbers
 
 from spi.ensemble import loop
 from spi.kinds import one_path
-from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.means import Series
 from spi.models.spins import Anisotropy, Spins, Terms, observables
 from spi.models.spins.lattices import Cell
 from spi.models.spins.whole import Sampled, Whole
+from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
+from spi.plugins.dynamics.kinds.equilibrium.means import Series
 from spi.running import run as runner
 from spi.running.load import load
 from spi.specs import SpecError

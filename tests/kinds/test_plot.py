@@ -6,8 +6,8 @@ from strong_results import LABELS, H, strong, unresolved
 from strong_results import strong_group as group_of
 from view_helpers import heading, legend_texts, line_of, points_of, rendered, save, title
 
+from spi import views
 from spi.drawing import style
-from spi.report import views
 from spi.storage import Order
 
 

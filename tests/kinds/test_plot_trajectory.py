@@ -9,8 +9,8 @@ from matplotlib.markers import CARETUP
 from trajectory_results import LABELS, trajectories, trajectory_group
 from view_helpers import edge, line_of, rendered, title
 
+from spi import views
 from spi.kinds.trajectory import figure
-from spi.report import views
 from spi.schemes import SCHEMES
 
 T = np.arange(101) * 0.01

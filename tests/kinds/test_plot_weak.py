@@ -7,8 +7,8 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from view_helpers import edge, legend_texts, line_of, points_of, rendered, save, title
 from weak_results import H, weak, weak_group
 
+from spi import views
 from spi.drawing import style
-from spi.report import views
 from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")

@@ -7,7 +7,7 @@ import pytest
 from helpers import printed
 from weak_results import H, by_differences, weak, weak_group
 
-from spi.report import views
+from spi import views
 
 
 @pytest.fixture

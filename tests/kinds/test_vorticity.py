@@ -13,7 +13,7 @@ from states import finished
 from trajectory_results import trajectories, trajectory_group
 from view_helpers import legend_texts, line_of, title
 
-from spi import cli, storage
+from spi import cli, storage, views
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
 from spi.kinds.trajectory.figure import colours_of_spins
@@ -21,7 +21,6 @@ from spi.models import RigidBody, SineEuler, Zeitlin
 from spi.models.delegation import damped
 from spi.models.zeitlin import fields
 from spi.models.zeitlin.tables import modes, shell
-from spi.report import views
 
 SPEC = """\
 kind: trajectory

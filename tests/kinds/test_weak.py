@@ -120,7 +120,7 @@ def test_cost_is_known_before_and_progress_on_the_way():
     per_path = sum(round(1 / h) for h in (case.reference_step, *case.steps))
     assert steps == 3 * LANES * per_path  # blocks are computed whole
     assert 1e-9 < seconds / steps < 1e-7
-    assert weak.parts(case) == [Part(scheme, "multilevel", together=(0,)) for scheme in SPLITTINGS]
+    assert weak.parts(case) == [Part(scheme, "multilevel") for scheme in SPLITTINGS]
     assert math.isnan(
         weak.plan(case_of("seconds=null", "standard_error=1"), Part("splitting", "multilevel")).cost().seconds
     )

@@ -18,8 +18,8 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
-from spi.exact.kolmogorov import expectations
-from spi.kinds.weak.kolmogorov import _order
+from spi.exact.expectations import expectations
+from spi.plugins.solve.kinds.weak.kolmogorov import _order
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 

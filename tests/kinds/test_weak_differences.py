@@ -10,7 +10,7 @@ from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_leve
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.kinds.weak.multilevel import DifferencesPlan
-from spi.numerics.rng import ANSWERS, DIFFERENCES, LEVELS, POINTS
+from spi.numerics.rng import DIFFERENCES, LEVELS, PATH_SETS, POINTS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND
 
@@ -110,7 +110,7 @@ def test_no_two_path_sets_have_common_random_numbers():
     assert len(p.levels) == 3 + 2
     streams = [int(level.stream.stream) for level in p.levels]
     assert len(set(streams)) == len(streams)
-    assert min(ANSWERS) >= LEVELS + 2 * 64 and DIFFERENCES + 2 * 64 <= POINTS
+    assert min(PATH_SETS) >= LEVELS + 2 * 64 and DIFFERENCES + 2 * 64 <= POINTS
 
 
 def test_work_is_shared_out_so_that_all_errors_have_the_least_variance():

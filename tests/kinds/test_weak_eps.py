@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from view_helpers import legend_texts, line_of, rendered
 from weak_results import H, at_eps, weak, weak_group
 
-from spi.report import views
+from spi import views
 from spi.statistics.estimators import GROUPS, largest_over
 
 EPS = (1e-2, 1e-3, 1e-4)

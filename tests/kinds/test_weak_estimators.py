@@ -17,6 +17,14 @@ WEAK = (
     .replace("{a: y1^2, b: y3}", "{phi: y1^2}")
 )
 
+#: The commands in one process: to start one takes longer than to run them.
+PROGRAM = """
+import json
+from damage import call
+commands = "run mine.yaml", "show results/mine.h5 --format json", "check none.yaml"
+print(json.dumps([call(*command.split()) for command in commands]))
+"""
+
 
 def test_a_further_estimator_is_a_file_and_an_entry(tmp_path):
     """In a copy of the package that has the estimator of tests/guess_estimator.py, with its entry."""
@@ -25,23 +33,20 @@ def test_a_further_estimator_is_a_file_and_an_entry(tmp_path):
     folder = package / "kinds" / "weak"
     shutil.copy(guess_estimator.__file__, folder / "guess.py")
     text = (folder / "study.py").read_text(encoding="utf-8")
-    text = text.replace("from .kolmogorov", "from .guess import GuessPlan\nfrom .kolmogorov")
-    text = text.replace('    "quasi": QuasiPlan,\n', '    "quasi": QuasiPlan,\n    "guess": GuessPlan,\n')
+    text = text.replace("from .multilevel", "from .guess import GuessPlan\nfrom .multilevel")
+    text = text.replace('"quasi": QuasiPlan}', '"quasi": QuasiPlan, "guess": GuessPlan}')
     (folder / "study.py").write_text(text, encoding="utf-8")
-    environment = os.environ | {"PYTHONPATH": str(package.parent), "SPI_CACHE_DIR": str(tmp_path / "cache")}
-
-    def spi(*words):
-        command = [sys.executable, "-c", "from spi.cli import main; main()", *map(str, words)]
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-
     (tmp_path / "mine.yaml").write_text(WEAK, encoding="utf-8")
-    done = spi("run", "mine.yaml")
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(spi("show", "results/mine.h5", "--format", "json").stdout)
+    (tmp_path / "none.yaml").write_text(WEAK.replace("accuracy: 3\n", ""), encoding="utf-8")
+    folders = os.pathsep.join([str(package.parent), os.environ["PYTHONPATH"]])
+    environment = os.environ | {"PYTHONPATH": folders, "SPI_CACHE_DIR": str(tmp_path / "cache")}
+    answers = subprocess.run([sys.executable, "-c", PROGRAM], cwd=tmp_path, env=environment, capture_output=True)
+    assert answers.returncode == 0, answers.stderr
+    (done, _, problem), (_, shown, _), (refused, _, why) = json.loads(answers.stdout)
+    assert done == 0, problem
+    rows = json.loads(shown)
     assert [(row["estimator"], row["h"], row["error"]) for row in rows] == [
         ("guess", 0.25, 0.75),
         ("guess", 0.125, 0.375),
     ]
-    (tmp_path / "none.yaml").write_text(WEAK.replace("accuracy: 3\n", ""), encoding="utf-8")
-    refused = spi("check", "none.yaml")
-    assert refused.returncode == 2 and "missing key 'accuracy', needed by the estimator 'guess'" in refused.stderr
+    assert refused == 2 and "missing key 'accuracy', needed by the estimator 'guess'" in why

@@ -10,7 +10,7 @@ from weak_cases import SPEC, case_of, plan_of
 
 from spi.kinds.weak.results import not_reached
 from spi.kinds.weak.study import remarks
-from spi.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.storage import Results
 
 KEYS = ("functions=y1^2", "steps=2^-1 .. 2^-3", "accuracy=1e-4")

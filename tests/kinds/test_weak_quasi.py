@@ -7,7 +7,7 @@ from phis import functions_of
 from states import finished
 from weak_cases import case_of, plan_of
 
-from spi.exact.kolmogorov import expectations
+from spi.exact.expectations import expectations
 from spi.kinds.blocks import values_of_blocks
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions

@@ -23,7 +23,7 @@ def rule_of_three(samples):
 
 @compiled_only
 @pytest.mark.parametrize(
-    ("estimator", "scheme", "factor"), [("plain", "splitting", 2), ("quasi", "splitting_order2", 4 / 3)]
+    ("estimator", "scheme", "factor"), [("plain", "splitting_order2", 4 / 3), ("quasi", "splitting", 2)]
 )
 def test_what_no_path_shows_is_bounded_or_not_known(estimator, scheme, factor):
     """What the reference lacks is added, r/(1 - r) for r = (h_ref/h)^p at the smallest step; kernels of other tests."""

@@ -4,7 +4,6 @@ import pytest
 from extending import Oscillator
 from model_cases import MODELS_UNDER_TEST
 
-from spi import systems
 from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.protocol import area_pairs
 from spi.models import MODELS, Zeitlin, register_model
@@ -25,7 +24,6 @@ def test_models_that_are_too_large_are_refused_by_name(fact, monkeypatch):
 
 def test_there_are_indices_for_the_largest_models():
     assert len(INDICES) == MOST + 1  # damping is one more piece
-    assert systems.keys.MOST == MOST  # what may be known without the compiler
     assert len({cls.__name__ for cls in INDICES}) == len(INDICES)
 
 
@@ -41,6 +39,7 @@ STRONG = "kind: strong\n" + PAIRS + "steps: 2^-1 .. 2^-3\nreference_step: 2^-4\n
 TRAJECTORY = "kind: trajectory\n" + PAIRS + "step: 2^-4\npanels: [casimirs]\n"
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.parametrize(
     ("text", "place"),
     [

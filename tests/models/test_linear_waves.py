@@ -7,13 +7,11 @@ from states import finished
 from test_spin_currents import SPINS
 
 from spi import storage
-from spi.kinds.statistics import figure, study
-from spi.kinds.statistics.stationary import modes_of
-from spi.kinds.statistics.waves import linear_waves
 from spi.models.delegation import undamped
+from spi.plugins.dynamics.kinds.statistics import figure, study
+from spi.plugins.dynamics.kinds.statistics.stationary import modes_of
+from spi.plugins.dynamics.kinds.statistics.waves import linear_waves
 from spi.storage import Part, Results
-
-pytestmark = pytest.mark.xdist_group("spins")
 
 SPEC = SPINS.replace("J: energy_current", "e: H")
 MODEL = "{name: spins, lattice: ring, size: [8], bonds: {exchange: 1}}"

@@ -14,8 +14,8 @@ from own_models import OSCILLATOR, check_other_processes
 from spi import storage
 from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
+from spi.plugins.clusters.running import shards, verify
 from spi.running import run as runs
-from spi.running import shards, verify
 from spi.running.run import Watch
 from spi.specs import SpecError, models
 
@@ -88,7 +88,7 @@ def test_paths_are_seen_from_the_folder_of_the_spec(top, monkeypatch):
 def test_the_text_of_the_file_belongs_to_the_hash(top):
     first, again, edited = top(), top(), top(source=TOP + "\n# a remark\n")
     assert first.hash == again.hash
-    assert first.hash != edited.hash and first.paths_hash != edited.paths_hash
+    assert first.hash != edited.hash
 
 
 def test_with_the_texts_nothing_is_read(top):
@@ -304,11 +304,11 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
 
     Path("my_model.py").write_text(OSCILLATOR + "\n# edited\n")
     with pytest.raises(storage.StorageError, match="results of another spec"):
-        runs.run(runs.load("s.yaml"), "out")
-    with pytest.raises(storage.StorageError, match="results of another spec"):
         runs.results_of("s.yaml", "out")
+    runs.run(runs.load("s.yaml"), "out", watch=Watch(tell=told.append))
+    assert told[-1] == f"{path} is written anew; the former results are in {storage.former(path)}"
     Path("my_model.py").unlink()
-    found = verify.verify(path, 1, trust_code=True)
+    found = verify.verify(storage.former(path), 1, trust_code=True)
     assert found.checked and not found.different
 
 

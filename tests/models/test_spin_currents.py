@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 from states import finished
 
+from spi import views
 from spi.ensemble.protocol import one_path
-from spi.kinds.statistics import study
 from spi.kinds.trajectory import study as trajectory
 from spi.models.spins import Anisotropy, Spins, Terms
 from spi.models.spins.tables import bond_matrices, tables
 from spi.models.spins.whole import Sampled
-from spi.report import views
+from spi.plugins.dynamics.kinds.statistics import study
+from spi.plugins.systems.currents import energy_current
 from spi.storage import Part, Results
-from spi.systems.currents import energy_current
-
-pytestmark = pytest.mark.xdist_group("spins")
 
 
 def balance(model: Spins, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -1,11 +1,10 @@
 """Signs and counts of spins against the text of docs/spins.md, in NumPy: chirality, spellings, no noise."""
 
 import itertools
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from helpers import loop_in_python
+from helpers import take_steps
 from scipy.special import ive
 from test_spins import mean_and_error, paths, spins_of, stepped
 
@@ -14,8 +13,7 @@ from spi.models.spins import Anisotropy, Spins, Terms
 from spi.models.spins.lattices import Cell
 from spi.models.spins.whole import Sampled
 from spi.numerics.rng import LANES
-
-pytestmark = pytest.mark.xdist_group("spins")
+from spi.schemes import SCHEMES, of_model
 
 X, Y, Z = np.eye(3)
 D, J = np.array([0.3, -0.7, 0.2]), np.array([[1.0, 0.2, -0.1], [0.4, -0.5, 0.3], [0.0, 0.6, 0.7]])
@@ -128,12 +126,20 @@ def test_one_spin_without_noise(scheme, sites):
     model = Spins("chain", (sites,), (), field=(0.0, 0.0, 2.0))
     order, few = {"splitting": (None, 256), "euler_maruyama": (1.0, 64)}.get(scheme, (2.0, 256))
     ends, exact = {}, np.array([np.cos(4), np.sin(4), 0.0])
-    with loop_in_python() if scheme == "euler_maruyama" else nullcontext():  # whose loop no other test needs
-        for steps in (few, 2 * few):
+
+    def after(model, steps):
+        if scheme == "splitting":
             s = paths(model, np.inf, scheme, 2 / steps, steps, 1, np.tile(X, (sites, 1)))
-            assert (s == s[:1, :, :1]).all()
-            ends[steps] = abs(s[0, :, 0] - exact).max()
-        damped = paths(model._replace(alpha=0.25), np.inf, scheme, 2 / few, few, 1, np.tile(X, (sites, 1)))[0, :, 0]
+        else:  # whose loop over time no other test needs
+            record, y = of_model(SCHEMES[scheme], model).record, np.tile(X, sites)[:, np.newaxis].repeat(LANES, axis=1)
+            s, _ = take_steps(record, in_kernels(model), 2 / steps, np.zeros((steps, 0, LANES)), y)
+            s = s.reshape(sites, 3, LANES)
+        assert (s == s[:1, :, :1]).all()
+        return s[0, :, 0]
+
+    for steps in (few, 2 * few):
+        ends[steps] = abs(after(model, steps) - exact).max()
+    damped = after(model._replace(alpha=0.25), few)
     assert ends[2 * few] < {None: 1e-13, 1.0: 0.1, 2.0: 1e-4}[order]
     assert order is None or abs(np.log2(ends[few] / ends[2 * few]) - order) < 0.2
     exact = np.array([np.cos(4) / np.cosh(1), np.sin(4) / np.cosh(1), np.tanh(1)])

@@ -35,8 +35,6 @@ from spi.schemes import SCHEMES, of_model
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import flows
 
-pytestmark = pytest.mark.xdist_group("spins")
-
 CASES = {
     "heisenberg": Spins("ring", (6,), (Terms(1.3),), field=(0.3, 0.2, -0.5), mu=1.5),
     "xyz": Spins("ring", (5,), (Terms((1.0, -0.5, 0.7)),), anisotropy=Anisotropy(0.4, (1.0, 1.0, 0.0), 0.3)),

@@ -244,6 +244,7 @@ def exact_means(temperature):
     return np.array([(p * energy).sum(), (p * z[:, np.newaxis] ** 2).sum()]) / p.sum()
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("temperature", [0.25, -0.25])
@@ -260,6 +261,7 @@ def test_metropolis_has_the_gibbs_law_at_steps_of_any_size(load_text, temperatur
     assert 0.72 < rates[0] < 0.78 and 0.84 < rates[1] < 0.88
 
 
+@pytest.mark.needs("systems")
 @compiled_only
 def test_metropolis_has_the_same_bits_however_its_paths_are_computed(load_text):
     """Block by block, in two pieces of time, and beside paths of other step sizes."""
@@ -278,6 +280,7 @@ def test_metropolis_has_the_same_bits_however_its_paths_are_computed(load_text):
     assert not (forgetful == rest).all()
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.slow
 @compiled_only
 def test_the_bias_of_the_symmetric_scheme_has_order_two(load_text):
@@ -292,6 +295,7 @@ def test_the_bias_of_the_symmetric_scheme_has_order_two(load_text):
     assert bias[1] == pytest.approx(-0.0087, abs=0.0008)
 
 
+@pytest.mark.needs("systems")
 @pytest.mark.slow
 @compiled_only
 @pytest.mark.parametrize(("name", "order"), [("splitting_symmetric", 2.0), ("splitting", 1.0)])
@@ -312,6 +316,7 @@ def test_weak_orders_at_a_finite_time(load_text, name, order):
 # --- specs -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.needs("systems")
 def test_an_infinite_temperature_is_what_is_there_without(load_text):
     plain = load_text(STRONG.replace("temperature: 1/4\n", ""))
     for text in ("inf", ".inf"):
@@ -323,6 +328,7 @@ def test_an_infinite_temperature_is_what_is_there_without(load_text):
     assert load_text(STRONG).hash != plain.hash
 
 
+@pytest.mark.needs("systems")
 def test_negative_temperatures_are_for_compact_surfaces(load_text):
     with uncompiled():
         assert [has_compact_surfaces(model) for _, model, _ in MODELS_UNDER_TEST] == [True] * 3 + [False] * 2 + [
@@ -337,6 +343,7 @@ def test_negative_temperatures_are_for_compact_surfaces(load_text):
         load_text(text)
 
 
+@pytest.mark.needs("systems")
 def test_a_law_that_is_not_the_only_one_is_told(load_text):
     """By `spi check` and `spi run`, at a temperature."""
     symmetric = ["model.hamiltonian=y1^2/4 + y2^2/4 + y3^2/2", "model.noises=[y3]", "model.sigma=[1]"]

@@ -34,8 +34,6 @@ from spi.numerics.rng import LANES
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import compositions, flows
 
-pytestmark = pytest.mark.xdist_group("zeitlin")
-
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
 #: The same equations by the general code, in which its modes are four lines, and its noises four groups.

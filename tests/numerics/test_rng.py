@@ -8,10 +8,8 @@ import pytest
 from scipy import stats
 
 from spi.compiler.dispatch import kernel
-from spi.kinds.answer.study import SETS
 from spi.numerics import rng
 from spi.numerics.rng import (
-    ANSWERS,
     AREAS,
     BRIDGES,
     BROWNIAN,
@@ -21,6 +19,7 @@ from spi.numerics.rng import (
     INITIAL,
     LANES,
     LEVELS,
+    PATH_SETS,
     POINTS,
     SITES,
     STEPS_PER_DRAW,
@@ -34,6 +33,7 @@ from spi.numerics.rng import (
     read_coins,
     toss,
 )
+from spi.plugins.answers.kinds.answer.study import SETS
 
 COMPILED = not numba.config.DISABLE_JIT
 BLOCKS = 128 if COMPILED else 8
@@ -300,14 +300,14 @@ def test_coins_do_not_depend_on_their_neighbours():
 def test_streams_do_not_overlap():
     """All streams of the registry: those of increments, and what is added to each of them."""
     others = {"STREAM_VERSION", "MOST_NOISES", "LANES", "PARTS", "STEPS_PER_DRAW", "STEPS_PER_TOSS"}
-    of_increments = {"BROWNIAN", "LEVELS", "DIFFERENCES", "ANSWERS", "POINTS"}
+    of_increments = {"BROWNIAN", "LEVELS", "DIFFERENCES", "PATH_SETS", "POINTS"}
     added = {"COINS", "BRIDGES", "AREAS", "INITIAL", "UNIFORMS", "DRIVERS", "TANGENTS"}
     registry = {name for name in vars(rng) if name.isupper() and not name.startswith("_")}
     assert registry == others | of_increments | added | {"SITES"}  # a new one has its place below, too
-    of_answers = {first + 2 * j for first in ANSWERS for j in range(SETS)}
+    of_answers = {first + 2 * j for first in PATH_SETS for j in range(SETS)}
     of_levels, of_differences = ({first + 2 * j for j in range(64)} for first in (LEVELS, DIFFERENCES))
     increments = [BROWNIAN, *of_levels, *of_differences, *of_answers, POINTS]
-    assert len(of_answers) == SETS * len(ANSWERS) and len(set(increments)) == len(increments) == 1 + 128 + 680 + 1
+    assert len(of_answers) == SETS * len(PATH_SETS) and len(set(increments)) == len(increments) == 1 + 128 + 680 + 1
     used = (0, COINS, BRIDGES, AREAS, INITIAL, UNIFORMS, DRIVERS + 1, DRIVERS + 2, TANGENTS)
     streams = [SITES, *(stream + use for stream in increments for use in used)]
     assert len(set(streams)) == len(streams) and max(streams) < 2**16

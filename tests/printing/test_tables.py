@@ -9,8 +9,8 @@ from helpers import printed
 from strong_results import H, strong, unresolved
 from strong_results import strong_group as group_of
 
+from spi import views
 from spi.printing.text import decimal, duration, fraction, interval_text, power_of_two, with_interval
-from spi.report import views
 from spi.storage import Order, StorageError
 
 

@@ -14,6 +14,7 @@ from packaging.specifiers import SpecifierSet
 import spi
 from spi.cli import app
 from spi.kinds import KINDS
+from spi.plugins import offers
 from spi.running import shipped
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
@@ -104,7 +105,7 @@ def test_the_readme_is_short_and_counts_the_experiments():
 
 #: Modules that come with a package of another name, and the packages that always bring them along.
 BROUGHT = {
-    **{"yaml": "pyyaml", "annotated_types": "annotated-types", "mpl_toolkits": "matplotlib", "dask": "distributed"},
+    **{"yaml": "pyyaml", "annotated_types": "annotated-types", "mpl_toolkits": "matplotlib"},
     **{"llvmlite": "numba", "markupsafe": "jinja2", "pydantic_core": "pydantic"},
 }
 
@@ -148,4 +149,4 @@ def test_the_page_of_stable_names_lists_all_of_them():
     commands = {command.name or command.callback.__name__ for command in app.registered_commands}
     rows = [line for line in page.splitlines() if line.startswith("|")]
     names, listed = (set(re.findall(r"`(?:spi )?(\w+)`", line.partition(" | ")[0])) for line in rows[2:4])
-    assert names == set(spi.__all__) and listed == commands
+    assert names == {*spi.__all__, *offers("offered")} and listed == commands

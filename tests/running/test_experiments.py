@@ -8,9 +8,8 @@ import pytest
 from helpers import COMPILED
 from view_helpers import rendered
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS
-from spi.report import views
 from spi.running.run import load, run
 
 FOLDER = Path(__file__).parents[2] / "experiments"
@@ -58,8 +57,7 @@ def test_experiment_runs(path, tmp_path, capsys):
     parts = [
         (case.owner, part.scheme, "") if whole else (case.name, part.variant, part.estimator)
         for case in experiment.cases
-        for together in KINDS[experiment.kind].study.parts(case)
-        for part in together.each()
+        for part in KINDS[experiment.kind].study.parts(case)
     ]
     parts = list(dict.fromkeys(parts))
     if experiment.kind == "work_precision":  # which has one estimator for each scheme, and extrapolated ones besides

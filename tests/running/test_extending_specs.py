@@ -4,21 +4,25 @@ from pathlib import Path
 
 import pytest
 import yaml
+from damage import call
 from helpers import compiled_only
+from reuse_cases import Spec, laid
 
 from spi import storage
+from spi.kinds import KINDS
 from spi.kinds.plans import State
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import TIMES, differing, verify
 from spi.running import run as runner
-from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
-from spi.running.verify import TIMES, differing, verify
 
 BODY = {
     "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
     "initial": ["cos(1.1)", 0, "sin(1.1)"],
 }
+BOTH = ("splitting", "splitting_order2")
 STRONG = {
     **BODY,
     **{"kind": "strong", "final_time": 1, "steps": "2^-2 .. 2^-4", "reference_step": "2^-5", "samples": 200},
@@ -71,8 +75,8 @@ def test_scheme_by_scheme_and_case_by_case(extended):
     assert extended(STRONG) == {("main/splitting", 0)}
     two = STRONG | {"schemes": ["euler_maruyama", "splitting"]}
     assert extended(two, watch=Watch(tell=told.append)) == {("main/euler_maruyama", 0)}
-    assert [news for news in told if news.startswith("main/splitting: going on with the sums over paths in out/sums/")]
-    assert len(list(Path("out/sums").glob("*.sums"))) == 1  # those of results that were replaced are gone
+    assert "main/splitting: going on with the sums over paths in out/sums" in told
+    assert len(list(Path("out/sums").iterdir())) == 2  # of each scheme
     assert extended(two | {"title": "two", "expect": {"splitting": {"order": 1}}}) == set()
     more = two | {"samples": 300}
     assert extended(more) == {("main/euler_maruyama", 0), ("main/splitting", 0)}
@@ -80,17 +84,16 @@ def test_scheme_by_scheme_and_case_by_case(extended):
     assert extended(more | {"cases": cases}) == {("second/euler_maruyama", 0), ("second/splitting", 0)}
 
 
-def test_what_would_be_lost_is_refused(extended):
-    """And is known where somebody deletes the results."""
+def test_what_is_left_out_comes_again_without_a_path(extended):
+    """A scheme that is taken out, and fewer samples; and where somebody deletes the results."""
     two = STRONG | {"schemes": ["euler_maruyama", "splitting"]}
     extended(two)
-    for other in (STRONG, two | {"seed": 2}, two | {"samples": 100}):
-        with pytest.raises(storage.StorageError, match="--fresh"):
-            extended(other)
-    Path("out/s.h5").unlink()
+    assert extended(STRONG) == extended(two) == extended(STRONG) == set()
+    assert extended(two | {"seed": 2}) == {("main/euler_maruyama", 0), ("main/splitting", 0)}
     assert extended(STRONG) == set()
-    Path("out/s.h5").unlink()
-    assert extended(STRONG | {"seed": 2}) == {("main/splitting", 0)}
+    for file in Path("out").glob("*.h5"):
+        file.unlink()
+    assert extended(STRONG) == set()
 
 
 @pytest.mark.slow
@@ -102,7 +105,6 @@ def test_a_composition_beside_others(extended):
     other = {"other": ["drift 1/2", "noise 1", "drift 1/2"]}
     more = {"compositions": first | other, "schemes": ["splitting", "mine", "other"]}
     assert extended(keys | more) == {("main/other", 0)}
-    Path("out/s.h5").unlink()
     edited = {"compositions": {"mine": other["other"]}}
     assert extended(keys | edited) == {("main/mine", 0)}
 
@@ -160,7 +162,7 @@ def test_targets_and_repeats_of_work_and_precision(extended):
 @compiled_only
 @pytest.mark.slow
 def test_a_large_path_goes_on_to_a_later_time(extended, computed):
-    """From its last state where coins are tossed anew there; results of a longer time are not replaced."""
+    """From its last state where coins are tossed anew there; a shorter time begins anew."""
     keys = {"kind": "trajectory", "model": {"name": "zeitlin", "n": 5}, "step": "2^-7", "schemes": ["splitting"]}
     keys |= {"initial": {"random": {"spectrum": "k^4*exp(-k^2/8)", "energy": 0.025, "seed": 1}}, "every": 4}
     keys |= {"panels": ["casimirs"]}
@@ -180,8 +182,41 @@ def test_a_large_path_goes_on_to_a_later_time(extended, computed):
     assert taken == [256, 384]
     assert extended(keys | {"final_time": 3}) == set()
     assert extended(keys | {"final_time": "13/4"}) == {("main/splitting", 0)}
-    with pytest.raises(storage.StorageError, match="longer time"):
-        extended(keys | {"final_time": 1})
+    assert extended(keys | {"final_time": 1}) == {("main/splitting", 0)}
+
+
+#: By kind the key that is edited, its values before and after, and the path sets that the second run computes.
+EDITED = {
+    "strong": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
+    "weak": ("schemes", ["splitting"], ["splitting", "splitting_order2"], {("main/splitting_order2/plain", 0)}),
+    "work_precision": ("repeats", "3", "4", set()),
+    "stability": ("sweep", {"s": ["1"]}, {"s": ["1", "1/2"]}, {(f"s=0.5/{s}", 0) for s in BOTH}),
+    "trajectory": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
+    "equilibrium": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
+    "statistics": ("reference", {"b": "t"}, {"b": "2*t"}, set()),
+    "lyapunov": ("samples", "64", "65", {("main/splitting", 0)}),
+    "answer": ("seconds", "1000", "2000", set()),
+}
+
+
+@compiled_only
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_spec_is_edited_and_run_again(kind, tmp_path, monkeypatch, computed):
+    """Of every kind: no refusal, what is alike is not computed again, and the former results are kept."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+    key, before, after, new = EDITED[kind]
+    one_scheme = {"schemes": ["splitting"]} if kind == "lyapunov" else {}  # whose kernels others need
+    files = []
+    for value in (before, after):
+        spec = Spec.of(laid(kind, "extrapolate: 0\npullback:") | one_scheme | {key: value})
+        for name, text in (("s.yaml", spec.text), *spec.files):
+            Path(name).write_text(text, encoding="utf-8")
+        computed.clear()
+        assert call("run", "s.yaml")[0] == 0
+        files.append(Path("results/s.h5").read_bytes())
+    assert computed == new
+    assert Path("results/s.previous.h5").read_bytes() == files[0] != files[1]
 
 
 def test_shards_of_a_spec_that_has_more(tmp_path, monkeypatch, computed):

@@ -6,22 +6,23 @@ import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
-from unittest.mock import Mock
 
 import pytest
 from helpers import COMPILED
+from states import sums_files
 
 import spi
 from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
+from spi.plugins.clusters.running import shards
+from spi.plugins.clusters.running.verify import verify
 from spi.running import run as runner
-from spi.running import shards, workers
-from spi.running.checkpoint import Shard
+from spi.running import workers
+from spi.running.checkpoint import Shard, note_path, read_note
 from spi.running.run import Limits, Watch, load
-from spi.running.verify import verify
 from spi.statistics import tallies
 
 fcntl = pytest.importorskip("fcntl")  # there is none on Windows, where files of living processes cannot be removed
@@ -105,26 +106,25 @@ def test_no_process_outlives_one_that_is_killed(tmp_path, kind):
             pytest.fail("the process lives after 5 seconds")
 
 
-class Losing(workers.Workers):
-    """Workers of which each is lost, but for the first few chunks."""
-
-    size = 1
+class Losing(Executor):
+    """An executor on another machine whose workers are lost, but for the first few chunks."""
 
     def __init__(self, good=0):
-        super().__init__()
         self.good = good
 
-    def submit(self, source, number, chunk):
+    def submit(self, function, *arguments):
         future = Future()
         self.good -= 1
         if self.good >= 0:
-            future.set_result(workers.compute(source, number, chunk, 1))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(storage, "machine", lambda: "another")
+                future.set_result(function(*arguments))
+        elif self.good == -1:
+            future.set_exception(BrokenExecutor("a process was killed"))
         else:
-            future.set_exception(workers.WorkersLost.over_a_chunk(6))
+            future.cancel()
+            future.set_running_or_notify_cancel()
         return future
-
-    def machines(self):
-        return {"another"}
 
 
 def die():
@@ -143,45 +143,32 @@ def test_a_chunk_that_ends_every_process_is_one_error_and_the_next_is_computed()
     assert not any(process.is_alive() for process in pool.processes)
 
 
-@pytest.mark.parametrize("error", [OSError("Timed out"), RuntimeError("Client is closed")])
-def test_a_scheduler_of_dask_that_is_gone_is_one_error(error):
-    """Whatever the library raises of which of its calls."""
-    client = Mock(status="closed", **{"get_executor.return_value.submit.side_effect": error})
-    pytest.importorskip("distributed")
-    client.nthreads.side_effect = client.run.side_effect = error
-    dask, cancelled = workers.Dask(client), Future()
-    cancelled.cancel()
-    asked = lambda: dask.size, dask.machines, lambda: dask.submit(None, 0, None), dask.check
-    for ask in (*asked, lambda: dask.result(cancelled)):
-        with pytest.raises(workers.WorkersLost, match="the scheduler of the Dask cluster does not answer"):
-            ask()
-    client.status = "connecting"
-    dask.check()
-
-
-def test_a_chunk_that_ends_every_worker_of_dask_is_one_error():
-    future, scheduler = Future(), pytest.importorskip("distributed.scheduler")
-    future.set_exception(scheduler.KilledWorker("a chunk", None, 3))
-    with pytest.raises(workers.WorkersLost, match="4 workers were lost over the same paths"):
-        workers.Dask(Mock()).result(future)
+def test_an_executor_that_is_gone_is_one_error_and_that_of_a_chunk_itself():
+    executor = ThreadPoolExecutor(1)
+    pool = workers.ExecutorWorkers(executor)
+    with pytest.raises(AttributeError, match="NoneType"):  # what the call raises, not the executor
+        pool.result(pool.submit(None, 0, None))
+    executor.shutdown()
+    with pytest.raises(workers.WorkersLost, match=r"^the executor lost its workers \(RuntimeError: cannot"):
+        pool.submit(None, 0, None)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_what_is_done_is_kept_where_workers_are_lost_again_and_again(tmp_path, monkeypatch, capsys):
     def run():
-        runner.run(strong(), tmp_path, workers=Losing(4))
+        runner.run(strong(), tmp_path, workers=workers.ExecutorWorkers(Losing(4)))
 
-    with pytest.raises(workers.WorkersLost, match=r"lost over the same paths; .*; progress is saved in .*sums$"):
+    with pytest.raises(workers.WorkersLost, match=r"lost its workers \(.*Error.*\); progress is saved in .*/sums$"):
         run()
-    about, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
-    assert about["machines"] == sorted(["another", storage.machine()])
-    assert sum(len(kept["digests"]) for part in parts.values() for kept in part["path_sets"]) == 4
+    kept = [storage.Store(path.parent).read(path.stem) for path in sums_files(strong(), tmp_path)]
+    assert {(*one["machines"],) for one in kept} == {(*sorted(["another", storage.machine()]),)}
+    assert sum(len(one["digests"]) for one in kept) == 4
     monkeypatch.setattr("spi.cli.app", lambda *_, **__: run())
     monkeypatch.setattr(sys, "argv", ["spi"])
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 1
-    assert capsys.readouterr().err.startswith("spi: 6 workers were lost")
+    assert capsys.readouterr().err.startswith("spi: the executor lost its workers (")
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
@@ -192,7 +179,7 @@ def test_what_is_done_is_kept_whatever_ends_a_run(tmp_path):
 
     with pytest.raises(MemoryError):
         runner.run(strong(), tmp_path, watch=Watch(report=fail))
-    assert storage.about_sums(runner.sums_path(strong(), tmp_path))["finished"] is False
+    assert len(sums_files(strong(), tmp_path)) == 1 and read_note(note_path(strong(), tmp_path))
 
 
 # --- a limit of time that is shorter than the start -----------------------------------------------------------------
@@ -204,7 +191,7 @@ def test_a_run_without_time_does_something_before_it_stops(tmp_path, kind, monke
     monkeypatch.setattr("spi.ensemble.loop.BATCH_SECONDS", 0.0)
     stops = 0
     while True:
-        pool = None if kind == "here" else Losing(good=10**9)
+        pool = None if kind == "here" else workers.ExecutorWorkers(Losing(good=10**9))
         try:
             runner.run(strong("samples=300"), tmp_path, limits=Limits(max_seconds=0.0), workers=pool)
             break

@@ -7,7 +7,7 @@ import pytest
 
 from spi.kinds.plans import State
 from spi.running import run as runner
-from spi.running.checkpoint import Keys
+from spi.running.checkpoint import sums_keys
 from spi.running.load import load, plans
 
 ERRORS = "steps: [1/4, 1/8]\nreference_step: 1/16\nsamples: 64"
@@ -58,7 +58,7 @@ def prepared(path):
     ready = plans(experiment)
     runner.cost(experiment, ready)
     for plan in ready:
-        Keys.of(plan)
+        sums_keys(plan)
         plan.kernel_calls()
         plan.progress(State(plan))
 

@@ -9,7 +9,7 @@ from states import begun
 from spi.ensemble import loop
 from spi.kinds.plans import State
 from spi.running import run as runner
-from spi.running.checkpoint import Keys, Limits, Stopped
+from spi.running.checkpoint import Limits, Stopped, sums_keys
 from spi.running.load import plans
 
 PLAIN = "estimators: [plain]\nextrapolate: 0\nprefixes:\npanels:\npullback:\nwarm_up: 0\nclaims:\nbins: 8"
@@ -75,8 +75,8 @@ def test_how_a_lattice_is_moved_decides_its_sums():
         for lines in ((ALONE,), ("samples: 3",), (ALONE, BESIDE))
     )
     assert [plan.case.in_parts for plan in (*alone, *more, *beside)] == [True, False, False]
-    one, *others = [Keys.of(plan) for plan in (*alone, *more, *beside)]
-    assert not {one.extra, *one.path_sets} & {key for other in others for key in (other.extra, *other.path_sets)}
+    one, *others = [{*sums_keys(plan).values()} for plan in (*alone, *more, *beside)]
+    assert not one & set().union(*others)
 
 
 @compiled_only
@@ -103,14 +103,16 @@ def test_sums_of_other_shapes_are_left(tmp_path):
     experiment = Spec.of(laid("equilibrium", PLAIN) | {"samples": "3"}).loaded()
     plan = plans(experiment)[0]
     state = begun(plan, 1)
-    plain = state.plain()
-    assert State(plan).fits(plain)
-    (_, sums), *_ = [short for each in plain["path_sets"] for short in each["short"]]
+    told = state.plain(0)
+    assert State(plan).merge(0, told)
+    ((_, sums),) = told["tallies"][0]["short"]
     for name in ("stretch", "batches", "values", "report"):
         kept = sums[name]
         for wrong in (np.asarray(kept)[..., :-1], np.ravel(kept), np.full(np.shape(kept), "text")):
             sums[name] = wrong
-            assert not State(plan).fits(plain), name
+            with pytest.raises(ValueError, match=name):
+                State(plan).merge(0, told)
         sums[name] = kept
     del sums["stretch"]
-    assert not State(plan).fits(plain)
+    with pytest.raises(ValueError, match="other fields"):
+        State(plan).merge(0, told)

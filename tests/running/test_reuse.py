@@ -1,13 +1,13 @@
-"""A changed spec, run onto the folder of the unchanged one: a refusal, or what a fresh run gives, to the last bit."""
+"""A changed spec, run onto the folder of the unchanged one: what a fresh run gives, to the last bit."""
 
 import pytest
 from helpers import compiled_only
 from reuse_cases import (
+    ANEW,
     DIFFERENT,
     EQUAL,
     INVALID,
     LAYERS,
-    REFUSED,
     Change,
     Spec,
     changes,
@@ -21,9 +21,9 @@ from reuse_cases import (
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.plugins.clusters.running import shards
 from spi.running import run as runner
-from spi.running import shards
-from spi.running.checkpoint import Checkpoint, Keys, Limits, Shard, stored_of, sums_path
+from spi.running.checkpoint import Shard, note_path, sums_keys
 from spi.running.load import plans
 from spi.specs import SpecError
 
@@ -77,9 +77,9 @@ def test_what_decides_sums_is_in_their_digest(change):
     specs = change.before.loaded(), change.after.loaded()
     assert specs[0].hash != specs[1].hash
     before, after = map(plans, specs)
-    for one, other in zip(map(Keys.of, before), map(Keys.of, after), strict=True):
-        assert one.extra != other.extra
-        assert change.key == "samples" or not {*one.path_sets} & {*other.path_sets}
+    for one, other in zip(map(sums_keys, before), map(sums_keys, after), strict=True):
+        assert one[None] != other[None]
+        assert change.key == "samples" or not {*one.values()} & {*other.values()}
 
 
 def test_what_decides_no_sums_is_not_in_their_digest():
@@ -107,29 +107,12 @@ def with_more(kind, *keys):
 
 @pytest.mark.parametrize("kind", SUMS)
 def test_more_samples_go_on_with_sums_of_functions_in_the_same_order_alone(kind):
-    """With the order of functions, sums of fewer samples are of no use: neither those of a run, nor those of shards."""
+    """With another order of functions neither sums of fewer samples are of use nor shards."""
     before, same = map(Spec.loaded, with_more(kind)[1:])
     other = with_more(kind, "functions").after.loaded()
-    for plan in plans(before):
-        keys = Keys.of(plan)
-        sums = [{"number": number} for number in range(len(keys.path_sets))]
-        file = {"keys": {"part": keys._asdict()}}, {"part": {"path_sets": sums, "extra": {}}}
-        assert keys.path_sets and stored_of(*file, keys) == {"path_sets": sums, "extra": {}}
-        assert any(stored_of(*file, Keys.of(one)).get("path_sets") == sums for one in plans(same))
-        assert not any(stored_of(*file, Keys.of(one)) for one in plans(other))
-
-
-@pytest.mark.parametrize("kind", SUMS)
-def test_shards_of_specs_in_another_order_are_apart(tmp_path, kind):
-    """Each has a name of its own; and one that a person renames is of no use, see the test before."""
-    before, other = reordered(kind, "functions").before.loaded(), reordered(kind, "functions").after.loaded()
-    for one in (None, Shard(1, 2)):
-        paths = [sums_path(spec, tmp_path, one) for spec in (before, other)]
-        assert len(set(paths)) == 2
-        paths[1].parent.mkdir(exist_ok=True)
-        paths[1].touch()
-    found = Checkpoint(before, sums_path(before, tmp_path), Limits(), print).shards()
-    assert not found
+    assert digests(before) == digests(same) and not digests(before) & digests(other)
+    notes = [note_path(spec, "out", shard) for spec in (before, same, other) for shard in (None, Shard(1, 2))]
+    assert len(set(notes)) == len(notes)
 
 
 @compiled_only
@@ -158,4 +141,4 @@ def test_every_change_of_every_key(kind):
     assert not [(change.told, more) for change, what, more in found if what == DIFFERENT]
     never = keys_of(kind).keys() - {change.key for change, what, _ in found if what != INVALID}
     assert never == NEVER.get(kind, set()), "give the others a value that is right in a layer of reuse_cases.py"
-    assert {EQUAL, REFUSED} <= {what for _, what, _ in found}
+    assert {EQUAL, ANEW} <= {what for _, what, _ in found}

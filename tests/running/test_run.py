@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 from helpers import COMPILED, compiled_only
+from states import sums_files
 
 from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
@@ -17,6 +18,7 @@ from spi.kinds import blocks
 from spi.numerics.rng import LANES, STREAM_VERSION
 from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
+from spi.running.checkpoint import note_path
 from spi.running.finding import Wanted, listed
 from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
@@ -80,8 +82,8 @@ def test_a_run_writes_a_complete_file(tmp_path):
     reports = Reports()
     path = runner.run(wanted, tmp_path / "new" / "folder", watch=Watch(report=reports))
     assert path == tmp_path / "new" / "folder" / f"{wanted.results_name}.h5"
-    sums = runner.sums_path(wanted, path.parent)
-    assert set(path.parent.rglob("*")) == {path, sums.parent, sums}
+    sums = sums_files(wanted, path.parent)
+    assert len(sums) == 2 and set(path.parent.rglob("*")) == {path, path.parent / "sums", *sums}
     attributes = storage.read(path).attributes
     expected = {
         "kind": "strong",
@@ -155,7 +157,7 @@ def edited(tmp_path, seed):
 
 
 def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatch):
-    """Even after the file that would replace them was written aside: only its move into place is left."""
+    """Even after the file that takes their place was written aside: only its move into place is left."""
     other, write = runner.run(edited(tmp_path, 2), tmp_path / "other"), storage.results.write_bytes
     path = runner.results_path(experiment("samples=5"), tmp_path)
 
@@ -165,29 +167,39 @@ def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatc
             path.write_bytes(other.read_bytes())
 
     monkeypatch.setattr(storage.results, "write_bytes", meanwhile)
-    with pytest.raises(StorageError, match="another spec"):
-        runner.run(experiment("samples=5"), tmp_path)
-    assert path.read_bytes() == other.read_bytes()
-    assert runner.sums_path(experiment("samples=5"), tmp_path) in files(tmp_path)  # nothing is lost
+    runner.run(experiment("samples=5"), tmp_path)
+    assert storage.former(path).read_bytes() == other.read_bytes()
+    assert {group.attributes["seed"] for group in storage.read(path).groups} == {1}
 
 
-def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
-    path = runner.run(experiment("samples=5"), tmp_path)
-    before, reports, other = path.read_bytes(), Reports(), edited(tmp_path, 2)
-    with pytest.raises(StorageError, match=r"another spec.*--fresh") as caught:
-        runner.run(other, tmp_path, watch=Watch(report=reports))
-    assert "\n" not in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert not reports  # told before anything is computed
-    assert path.read_bytes() == before
-    kept = runner.sums_path(experiment("samples=5"), tmp_path)
-    assert files(tmp_path) == {path, kept}
-    assert runner.run(other, tmp_path, fresh=True) == path
-    assert {g.attributes["seed"] for g in storage.read(path).groups} == {2}
-    assert files(tmp_path) == {
-        path,
-        runner.sums_path(other, tmp_path),
-    }
+def test_former_results_are_kept_once_with_their_sums(tmp_path):
+    """And of what takes their place all is computed but what both have alike."""
+    path, specs = runner.results_path(experiment("samples=5"), tmp_path), [edited(tmp_path, seed) for seed in range(4)]
+    before, news = [], []
+    for spec in specs:
+        assert runner.run(spec, tmp_path, watch=Watch(tell=news.append)) == path
+        before.append(path.read_bytes())
+    assert storage.former(path).read_bytes() == before[2] and path.read_bytes() == before[3]
+    assert news == [f"{path} is written anew; the former results are in {storage.former(path)}"] * 3
+    kept = {path, storage.former(path), *sums_files(specs[2], tmp_path), *sums_files(specs[3], tmp_path)}
+    assert len(kept) == 6 and files(tmp_path) == kept
+    runner.run(specs[2], tmp_path, watch=Watch(report=(reports := Reports())))
+    assert {one.done for one in reports} == {5}
+    assert storage.former(path).read_bytes() == before[3] and files(tmp_path) == kept
+
+
+def test_sums_that_others_need_stay(tmp_path, small_batches):
+    """Those of results of another name, and of an unfinished run until results are replaced for the second time."""
+    shared, unfinished = edited(tmp_path, 0)._replace(name="other"), edited(tmp_path, 9)
+    runner.run(shared, tmp_path)
+    with pytest.raises(runner.Stopped):
+        runner.run(unfinished, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    begun = sums_files(unfinished, tmp_path)
+    os.utime(note_path(unfinished, tmp_path), (1.0, 1.0))
+    for number in range(3):
+        runner.run(edited(tmp_path, number), tmp_path)
+        assert begun and (begun <= files(tmp_path)) == (number < 1)
+    assert len(sums_files(shared, tmp_path)) == 2
 
 
 @pytest.fixture
@@ -206,15 +218,16 @@ def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sour
     wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
     with pytest.raises(runner.Stopped):
         runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
-    (sums,) = files(tmp_path)
+    (sums,), note = sums_files(wanted, tmp_path), note_path(wanted, tmp_path)
+    assert files(tmp_path) == {sums, note}
     before, own, news = sums.read_bytes(), runner.run(wanted, tmp_path.with_name("own")), []
 
     other_sources("0123456789abcdef")
     with pytest.raises(runner.Stopped):
         runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports(SCHEMES[0], 1)), tell=news.append))
     assert reports.done(SCHEMES[0])[0] == 0 and sums.read_bytes() == before
-    kept = f"{sums} has sums over these paths that other sources of spi computed (spi {__version__}, digest "
-    assert [one for one in news if one.startswith(kept) and "they are kept" in one]
+    told = f"{note}: has a run of this spec that other sources of spi computed (spi {__version__}, digest "
+    assert [one for one in news if one.startswith(told) and "its sums are kept" in one]
 
     other_sources(NUMBERS_DIGEST)
     path = runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports())))
@@ -224,18 +237,18 @@ def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sour
     other_sources("0123456789abcdef")
     assert runner.run(wanted, tmp_path, watch=Watch(tell=news.append)) == path
     assert "already has the results of this spec, which other sources of spi computed" in news[-1]
-    with pytest.raises(StorageError, match=r"other sources of spi computed .* they are kept: use --fresh"):
-        runner.run(experiment(f"samples={MANY + 1}", schemes=SCHEMES[:1]), tmp_path)
-    assert path.read_bytes() == results and sums.exists()
-    runner.run(wanted, tmp_path, fresh=True)
-    assert storage.read(path).attributes["source_digest"] == "0123456789abcdef" and not sums.exists()
+    more = experiment(f"samples={MANY + 1}", schemes=SCHEMES[:1])
+    assert runner.run(more, tmp_path, watch=Watch(report=(reports := Reports()))) == path
+    assert 0 < reports.done(SCHEMES[0])[0] < MANY  # what those sources have begun
+    assert storage.read(path).attributes["source_digest"] == "0123456789abcdef"
+    assert storage.former(path).read_bytes() == results and sums.exists()
 
 
 def test_a_finished_spec_computes_nothing(tmp_path):
     wanted, news, reports = experiment("samples=5"), [], Reports()
     path = runner.run(wanted, tmp_path)
     before, there = path.read_bytes(), files(tmp_path)
-    half = storage.results.temporary_beside(runner.sums_path(wanted, tmp_path))  # of a process that was killed
+    half = storage.results.temporary_beside(min(sums_files(wanted, tmp_path)))  # of a process that was killed
     half.with_name(half.name.replace(f".{os.getpid()}.", ".999999999.")).touch()
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
     assert path.read_bytes() == before
@@ -302,8 +315,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
     first, wanted = Reports(scheme, after), experiment(f"samples={MANY}")
     with pytest.raises(runner.Stopped, match="run the same command again"):
         runner.run(wanted, tmp_path, watch=Watch(report=first))
-    checkpoint = runner.sums_path(wanted, tmp_path)
-    assert files(tmp_path) == {checkpoint}
+    assert files(tmp_path) == {note_path(wanted, tmp_path), *sums_files(wanted, tmp_path)}
     (line,), problems = listed(tmp_path)
     assert (line.name, problems) == (wanted.results_name, []) and line.created.startswith("unfinished: euler_maruyama ")
     stopped_at = first.done(scheme)[-1]
@@ -314,7 +326,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
     assert second.done(scheme)[0] == stopped_at  # nothing is computed twice
     if scheme == "splitting":
         assert second.done("euler_maruyama")[0] == MANY
-    assert files(tmp_path) == {path, checkpoint}
+    assert files(tmp_path) == {path, *sums_files(wanted, tmp_path)}
     assert numbers(path) == uninterrupted
 
 
@@ -337,7 +349,7 @@ def test_fresh_ignores_the_checkpoint(tmp_path, small_batches):
     reports = Reports()
     path = runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
-    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
+    assert files(tmp_path) == {path, *sums_files(wanted, tmp_path)}
 
 
 def test_the_checkpoint_of_another_spec_is_not_used(tmp_path, small_batches):
@@ -353,21 +365,30 @@ def cut_short(path):
 
 
 def of_another_version(path):
-    about, parts = storage.read_sums(path)
-    del about["version"]
-    path.unlink()
-    storage.write_sums(path, {**about, "source_digest": "0123"}, parts)
+    store, key = storage.Store(path.parent), path.stem
+    plain = store.read(key)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(storage.sums, "SUMS_VERSION", 0)
+        store.write(key, plain)
 
 
-@pytest.mark.parametrize("damage", [cut_short, of_another_version])
+def with_other_shapes(path):
+    store, key = storage.Store(path.parent), path.stem
+    plain = store.read(key)
+    plain["tallies"][0]["short"][0][1]["drift"] = np.zeros(3)
+    store.write(key, plain)
+
+
+@pytest.mark.parametrize("damage", [cut_short, of_another_version, with_other_shapes])
 def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted, damage):
     wanted = experiment(f"samples={MANY}")
     with pytest.raises(runner.Stopped):
         runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
-    damage(runner.sums_path(wanted, tmp_path))
-    reports = Reports()
-    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
-    assert reports.done(SCHEMES[0])[0] == 0
+    (sums,) = sums_files(wanted, tmp_path)
+    damage(sums)
+    reports, news = Reports(), []
+    path = runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append))
+    assert reports.done(SCHEMES[0])[0] == 0 and news[0].startswith(f"warning: {sums}: ") and "anew" in news[0]
     assert numbers(path) == uninterrupted
 
 
@@ -388,10 +409,10 @@ def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, s
 
 
 def test_results_are_written_where_there_is_no_room_for_sums(tmp_path, monkeypatch):
-    def full(path, about, parts):
-        raise StorageError(f"cannot write {path}: no space left on device")
+    def full(store, key, plain, shard=""):
+        raise StorageError(f"cannot write {store.path(key, shard)}: no space left on device")
 
-    monkeypatch.setattr(storage, "write_sums", full)
+    monkeypatch.setattr(storage.Store, "write", full)
     news = []
     path = runner.run(experiment(schemes=SCHEMES[:1]), tmp_path, watch=Watch(tell=news.append))
     assert storage.read(path).attributes["complete"] and files(tmp_path) == {path}

@@ -13,6 +13,8 @@ from spi.running.run import load, plans
 from spi.running.tracing import Paths, flows_of_step, trace
 from spi.specs import SpecError
 
+pytestmark = pytest.mark.needs("systems")
+
 #: H = a h and the noise b h on sl(2): flows multiply e, at first 10^150, by exp(2 a t) and exp(2 b dW) in any order.
 RATE, SIGMA, STEPS, SAMPLES, SEED = 12.0, 6.0, 16, 8, 2
 LARGEST = np.log(np.finfo(float).max) - 150.0 * np.log(10.0)

@@ -11,13 +11,14 @@ from kills import numbers
 
 import spi
 from spi import storage
-from spi.exact import kolmogorov, work
-from spi.kinds.stability import study as stability
-from spi.kinds.statistics import references
-from spi.kinds.weak import kolmogorov as study
+from spi.exact import work
+from spi.kinds.weak import solved as study
+from spi.plugins.answers.running import predictions
+from spi.plugins.comparisons.kinds.stability import study as stability
+from spi.plugins.dynamics.kinds.statistics import references
 from spi.running import run as runner
 from spi.running import workers
-from spi.running.run import Limits, Stopped, Watch, predictions
+from spi.running.run import Limits, Stopped, Watch
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 COMMON = """\
@@ -71,16 +72,9 @@ def test_every_kind_tells_how_far_it_solves(spec, tmp_path, kind):
         assert falls.sum() <= 1  # where a refinement told what the others take, or at the next value of the parameter
 
 
-@pytest.mark.parametrize(
-    "pool",
-    [
-        pytest.param(lambda: workers.processes(1), id="process"),
-        pytest.param(lambda: workers.connected("local:1"), id="dask", marks=pytest.mark.slow),
-    ],
-)
-def test_workers_tell_how_far_they_solve(spec, tmp_path, pool):
+def test_workers_tell_how_far_they_solve(spec, tmp_path):
     experiment, reports = spec("weak"), []
-    with pool() as some:
+    with workers.processes(1) as some:
         path = runner.run(experiment, tmp_path / "workers", watch=Watch(report=reports.append), workers=some)
     told = [one.work for one in reports if one.work]
     assert told and {one.title for one in told} == {"solving"} and all(0 <= one.share < 1 for one in told)
@@ -104,7 +98,7 @@ def test_what_is_solved_for_is_in_the_prediction(spec, monkeypatch, kind):
     cost = runner.cost(experiment)
     assert cost.seconds > runner.STARTING_SECONDS and math.isfinite(cost.seconds)
     if kind in ("statistics", "stability"):
-        monkeypatch.setattr(kolmogorov.sphere, "seconds_of_equation", lambda *_, **__: 1000.0)
+        monkeypatch.setattr("spi.plugins.solve.exact.sphere.seconds_of_equation", lambda *_, **__: 1000.0)
         times = 2 if kind == "stability" else 1  # values of the parameter
         assert runner.cost(experiment).seconds - cost.seconds == pytest.approx(1000.0 * times, rel=0.1)
 
@@ -117,9 +111,9 @@ def test_a_stop_while_it_solves_leaves_nothing_half_written(spec, tmp_path, kind
         if progress.work and progress.work.share > 0.05:
             raise KeyboardInterrupt
 
-    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*sums: run the same command again to resume$"):
+    with pytest.raises(Stopped, match=r"^stopped; progress is saved in .*/sums: run the same command again to resume$"):
         runner.run(experiment, out, watch=Watch(report=stop))
-    assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".sums"}
+    assert {path.parent for path in out.rglob("*") if path.is_file()} == {out / "sums"}
     again, fresh = (runner.run(experiment, folder) for folder in (out, whole))
     assert numbers(again) == numbers(fresh)
 

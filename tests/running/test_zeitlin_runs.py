@@ -18,8 +18,6 @@ from spi.running import run as runner
 from spi.running.remarks import reports
 from spi.specs import SpecError
 
-pytestmark = pytest.mark.xdist_group("zeitlin")
-
 MODEL = "{name: zeitlin, n: 5, noise: {shell: 1, sigma: 0.5}}"
 INITIAL = ", ".join(f"{x:.3f}" for x in fluids.random_state(5))
 TEXT = f"""\

@@ -10,7 +10,7 @@ from weak_cases import FUNCTIONS
 from weak_cases import case_of as weak_case
 
 from spi.ensemble.protocol import structure
-from spi.exact.kolmogorov import expectations
+from spi.exact.expectations import expectations
 from spi.schemes import strong_order
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import compositions, flows

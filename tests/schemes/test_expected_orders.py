@@ -34,7 +34,6 @@ def expected(scheme, model, initial=SPINS):
     return strong_order(entry, model, initial), weak_order(entry, model)
 
 
-@pytest.mark.xdist_group("spins")
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 @pytest.mark.parametrize(
     ("options", "temperature", "order"),

@@ -8,7 +8,6 @@ import scheme_cases
 from helpers import LANES, RIGID_BODY, SCHEMES, compiled_only, random_states, simulate, take_step
 from scheme_cases import relative
 from scipy.linalg import expm
-from yaml_cases import made
 
 from spi.checks.model_checks import check_brackets, derivative
 from spi.compiler.inlining import uncompiled
@@ -43,7 +42,11 @@ MODELS = {
 
 
 def model_of(name):
-    return made(TOP).record if name == "yaml" else MODELS[name]
+    if name != "yaml":
+        return MODELS[name]
+    from yaml_cases import made
+
+    return made(TOP).record
 
 
 # --- one step --------------------------------------------------------------------------------------------------------
@@ -79,7 +82,7 @@ def by_exponential(model, h, dW, areas, y):
     return expm(moves(y + half @ (y + half @ y / 2))) @ y
 
 
-@pytest.mark.parametrize("name", [*MODELS, "yaml"])
+@pytest.mark.parametrize("name", [*MODELS, pytest.param("yaml", marks=pytest.mark.needs("systems"))])
 def test_a_step_is_the_exponential_of_its_hamiltonian(name, generator):
     """That of the brackets of the noises by differences, on four paths."""
     model, h = model_of(name), 0.05
@@ -92,7 +95,7 @@ def test_a_step_is_the_exponential_of_its_hamiltonian(name, generator):
     assert relative(new, wrong) > 1e-3  # negative control: areas of the other sign
 
 
-@pytest.mark.parametrize("name", [*MODELS, "yaml"])
+@pytest.mark.parametrize("name", [*MODELS, pytest.param("yaml", marks=pytest.mark.needs("systems"))])
 def test_gradients_of_brackets_with_and_without_words_for_them(name, generator):
     """What a model states, and what follows from B and Hessians component by component."""
     model = model_of(name)

@@ -9,7 +9,7 @@ from numpy.polynomial.hermite_e import hermegauss
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.increments import first_lane
 from spi.ensemble.scheme_protocol import advance, report_row, work_size
-from spi.exact.kolmogorov import exact_expectations
+from spi.exact.expectations import exact_expectations
 from spi.numerics.rng import LANES
 from spi.schemes.explicit import RoesslerRS2
 

@@ -1,9 +1,10 @@
 """Mistakes in specs of all rooms, from the tables in tests/messages: each gets one line with its place and key words.
 
-A table has a spec, perhaps files beside it and values that are `set`, and a row for each mistake: changes, and what is
-said.  A change is `old -> new`, of a piece that stands once in the spec or in a file beside it; a line `key: value`
-that takes the place of that key's, or stands at the end; or an option such as `--set key=value`.  What is said begins
-with the place, `...` stands for anything, and so does the rest of the line.
+Those of plug-ins stand in tests/plugins/*/messages.yaml.  A table has a spec, perhaps files beside it and values that
+are `set`, or is `of` another table and has all that; and a row for each mistake: changes, and what is said.  A change
+is `old -> new`, of a piece that stands once in the spec or in a file beside it; a line `key: value` that takes the
+place of that key's, or stands at the end; or an option such as `--set key=value`.  What is said begins with the place,
+`...` stands for anything, and so does the rest of the line.
 """
 
 import re
@@ -15,10 +16,17 @@ import yaml
 from spi.running.run import load
 from spi.specs import SpecError
 
-TABLES = {
-    f"{file.stem}, {name}": table
-    for file in sorted(Path(__file__).parents[1].glob("messages/*.yaml"))
+TESTS = Path(__file__).parents[1]
+READ = [
+    (f"{file.parent.name if file.stem == 'messages' else file.stem}, {name}", name, table)
+    for file in sorted([*TESTS.glob("messages/*.yaml"), *TESTS.glob("plugins/*/messages.yaml")])
     for name, table in yaml.safe_load(file.read_text(encoding="utf-8")).items()
+]
+BY_NAME = {name: table for _, name, table in READ}  # without those of plug-ins that are left out
+TABLES = {
+    called: {**BY_NAME.get(table.get("of"), {}), **table}
+    for called, _, table in READ
+    if "of" not in table or table["of"] in BY_NAME
 }
 
 

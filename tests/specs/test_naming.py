@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from spi.specs.naming import results_in, results_name
+from spi.specs.naming import results_name
 
 
 @pytest.mark.parametrize(
@@ -31,19 +31,3 @@ def test_overrides_that_differ_have_names_that_do():
     names = {results_name("x", "laptop", [f"steps={text}"]) for text in texts}
     names |= {results_name("x", "laptop", [f"T={text}", f"t={text}"]) for text in texts}
     assert len(names) == 2 * len(texts)
-
-
-@pytest.mark.parametrize(
-    ("options", "former"),
-    [
-        (("laptop", ["seed=2"]), "x.seed=2"),
-        (("quick", ["seed=2", "model.sigma=[1, 0, 0]"]), "x.quick.model.sigma=1,0,0.seed=2"),
-        (("laptop", ["T=A"]), "x.T=A-8d66c5"),
-        (("quick", [f"k{n}={n}" for n in range(40)]), "x.quick.set-5cf12f"),
-    ],
-)
-def test_results_under_a_name_of_earlier_versions_are_still_found(tmp_path, options, former):
-    path = tmp_path / f"{results_name('x', *options)}.h5"
-    assert results_in(tmp_path, "x", *options) == path
-    (tmp_path / f"{former}.h5").touch()
-    assert results_in(tmp_path, "x", *options) == tmp_path / f"{former}.h5"

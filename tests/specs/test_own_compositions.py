@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from helpers import loop_in_python
 
-from spi import storage
-from spi.report import views
+from spi import storage, views
 from spi.running.run import cost, run
 from spi.schemes import SCHEMES, strong_order
 from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER

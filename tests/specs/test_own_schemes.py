@@ -12,7 +12,7 @@ import spi
 from spi import storage
 from spi.checks.scheme_checks import check_scheme
 from spi.models import MaxwellBloch
-from spi.report import sections
+from spi.plugins.report.views import sections
 from spi.running.run import load, run
 from spi.schemes import SCHEMES
 from spi.specs import SpecError

@@ -19,18 +19,6 @@ schemes: [splitting]
 samples: 70
 """
 SWEEP, SIGMA = "sweep: {sigma: [0.5, 2]}", "sigma: [1, 1, 1]"
-STATISTICS = """\
-kind: statistics
-model: {algebra: so(3), variables: [P1, P2, P3], parameters: {a: 1}, hamiltonian: a*P1^2/2, noises: [P1], sigma: [0.5]}
-sweep: {a: [1, 2]}
-initial: [1, 1, 0]
-functions: {scaled: P1/a}
-reference: {scaled: "exp(-t)/a"}
-final_time: 1
-step: 2^-4
-schemes: [splitting]
-samples: 10
-"""
 
 
 def test_a_parameter_of_the_model_by_its_name(spec):
@@ -67,16 +55,6 @@ def test_keys_with_a_number(spec):
     assert [(case.final_time, case.reference_step) for case in found.cases] == [(1.0, 2**-5), (2.0, 2**-4)]
 
 
-def test_a_parameter_of_a_system_and_formulas_beside_it(spec):
-    first, second = spec(STATISTICS).cases
-    assert (first.model.a, second.model.a) == (1.0, 2.0) and type(first.model) is type(second.model)
-    assert [case.reference["scaled"] for case in (first, second)] == ["exp(-t)/(1)", "exp(-t)/(2)"]
-    assert second.functions == {"scaled": "P1/(2)"}
-    found = spec(STATISTICS, "sweep: {a:", "sweep: {sigma:", "P1/a", "P1", "exp(-t)/a", "exp(-sigma^2*t)")
-    assert [case.reference["scaled"] for case in found.cases] == ["exp(-(1)^2*t)", "exp(-(2)^2*t)"]
-    assert [case.model.sigma for case in found.cases] == [(1.0,), (2.0,)]
-
-
 def test_all_values_need_the_kernels_of_one(spec):
     """What is compiled follows from the types of the arguments."""
 
@@ -86,7 +64,6 @@ def test_all_values_need_the_kernels_of_one(spec):
 
     many = kernels(spec(STRONG, "[0.5, 2]", "2^-8 .. 2^2"))
     assert many == kernels(spec(STRONG, SWEEP, "")) and len(kernels(spec(STRONG, "[0.5, 2]", "[0, 2]"))) > len(many)
-    assert len(kernels(spec(STATISTICS))) == len(kernels(spec(STATISTICS, "[1, 2]", "[1, 2, 3, 4]")))
 
 
 def test_layers_above_a_sweep(spec):

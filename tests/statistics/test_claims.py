@@ -14,14 +14,13 @@ from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
 
-from spi import storage
+from spi import storage, views
 from spi.kinds import KINDS
-from spi.kinds.equilibrium.results import Derived
-from spi.kinds.lyapunov.results import Exponents
-from spi.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.kinds.trajectory.results import Values
+from spi.plugins.dynamics.kinds.equilibrium.results import Derived
+from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
+from spi.plugins.dynamics.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.printing import as_csv, as_json, tables
-from spi.report import views
 from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
@@ -255,6 +254,7 @@ MEANS = Statistics(
         omega=np.array([0.0, 2.0]),
         **{f"{name}{end}": np.array([[2.0, 3.0]]) for name in TIMES for end in ("", "_stderr")},
     ),
+    finite=np.ones((1, 2)),
     nonfinite=0,
     step=0.5,
     samples=10,

@@ -14,12 +14,12 @@ from strong_cases import case_of as strong_case
 from strong_cases import study
 from work_study_cases import STRONG
 
-from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.figure import PANELS
-from spi.kinds.stability import study as stability
 from spi.kinds.strong import study as strong
-from spi.kinds.work_precision import study as work_precision
-from spi.kinds.work_precision.results import WorkPrecision, work_for
+from spi.plugins.comparisons.kinds.stability import study as stability
+from spi.plugins.comparisons.kinds.work_precision import study as work_precision
+from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision, work_for
+from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
+from spi.plugins.dynamics.kinds.equilibrium.figure import PANELS
 from spi.printing import tables
 from spi.printing.sweeps import headline
 from spi.running.load import load

@@ -201,7 +201,7 @@ def test_files_that_are_not_ours(tmp_path):
     text.write_text("not HDF5")
     with h5py.File(foreign, "w") as file:
         file["x"] = 1
-    storage.write_sums(sums, {"spec_hash": "abc"}, {"main/midpoint": {"n": 1}})
+    storage.Store(tmp_path).write("s", {"n": 1})
     for path, version in ((newer, 99), (older, 2)):
         with h5py.File(path, "w") as file:
             file.attrs[storage.results.MARK] = version
@@ -230,52 +230,37 @@ def test_damaged_group(tmp_path):
 
 
 def finished_with(path, **attributes):
-    """Write results of the spec "abc" with two parts, of 70 samples in one case and 5 in another."""
-    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "overrides": (), "spec": "x: σ\n"}
-    identity["source_digest"] = "now"
-    told = {
-        "kind": "strong",
-        "complete": True,
-        "parts": json.dumps({"a/splitting": {"0f": 70}, "b/splitting": {"1f": 5}}),
-    }
+    """Write results of the spec "abc" of two parts."""
+    identity = {"spec_hash": "abc", "samples": (70, 5), "overrides": (), "spec": "x: σ\n", "source_digest": "now"}
+    sums = json.dumps({"a/splitting": ["0f", "1f"], "b/splitting": ["2f"]})
+    told = {"kind": "strong", "complete": True, "sums": sums}
     storage.write(path, Results({**identity, **told, **attributes}, (group(),)))
     return identity
 
 
-def test_results_of_another_spec_are_not_replaced(tmp_path):
-    """Of which some part is not among those that take their place, or not with as many samples, by whatever name."""
-    path = tmp_path / "r.h5"
-    identity, parts = (
-        {"spec_hash": "other", "paths_hash": "q", "source_digest": "now"},
-        {"a": {"0f": 70}, "b": {"1f": 5}},
-    )
-    storage.check_replaceable(path, identity, parts)
-    assert storage.spec_and_sources(path) is None
-    finished_with(path)
-    assert storage.spec_and_sources(path) == ("abc", "now")
-    for more in ({}, {"a": {"0f": 71}}, {"c": {"2f": 1}}, {"b": {"2f": 1}, "c": {"1f": 9}}):
-        storage.check_replaceable(path, identity, parts | more)
-    storage.check_replaceable(path, {**identity, "spec_hash": "abc"}, {})
-    for other in ({"a": {"0f": 70}}, {"a": {"0e": 70}, "b": {"1f": 5}}):
-        text = message(storage.check_replaceable, path, identity, other)
-        assert "another spec" in text and "--fresh" in text and "--out" in text and str(path) in text
-    for fewer in ({"a": {"0f": 69}}, {"a": {"0f": 700}, "b": {"1f": 4}}):
-        text = message(storage.check_replaceable, path, identity, parts | fewer)
-        assert "more samples" in text and "--fresh" in text and "--out" in text and str(path) in text
-    for same in ({}, {"paths_hash": "p"}):
-        text = message(storage.check_replaceable, path, {**identity, **same, "source_digest": "later"}, parts)
-        assert "other sources of spi computed (digest now); they are kept: use --fresh" in text and "--out" in text
-    finished_with(path, parts=None)
-    assert "another spec" in message(storage.check_replaceable, path, identity, parts)
+def test_results_make_room_for_those_of_another_spec_or_by_other_sources(tmp_path):
+    path, other = tmp_path / "r.quick.h5", {"spec_hash": "other", "source_digest": "now"}
+    former = tmp_path / "r.quick.previous.h5"
+    assert storage.make_room(path, other) is None and storage.former(path) == former
+    assert storage.make_room(path, finished_with(path)) is None and path.exists() and not former.exists()
+    finished_with(former, sums=json.dumps({"c": ["3f", "4f"]}))
+    for asked in (other, {"spec_hash": "abc", "source_digest": "later"}):
+        finished_with(path)
+        before, replaced = path.read_bytes(), storage.keys_needed(former)
+        assert storage.make_room(path, asked) == replaced
+        assert not path.exists() and former.read_bytes() == before
+    assert storage.keys_needed(former) == {"0f", "1f", "2f"}
+    for wrong in (None, "no JSON", "[]", '{"a": 1}'):
+        finished_with(former, sums=wrong)
+        assert storage.keys_needed(former) == set()
     path.write_bytes(b"no results")
-    for called in (storage.check_replaceable, path, identity, parts), (storage.finished, path, identity):
-        assert (
-            message(*called) == f"{path}: not a whole HDF5 file; use --fresh to replace it or --out for another folder"
-        )
+    for called in (storage.make_room, path, other), (storage.finished, path, other):
+        text = f"{path}: not a whole HDF5 file; use --fresh to replace it or --out for another folder"
+        assert message(*called) == text
+    assert storage.make_room(path, other, fresh=True) is None and path.read_bytes() == b"no results"
     path.unlink()
     path.mkdir()
-    assert message(storage.finished, path, identity).endswith("; move it away or use --out for another folder")
-    assert storage.spec_and_sources(path) is None
+    assert message(storage.finished, path, other).endswith("; move it away or use --out for another folder")
 
 
 def test_results_are_finished_if_everything_is_the_same(tmp_path):
@@ -331,61 +316,62 @@ def assert_same_part(value, back):
 
 
 def test_sums_round_trip(tmp_path):
-    path = tmp_path / "new" / "s.sums"
-    about = {"paths_hash": "abc", "samples": 70, "finished": False}
+    store = storage.Store(tmp_path / "new")
     parts = {"main/midpoint": PART, "noise σ=1/splitting": {"n": 1}, "nothing/yet": {}}
-    storage.write_sums(path, about, parts)
-    told, back = storage.read_sums(path)
-    assert_same_part(parts, back)
-    assert {**told, **about} == told == storage.about_sums(path)
-    assert [p.name for p in path.parent.iterdir()] == ["s.sums"]
-    with h5py.File(path) as file:  # anybody can read it
-        assert set(file) == {"about", "parts", "arrays"} and len(file["arrays"]) == 9
+    for shard in ("", "shard-1-of-2"):
+        store.write("abc", parts, shard)
+        assert_same_part(parts, store.read("abc", shard))
+    assert {p.name for p in store.folder.iterdir()} == {"abc.h5", "abc.shard-1-of-2.h5"}
+    with h5py.File(store.path("abc")) as file:  # anybody can read it
+        assert set(file) == {"sums", "arrays"} and len(file["arrays"]) == 9
+    store.write("abd", {}, "shard-1-of-2")
+    store.remove_shards({"abc"})
+    store.remove(["xyz", "abd"])
+    assert {p.name for p in store.folder.iterdir()} == {"abc.h5", "abd.shard-1-of-2.h5"}
+    store.remove(["abc"])
+    assert store.read("abc") is None
 
 
 def test_numbers_of_numpy_are_kept_as_numbers(tmp_path):
-    storage.write_sums(tmp_path / "s.sums", {}, {"p": {"count": np.int64(3), "mean": np.float64(1 / 3)}})
-    _, back = storage.read_sums(tmp_path / "s.sums")
-    assert_same_part({"count": 3, "mean": 1 / 3}, back["p"])
+    storage.Store(tmp_path).write("s", {"p": {"count": np.int64(3), "mean": np.float64(1 / 3)}})
+    assert_same_part({"count": 3, "mean": 1 / 3}, storage.Store(tmp_path).read("s")["p"])
 
 
 def test_sums_that_are_no_use(tmp_path, monkeypatch):
-    path = tmp_path / "s.sums"
-    assert storage.read_sums(path) is None and storage.about_sums(path) is None
-    storage.write_sums(path, {"hash": "abc"}, {"p": {"n": np.arange(10000)}})
-    assert storage.read_sums(path)[0]["hash"] == "abc"
+    store = storage.Store(tmp_path)
+    path, damaged = store.path("s"), f"{store.path('s')}: is damaged; what it has is computed anew"
+    assert store.read("s") is None
+    store.write("s", {"p": {"n": np.arange(10000)}})
     whole = path.read_bytes()
     for size in (0, 10, 3000, len(whole) - 1):
         path.write_bytes(whole[:size])
-        assert storage.read_sums(path) is None and storage.about_sums(path) is None
+        assert message(store.read, "s") == damaged
     storage.write(path, results())
-    assert storage.read_sums(path) is None and storage.about_sums(path) is None
-    np.savez(path.with_suffix(""), n=np.arange(3))
-    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    assert message(store.read, "s") == damaged
     path.unlink()
     path.mkdir()
-    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    assert message(store.read, "s") == damaged
     path.rmdir()
     path.write_bytes(whole)
-    assert storage.read_sums(path) is not None
-    monkeypatch.setattr(storage.results, "SUMS_VERSION", 99)  # written by another version of the program
-    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    assert store.read("s")
+    monkeypatch.setattr(storage.sums, "SUMS_VERSION", 99)  # written by another version of the program
+    assert message(store.read, "s") == damaged
 
 
 def test_any_damaged_byte_of_the_sums_is_noticed(tmp_path):
-    path, values = tmp_path / "s.sums", np.arange(200) / 3
-    storage.write_sums(path, {"hash": "abc"}, {"p": {"n": values}})
-    whole = path.read_bytes()
+    store = storage.Store(tmp_path)
+    store.write("s", {"p": {"n": np.arange(200) / 3}})
+    path, whole = store.path("s"), store.path("s").read_bytes()
     for at in range(0, len(whole), 7):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
-        assert storage.read_sums(path) is None
+        assert "is damaged" in message(store.read, "s")
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError(28, "No space left on device")])
 def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
-    path = tmp_path / "s.sums"
-    storage.write_sums(path, {"n": 1}, {})
-    before = path.read_bytes()
+    store = storage.Store(tmp_path)
+    store.write("s", {"n": 1})
+    path, before = store.path("s"), store.path("s").read_bytes()
 
     def interrupted(file, data, *more):
         file.write_bytes(data[:100])
@@ -393,11 +379,11 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
 
     monkeypatch.setattr(storage.results, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
-        storage.write_sums(path, {"n": 2}, {})
+        store.write("s", {"n": 2})
     if fault is not KeyboardInterrupt:
         assert str(path) in str(caught.value) and "no space" in str(caught.value) and "--out" in str(caught.value)
     assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["s.sums"]
+    assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
 
 
 def test_provenance_is_flat_and_storable(tmp_path):
@@ -408,21 +394,15 @@ def test_provenance_is_flat_and_storable(tmp_path):
     assert storage.read(tmp_path / "r.h5").attributes == facts
 
 
-def test_results_of_a_kind_by_its_former_name(tmp_path):
-    storage.write(tmp_path / "a.h5", Results({"kind": "long_time"}, (group(),)))
-    assert storage.read(tmp_path / "a.h5").attributes["kind"] == "equilibrium"
-
-
 def test_large_arrays_are_not_copied(tmp_path):
     """At most once when they are read, and not at all when they are written, with a few MB for blocks of the file."""
     values = np.arange(2.0**22).reshape(8, -1)
     large = Group("a", "b", {"t": np.arange(8.0), "c": np.arange(2**19)}, {"y": (("t", "c"), values)}, {})
-    parts = {"main/midpoint": {"y": values}}
-    path, sums = tmp_path / "large.h5", tmp_path / "large.sums"
+    path, store = tmp_path / "large.h5", storage.Store(tmp_path)
     tracemalloc.start()
     try:
         storage.write(path, Results({}, (large,)))
-        storage.write_sums(sums, {}, parts)
+        store.write("s", {"y": values})
         _, written = tracemalloc.get_traced_memory()
         tracemalloc.reset_peak()
         (back,) = storage.read(path).groups
@@ -430,5 +410,5 @@ def test_large_arrays_are_not_copied(tmp_path):
     finally:
         tracemalloc.stop()
     assert np.array_equal(back.arrays["y"], values)
-    assert np.array_equal(storage.read_sums(sums)[1]["main/midpoint"]["y"], values)
+    assert np.array_equal(store.read("s")["y"], values)
     assert written < values.nbytes / 4 and read < 1.4 * values.nbytes

@@ -81,6 +81,11 @@ class Case(CodeKeys, StepCase):
         return 1 if self.section else math.gcd(*steps) if self.save else self.every
 
     @property
+    def wanted_paths(self) -> int:
+        """All paths up to the only one."""
+        return self.path + 1
+
+    @property
     def recorded(self) -> int:
         """The number of states recorded after the initial one."""
         return round(self.final_time / self.step) // self.spacing

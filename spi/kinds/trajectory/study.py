@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.dispatch import answers
-from spi.ensemble.drivers import at_once
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strengths
@@ -86,7 +85,8 @@ class TrajectoryPlan(PathsPlan):
 
         Not the final time of a large model, whose path goes on from its last state.
         """
-        entries, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
+        entries, noise = super().deciding(number), self.case.noise
+        ends = not large(self.model) or (noise and noise.at_once)
         left_out = {"save", "every", *(() if ends else ("final_time",))}
         spacing = {"every": self.case.spacing} if self.case.spacing > 1 else {}
         return {key: value for key, value in entries.items() if key not in left_out} | spacing

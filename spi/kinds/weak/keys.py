@@ -1,14 +1,16 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import MinLen
+from pydantic import BeforeValidator
 
 from spi.ensemble.protocol import Positive
+from spi.plugins import lacking
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
-from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
+from spi.specs.keys import Functions, Levels, Samples, condition, key_of, shown, wrong
 from spi.statistics.claims import Sort, claimable
 
 from .results import WeakErrors
@@ -21,8 +23,16 @@ Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
 
 
+def _none_lacking(names: Any) -> Any:
+    """The names of estimators; raises the error about one that a plug-in has which is not here."""
+    for n, name in enumerate(names if isinstance(names, list) else ()):
+        if advice := lacking("estimators", name):
+            raise wrong(f"is {shown(name)}", advice, n)
+    return names
+
+
 NAMES = tuple(ESTIMATORS)
-Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1)]
+Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1), BeforeValidator(_none_lacking)]
 
 
 class SampledCase(FunctionsCase):
@@ -36,12 +46,28 @@ class SampledCase(FunctionsCase):
         None
     )
     accuracy: key_of(
-        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
+        Positive | None,
+        "numerical error of estimators that do not sample; default: as fine as a figure needs",
+        "value",
     ) = None
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
     unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
+
+    @property
+    def scopes(self) -> list[str]:
+        """Also levels of extrapolation."""
+        return [*super().scopes, *(f"extrapolate {levels}" for levels in self.extrapolate)]
+
+    def check_driven(self) -> None:
+        """See ``BaseCase``: also estimators other than plain and extrapolation are for Brownian motion."""
+        super().check_driven()
+        others = [name for name in self.estimators if name != "plain"]
+        for key, entries in (("estimators", others), ("extrapolate", [count for count in self.extrapolate if count])):
+            if entries:
+                right = "use plain, not extrapolated"
+                raise wrong(f"has {entries[0]}, which is for Brownian motion", right, key)
 
     @condition
     def _check_extrapolate(self) -> Self:

@@ -9,7 +9,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, grid
 from spi.ensemble.random_states import RandomState
-from spi.exact.kolmogorov import can_solve
+from spi.exact.expectations import can_solve
 from spi.kinds.blocks import DIFFERENCE, POWERS, VALUE, Sample, two_steps
 from spi.numerics.rng import LANES, LEVELS
 from spi.schemes.asymptotic import AsymptoticPreserving
@@ -28,9 +28,9 @@ from spi.statistics.estimators import (
 from spi.statistics.intervals import student_factor
 from spi.storage.records import Order
 
-from .kolmogorov import solution
 from .plans import stderr_of
 from .results import Levels as LevelTable
+from .solved import solution
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The paths of a multilevel estimator: the steps, reversals and schemes of a sample of each level.
@@ -100,7 +100,7 @@ class Errors(NamedTuple):
 
 
 class Decisions(NamedTuple):
-    """Results besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
+    """Results besides sums over paths, of F test functions at S step sizes."""
 
     seconds: float  #: wall clock
     cpu_seconds: float
@@ -144,7 +144,7 @@ class Decisions(NamedTuple):
     def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":
         """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
         began, cpu_began = time.perf_counter(), time.process_time()
-        exact = solution(case, control, steps)
+        exact, _ = solution(case, control, steps)
         differences = (exact.weak_error[:, 1:] - exact.weak_error[:, :-1]).T[::-1]
         return self._replace(
             seconds=self.seconds + time.perf_counter() - began,

@@ -25,7 +25,7 @@ from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
-from spi.exact.kolmogorov import can_solve
+from spi.exact.expectations import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
@@ -37,7 +37,6 @@ from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.storage.records import Part
 
-from .kolmogorov import check_demands
 from .levels import (
     EQUAL,
     PILOT,
@@ -54,6 +53,7 @@ from .levels import (
 )
 from .plans import WeakPlan, sampled_errors, stderr_of
 from .results import Differences, History, Sampled, WeakErrors
+from .solved import check_demands
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Multilevel differences: E phi(y_h) - E phi(y_{h/2}) level by level (Giles, Operations Research 56, 2008), added up.
@@ -76,7 +76,6 @@ from .results import Differences, History, Sampled, WeakErrors
 # R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another sum over the same differences.
 # ---------------------------------------------------------------------------------------------------------------------
 
-_OF_STEPS = "error", "without", "unseen"  # fields of errors that have an axis of steps
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
 _LONGEST = 1e9  # seconds of work for a target, at most
 
@@ -102,13 +101,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         check_areas(case, case.reference_step, "reference_step")  # each level draws its own
         if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
             check_demands(case, "multilevel", multiscale=True)
-
-    @classmethod
-    def together(cls, case: Any, part: Part) -> list[tuple[int, ...]]:
-        """One set of levels serves all levels of extrapolation, except those estimated by :class:`DifferencesPlan`."""
-        alone = [n for n in case.extrapolate if can_compare(case, part._replace(extrapolate=n))]
-        others = tuple(n for n in case.extrapolate if n not in alone)
-        return [*((n,) for n in alone), *[others] * bool(others)]
 
     @classmethod
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
@@ -140,12 +132,12 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES))
+        target = self.case.standard_error is not None
+        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
-        steps = sum(len(plan.h) for plan in self.each)
-        return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
+        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
 
     @property
     def sets(self) -> tuple[Sample, ...]:
@@ -181,7 +173,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             return extra.with_control(self.case, self.control, steps)
         levels = self.level_sums(state)
         if not extra.recorded:
-            extra = extra.with_errors(self.all_errors(levels), levels.cpu_seconds.sum())
+            extra = extra.with_errors(self.errors(levels), levels.cpu_seconds.sum())
         if extra.allocations == len(SHARES):
             return extra if extra is not state.extra else None
         targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
@@ -218,9 +210,9 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
         The least work by which all errors have the variance s^2 is R^2 / s^2, and takes (work / R) n samples of each
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
-        square of the weight of the level in the error at the largest step, the largest over levels of extrapolation.
+        square of the weight of the level in the error at the largest step.
         """
-        shares = np.abs([plan.completed(plan.combination.shares().T)[:, 0] for plan in self.each]).max(axis=0)
+        shares = self.completed(self.combination.shares().T)[:, 0]
         variance = variance * np.append(shares**2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
@@ -263,12 +255,6 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """(levels, F) the variance of a level whose unseen part is as large as it may be."""
         return np.nan_to_num(self.unseen_levels(levels) ** 2 / zero_share_bound(levels.samples[:, np.newaxis]))
 
-    def all_errors(self, levels: LevelSums) -> Errors:
-        """The errors of all levels of extrapolation behind one another, fewest first, as in the history."""
-        each = [plan.errors(levels) for plan in self.each]
-        error, without, unseen = (np.concatenate([getattr(e, name) for e in each], -1) for name in _OF_STEPS)
-        return Errors(error, without, EQUAL, unseen)
-
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         return self.results_of(self.level_sums(state), state)
@@ -276,7 +262,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda plan: len(plan.h))
+        errors, extra = self.errors(levels), state.extra
         fields, sampled = sampled_errors(self, *errors)
         expectation, of_expectation = expectations(self, levels)
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
@@ -286,8 +272,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
-                error=extra.history_error[..., own],
-                error_stderr=extra.history_error_stderr[..., own],
+                error=extra.history_error,
+                error_stderr=extra.history_error_stderr,
                 cpu_seconds=extra.history_cpu_seconds,
             ),
             "cpu_seconds": cpu_seconds,

@@ -36,8 +36,7 @@ from .results import Prefixes, Quasi, Sampled
 class PlainSums(Sums):
     """Sums over some paths, of F test functions at L step sizes, from the largest to the reference.
 
-    With extrapolation there are more step sizes of paths than of values.  Where the paths serve several levels of
-    extrapolation, they have L step sizes together, those of one level behind those of another.
+    With extrapolation there are more step sizes of paths than of values.
     """
 
     values: Array = moments("level function")  #: of phi
@@ -65,7 +64,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     def grid(self) -> Grid:
         """The step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
         case, part = self.case, self.part
-        of_reference = {case.reference_step * 2.0**i for i in range(1, 1 + max((part.extrapolate, *part.together)))}
+        of_reference = {case.reference_step * 2.0**i for i in range(1, 1 + part.extrapolate)}
         return reference_grid(case, part, sorted({*case.steps, *of_reference}, reverse=True))
 
     @property
@@ -73,30 +72,18 @@ class PlainPlan(WeakPlan, BlocksPlan):
         """Numbers of first paths for which there are results as well."""
         return tuple(self.case.prefixes or ())
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(L, F): step sizes of the results, references included, and test functions."""
-        return sum(1 + len(plan.h) for plan in self.each), len(self.case.functions)
-
-    @property
-    def own(self) -> slice:
-        """The places of the step sizes of this level of extrapolation and of their reference among all."""
-        return self.own_among(lambda plan: 1 + len(plan.h))
-
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums."""
-        levels, functions = self.shape
-        axes = {"level": levels, "function": functions, "step": len(self.steps)}
+        axes = {"level": 1 + len(self.h), "function": len(self.case.functions), "step": len(self.steps)}
         return axes | {"prefix": len(self.prefixes), "one": 1, "group": GROUPS}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
         """The values of the test functions at the end of some blocks, extrapolated or not."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
-        values = np.concatenate([plan._extrapolated(values) for plan in self.each], axis=1)
+        values = self._extrapolated(values)
         with np.errstate(invalid="ignore", over="ignore"):
-            of_levels = [v - v[:, -1:] for v in (values[:, plan.own] for plan in self.each)]
+            differences = values - values[:, -1:]
         lost = np.logical_not(np.isfinite(values).all(axis=2))
-        differences = np.concatenate(of_levels, axis=1)
         return {"values": values, "differences": differences, "nonfinite": lost, "report": report}
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
@@ -116,31 +103,31 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
     def stderr(self, sums: Any) -> float:
         """The standard error of the error at the largest step (of the first function)."""
-        errors = self.errors(sums.differences[:, self.own], group_counts(sums.paths))
+        errors = self.errors(sums.differences, group_counts(sums.paths))
         return float(stderr_of(*errors)[0, 0])
 
     def estimates(self, sums: PlainSums) -> dict[str, Any]:
         """The weak errors and expectations."""
-        own, counts = self._of_own(sums), group_counts(self.samples)
-        mean, without = mean_over_paths(own.values[0], counts)
+        counts = group_counts(self.samples)
+        mean, without = mean_over_paths(sums.values[0], counts)
         expectation = _by_step(mean)
-        fields, sampled = sampled_errors(self, *self.errors(own.differences, counts))
+        fields, sampled = sampled_errors(self, *self.errors(sums.differences, counts))
         spread = jackknife_stderr(expectation, _by_step(without), counts)
         lacking = self._unseen(expectation, spread, self.samples)
         return fields | {
             "expectation": expectation,
-            "nonfinite": own.nonfinite[:-1],
-            "prefixes": self._of_prefixes(own) if self.prefixes else None,
+            "nonfinite": sums.nonfinite[:-1],
+            "prefixes": self._of_prefixes(sums) if self.prefixes else None,
             "sampled": Sampled(
                 **sampled,
                 expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
                 reference=mean[-1],
-                sd=standard_deviation(*own.values[:, 0].sum(axis=-1) / self.samples),
+                sd=standard_deviation(*sums.values[:, 0].sum(axis=-1) / self.samples),
                 samples=self.samples,
-                ns_per_step=ns_of(own.cpu_seconds, self.steps.sum() * self.samples),
+                ns_per_step=ns_of(sums.cpu_seconds, self.steps.sum() * self.samples),
             ),
-            "cpu_seconds": own.cpu_seconds,
-            "reference_nonfinite": int(own.nonfinite[-1]),
+            "cpu_seconds": sums.cpu_seconds,
+            "reference_nonfinite": int(sums.nonfinite[-1]),
         }
 
     def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -153,16 +140,6 @@ class PlainPlan(WeakPlan, BlocksPlan):
         """(F, S): as :meth:`WeakPlan.unseen`; extrapolated values can be further apart."""
         weights = np.abs(self.extrapolation.weights).sum()
         return weights * self.unseen(value.T, stderr.T, samples).T
-
-    def _of_own(self, totals: PlainSums) -> PlainSums:
-        """The totals without the step sizes of other levels of extrapolation."""
-        own = self.own
-        return totals._replace(
-            values=totals.values[:, own],
-            differences=totals.differences[:, own],
-            nonfinite=totals.nonfinite[own],
-            prefix_differences=totals.prefix_differences[:, :, own],
-        )
 
     def _extrapolated(self, values: np.ndarray) -> np.ndarray:
         """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, 1 + S, F, LANES)."""
@@ -236,7 +213,7 @@ class QuasiPlan(PlainPlan):
 
     def estimates(self, sums: Any) -> dict[str, Any]:
         """The weak errors, and the gain over independent paths."""
-        estimated, values = super().estimates(sums), self._of_own(sums).values[:, :-1].sum(axis=-1)
+        estimated, values = super().estimates(sums), sums.values[:, :-1].sum(axis=-1)
         sd = standard_deviation(*values / self.samples).T
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = sd**2 / (self.samples * estimated["sampled"].expectation_stderr ** 2)

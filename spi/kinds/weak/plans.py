@@ -12,7 +12,6 @@ from spi.schemes import weak_exponents, weak_order
 from spi.statistics.estimators import Extrapolation, fit_order, is_resolved, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.statistics.rounding import is_rounding, note_exact, size_of_values, with_rounding
-from spi.storage.records import Part
 
 from .results import WeakErrors
 
@@ -40,11 +39,6 @@ class WeakPlan(Plan):
     def left_out(cls, case: Any) -> tuple[str, ...]:
         """The schemes of a case that it cannot do."""
         return tuple(scheme for scheme in case.schemes if not cls.can_do(case, scheme))
-
-    @classmethod
-    def together(cls, case: Any, part: Part) -> list[tuple[int, ...]]:
-        """The levels of extrapolation of a case, grouped by common paths of a part."""
-        return [case.extrapolate]
 
     @classmethod
     def remarks(cls, case: Any) -> Iterator[str]:

@@ -177,16 +177,6 @@ def _sampled(name: str, inconsistent: str) -> list[Column]:
     ]
 
 
-def distinct_levels(readings: Sequence["WeakErrors"]) -> list["WeakErrors"]:
-    """The records with levels of their own: those of a scheme serve all its levels of extrapolation."""
-    distinct: dict[tuple, WeakErrors] = {}
-    for one in readings:
-        if one.levels:
-            key = one.about.scheme, one.about.eps, one.levels.samples.tobytes(), one.levels.mean.tobytes()
-            distinct.setdefault(key, one)
-    return list(distinct.values())
-
-
 def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"]) -> Array | None:
     """(F, S) a field of the agreement of a sampled estimate with the one without sampling; None if there is none."""
     near = agreement(reading, readings)
@@ -256,7 +246,6 @@ class WeakErrors(Stored):
             _sampled("level", "the means of neighbouring levels disagree"),
             "levels",
             lines=lambda one: one.from_large_steps,
-            of=distinct_levels,
         ),
         Table(
             "function h",

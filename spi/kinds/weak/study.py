@@ -2,28 +2,23 @@
 
 ``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step, ``multilevel`` against
 that of weak order 2 where it takes differences to it; what that reference lacks is extrapolated by the scheme's known
-order.  ``kolmogorov`` does not sample and measures against the law of the equation.  An estimator is a class derived
-from ``WeakPlan`` in a file of this folder, and a line in ESTIMATORS.
+order.  Those of plug-ins need not sample, and may measure against the law of the equation.  An estimator is a class
+derived from ``WeakPlan``, and a line in ESTIMATORS or of a plug-in.
 """
 
 from collections.abc import Iterator
 from typing import Any
 
+from spi.plugins import Registry
 from spi.storage.records import Part
 
-from .kolmogorov import KolmogorovPlan
 from .multilevel import MultilevelPlan
 from .plain import PlainPlan, QuasiPlan
 from .plans import WeakPlan
 from .results import cannot_do
 
 #: name in a spec file -> estimator
-ESTIMATORS: dict[str, type[WeakPlan]] = {
-    "plain": PlainPlan,
-    "multilevel": MultilevelPlan,
-    "quasi": QuasiPlan,
-    "kolmogorov": KolmogorovPlan,
-}
+ESTIMATORS = Registry("estimators", {"plain": PlainPlan, "multilevel": MultilevelPlan, "quasi": QuasiPlan})
 
 
 def label_of(name: str) -> str:
@@ -33,16 +28,12 @@ def label_of(name: str) -> str:
 
 def parts(case: Any) -> list[Part]:
     """The parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
-    each = [
-        Part(scheme, name, eps)
+    return [
+        Part(scheme, name, eps, levels)
         for scheme, eps in case.runs
         for name in case.estimators
         if ESTIMATORS[name].can_do(case, scheme)
-    ]
-    return [
-        part._replace(extrapolate=min(levels), together=tuple(sorted(levels)))
-        for part in each
-        for levels in ESTIMATORS[part.estimator].together(case, part)
+        for levels in sorted(case.extrapolate)
     ]
 
 

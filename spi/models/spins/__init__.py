@@ -19,11 +19,12 @@ from ..delegation import answering_as_inner
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
-from .whole import Whole
+from .whole import Sampled, Whole
 
 Vector = tuple[float, float, float]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
+_SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
 
 
 def in_words(record: Any) -> str:
@@ -121,6 +122,9 @@ class Spins(NamedTuple):
     def one_path(model, scheme, h):
         return Whole.of(model, math.inf, scheme, h)
 
+    def gibbs_law(model, temperature, sweeps):
+        return Sampled(model, temperature, sweeps or _SWEEPS)
+
     def fault(model):
         return _fault(model)
 
@@ -136,18 +140,17 @@ class Spins(NamedTuple):
     def observables(model):
         return observables_of(model)
 
-    @property
-    def names(model) -> tuple[str, ...]:
-        """The names of the components; none of very many."""
+    def component_names(model):
+        """None of very many."""
         count = dimension(model) // 3
         if model.variables or count > _MOST_NAMED:
             return model.variables
         return tuple(f"{x}({i})" for i in range(1, count + 1) for x in "xyz")
 
-    @property
-    def sizes(model) -> dict[str, int]:
-        """Words for whole numbers in formulas: n sites."""
-        return {"n": dimension(model) // 3}
+    def named_numbers(model):
+        """The fields that are numbers, n sites, and the numbers of a definition."""
+        numbers = {key: x for key, x in model._asdict().items() if isinstance(x, float)}
+        return numbers | {"n": dimension(model) // 3} | _NAMED.get(model, {})
 
     @property
     def cell(model) -> Cell:
@@ -163,6 +166,14 @@ class Spins(NamedTuple):
     def sites(model) -> Lattice:
         """The sites and bonds."""
         return lattice(model.cell, model.size, model.is_periodic)
+
+
+_NAMED: dict[Spins, dict[str, float]] = {}
+
+
+def name_numbers(model: Spins, numbers: dict[str, float]) -> None:
+    """Have formulas about a model name further numbers in this process, those of the definition that it was made of."""
+    _NAMED[model] = numbers
 
 
 @answering_as_inner()

@@ -13,8 +13,7 @@ import numpy as np
 
 from ...compiler.dispatch import device
 from ...numerics.angles import sinc_versinc
-from ...numerics.elementary import expm1
-from ...numerics.motions import sinh_coshm1
+from ...numerics.elementary import expm1, sinh_coshm1
 from ...numerics.rng import on_circle, uniform
 
 NEAR = 0.5

@@ -1,0 +1,1 @@
+"""Expectations to a wanted accuracy: the program chooses schemes, steps and samples, or solves without sampling."""

@@ -1,0 +1,213 @@
+"""Stability: properties of the equation that schemes preserve where steps are large or parameters extreme.
+
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study stores the
+largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
+fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
+test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
+A plan has the paths for one value; :func:`spi.storage.stored.gathered` makes one record of those of all values.
+"""
+
+import functools
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.loop import Grid, thread_count
+from spi.ensemble.observer import path_observer
+from spi.ensemble.protocol import casimirs, populations
+from spi.ensemble.random_states import RandomState
+from spi.ensemble.scheme_protocol import REPORT
+from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
+from spi.expressions import as_numpy, canonical
+from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.plans import Cost, State, each_scheme, reference_grid
+from spi.statistics.accumulators import Array, Sums, joined, reports
+from spi.statistics.estimators import stderr_of_mean
+from spi.statistics.rounding import size_of_values, with_rounding
+from spi.storage.stored import Description
+
+from .results import CasimirErrors, Law, Stability
+
+
+class Paths(Sums):
+    """Extremes and last states of some paths for one value of the swept parameter, path by path."""
+
+    casimir: Array = joined("level casimir")
+    square: Array = joined("level")
+    smallest: Array = joined("level")
+    y: Array = joined("level component")
+    report: Array = reports("level")
+
+
+def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
+    """Means of the test functions over the states y (levels, d, paths), and their standard errors, (levels, F)."""
+    means = np.empty((2, len(y), len(functions)))
+    for f, tree in enumerate(functions):
+        with np.errstate(all="ignore"):
+            values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
+            means[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
+    return means
+
+
+_MOST_SECONDS = 60.0  # of solving for true expectations, which are left out where they take longer
+_ACCURACY = 1e-3  # numerical error that they may have
+
+
+@functools.lru_cache(maxsize=256, typed=True)
+def _true_expectations(
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple
+) -> tuple[np.ndarray, np.ndarray]:
+    """E phi(y(T)) and its numerical error, (F,) each.
+
+    Cached, because it is the same for all schemes; typed, because models of two classes may be equal tuples.
+    """
+    phis = [*map(as_numpy, functions)]
+    return exact_expectations(model, initial, final_time, phis, _ACCURACY, most_seconds=_MOST_SECONDS)
+
+
+class Truth(NamedTuple):
+    """True expectations of F test functions."""
+
+    seconds: float  #: wall clock
+    truth: np.ndarray  #: (F,), NaN until they are computed
+    truth_bound: np.ndarray  #: (F,), their numerical error
+
+    def law(
+        self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray, sizes: np.ndarray, steps: np.ndarray
+    ) -> Law:
+        """Expectations of the test functions, (levels, F), and their distances from the truth.
+
+        For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
+        """
+        truth, bound = self.truth, self.truth_bound
+        with np.errstate(invalid="ignore"):
+            away = np.abs(mean - truth)
+            away = np.where(np.isfinite(truth) & np.isnan(away), np.inf, away)
+        farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=1)[:, None]
+        return Law(
+            names=names,
+            expectation=mean,
+            expectation_stderr=stderr,
+            truth=truth,
+            truth_bound=bound,
+            distance=np.take_along_axis(away, farthest, 1)[:, 0],
+            distance_stderr=np.take_along_axis(
+                with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis]), farthest, 1
+            )[:, 0],
+        )
+
+
+parts = each_scheme
+
+
+@dataclass(frozen=True, kw_only=True)
+class StabilityPlan(BlocksPlan):
+    """The paths of one scheme at all step sizes, for one value of the swept parameter."""
+
+    record, sums = Stability, Paths
+
+    @functools.cached_property
+    def grid(self) -> Grid:
+        """The step sizes of the case and the reference, on the same Brownian paths."""
+        return reference_grid(self.case, self.part, self.case.steps)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether there are test functions, and their true expectations can be computed without a scheme."""
+        if not self.case.functions or self.case.noise is not None or isinstance(self.initial, RandomState):
+            return False
+        return bool(can_solve_equation(self.model))
+
+    def cost(self) -> Cost:
+        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        cost, values = super().cost(), math.prod(map(len, self.case.sweep.parameters.values()))
+        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # the other schemes have the same
+            cost = cost._replace(seconds=cost.seconds + self.seconds_of_truth * thread_count())
+        states = self.blocks * self.sums.bytes_of_a_block(self.lengths(0))  # kept of all values until the end
+        return cost._replace(bytes=cost.bytes + states * values)
+
+    @property
+    def seconds_of_truth(self) -> float:
+        """The seconds that the true expectations take, roughly."""
+        end = self.case.final_time
+        return float(seconds_of_equation(self.model, self.initial, end, self.phis, most_seconds=_MOST_SECONDS))
+
+    def initial_extra(self) -> Truth:
+        """No expectation has been computed."""
+        nothing = np.full(len(self.case.functions), np.nan)
+        return Truth(0.0, nothing, nothing)
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of paths without the test functions, which are functions of the last states."""
+        deciding = super().deciding(number)
+        return deciding if number is None else deciding | {"functions": None}
+
+    def lengths(self, number: int) -> dict[str, int]:
+        """The lengths of the axes of the sums."""
+        conserved = len(casimirs(self.model, self.initial))
+        return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
+
+    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
+        """The contributions of some blocks."""
+        observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
+        states, report = self.integrated(first, blocks, end, observer)
+        extremes = observer.extremes
+        watched = {"casimir": extremes[:, :, :-2], "square": extremes[:, :, -2], "smallest": extremes[:, :, -1]}
+        return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
+
+    def finalise(self, state: State) -> Iterator[Truth]:
+        """Compute the true expectations."""
+        extra, functions = state.extra, self.case.expressions
+        if self.has_truth and np.isnan(extra.truth).any():
+            began = time.perf_counter()
+            truth = _true_expectations(self.model, self.initial, self.case.final_time, functions)
+            yield Truth(extra.seconds + time.perf_counter() - began, *truth)
+
+    def description(self) -> Description:
+        """The description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
+        return replace(super().description(), variant=self.part.scheme)
+
+    def results(self, state: State) -> Stability:
+        """The results for the value, all arrays without its axis."""
+        case, paths, n = self.case, state.total(), self.samples
+        ((word, value),) = case.sweep.places.items()
+        first = np.abs(self.initial_casimirs(0, self.blocks))[:, :n]
+        scale = np.where(first > 0, first, 1.0)
+        size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            worse = np.nan_to_num(paths.casimir[:-1] / scale, nan=np.inf, posinf=np.inf)
+            median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
+            norm = np.nan_to_num(np.sqrt(paths.square[:-1]), nan=np.inf, posinf=np.inf)
+            y, reference = paths.y[:-1], paths.y[-1:]
+            squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
+            error = np.sqrt(squares.mean(axis=1))
+            stderr = stderr_of_mean(squares) / (2 * error)
+        fields = self.whole(state) | reported(paths.report[:-1])
+        fields |= {
+            "values": value,
+            "h": np.array(case.steps),
+            "word": word,
+            "functions": tuple(map(canonical, case.expressions)),
+            "finite": np.isfinite(y).all(axis=1).mean(axis=1),
+            "largest_norm": norm.max(axis=1),
+            "error": error,
+            "error_stderr": with_rounding(np.where((error == 0.0) & (n > 1), 0.0, stderr), error, 1.0, self.steps[-1]),
+        }
+        if populations(self.model):
+            fields["positive"] = (paths.smallest[:-1] > 0.0).mean(axis=1)
+        if worse.shape[1]:
+            fields["casimirs"] = CasimirErrors(worst=worse.max(axis=2), median=median)
+        if self.row.composition is not None:  # its flows may rotate
+            fields["largest_angle"] = paths.report[:-1, REPORT.index("largest_angle")]
+        if case.functions:
+            sizes = np.array([size_of_values(as_numpy(tree), self.initial) for tree in case.expressions])
+            means = _expectations(case.expressions, y)
+            fields["law"] = state.extra.law(tuple(case.functions), *means, sizes, self.steps[:-1])
+        return Stability(**fields)
+
+
+plan = StabilityPlan.of

@@ -1,0 +1,1 @@
+"""Laws of the increments, and noise that is made of them."""

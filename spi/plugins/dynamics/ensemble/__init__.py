@@ -1,0 +1,1 @@
+"""Values of paths summed up and counted."""

@@ -1,0 +1,1 @@
+"""Stationary laws on Casimir surfaces."""

@@ -1,0 +1,243 @@
+"""The keys of an experiment of kind equilibrium."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+import pydantic
+from annotated_types import Ge, Le
+from pydantic import BeforeValidator, Field
+
+from spi.compiler.dispatch import answers
+from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
+from spi.expressions.arithmetic import NumberError
+from spi.kinds import one_path as alone
+from spi.kinds.functions import PathFunction, check_function, function_of
+from spi.models.delegation import undamped
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.plugins.dynamics.kinds.references import EXACT, FINEST
+from spi.specs.cases import CLIP, BaseCase, with_others
+from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
+from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
+from spi.specs.names import CodeKeys
+from spi.specs.sweep import PLACES
+from spi.statistics.claims import claimable
+
+from .references import REFERENCES, derived_quantity
+from .results import OF_FUNCTIONS, PANELS, Equilibrium
+
+Panels = tuple[Literal[PANELS], ...]
+StepCount = Annotated[int, Ge(1), Le(2**34)]
+Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
+
+_MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
+_LOOKING = 1 / 16  # of the time in which a large lattice moves, for looking at it, unless a spacing is given
+_LEAST_LOOKS = 8  # at it in any case
+_LEAST_KEPT = 2
+_BURNT = 0.2  # of the time
+_BLOCKS = 16  # that are recorded together
+_MOST_BYTES = 2**29  # of states that are recorded at a time
+
+
+class Case(CodeKeys, BaseCase):
+    """Equilibrium: Casimirs over very many steps, the law of the states after a long time, and means over time."""
+
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5", "time")
+    step_count: key_of(
+        StepCount | None, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}; or final_time"
+    ) = None
+    final_time: key_of(Positive | None, "instead of step_count: time until which every step size runs", "time") = None
+    schemes: key_of(Schemes, "a list of schemes")
+    samples: key_of(Samples, "number of Brownian paths")
+    functions: key_of(
+        Functions,
+        "with final_time: by name an expression in the state such as y1^2, H or a Casimir function C1, C2, ...; "
+        "default: H",
+    ) = Field(default_factory=dict)
+    derived: key_of(
+        Functions,
+        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}, with errors by the "
+        "jackknife",
+    ) = Field(default_factory=dict)
+    burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
+    spacing: key_of(
+        Positive | None,
+        "time between two values of functions, a multiple of every step size; default: the largest step size, "
+        f"or so many times that a path has at most {_MOST_SNAPSHOTS} and states fit into memory, and that a large "
+        f"lattice is looked at for about {_LOOKING:.0%} of the time",
+        "time",
+    ) = None
+    bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of the histograms of functions") = 40
+    reference: key_of(
+        Reference,
+        f"known means of functions: {EXACT} (the Gibbs law by quadrature), {FINEST} (the mean at the smallest step "
+        "size), or by name one of these or a formula such as 1/3",
+    ) = Field(default_factory=dict)
+    accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
+    panels: key_of(
+        Panels,
+        f"what the figure shows, some of {', '.join(PANELS)}; default: growth, of functions means, histogram and "
+        "autocorrelation",
+    ) = ()
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    swept_in: ClassVar = (*PLACES, "reference", "step_count")
+    quantities: ClassVar = claimable(Equilibrium)
+    scoping: ClassVar = ("functions", "derived")
+    unsaid: ClassVar[dict[str, Any]] = {**BaseCase.unsaid, "derived": {}}
+    at_once: ClassVar[bool] = False
+    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
+
+    @property
+    def last_time(self) -> float:
+        """The final time of the largest step size."""
+        return self.final_time or max(self.steps) * (self.step_count or 0)
+
+    @property
+    def laws_shown(self) -> tuple[str, ...]:
+        """Those of the uniform law, and of the distance from it."""
+        return tuple(panel for panel in self.panels if panel in ("law", "distance"))
+
+    @property
+    def noise_steps(self) -> tuple[float, ...]:
+        """All steps: none has the increments of another."""
+        return self.steps
+
+    @property
+    def counts(self) -> list[int]:
+        """The number of steps of each step size."""
+        return [self.step_count or round((self.final_time or 0) / h) for h in self.steps]
+
+    @property
+    def path_functions(self) -> tuple[PathFunction, ...]:
+        """The functions, in the order of their names."""
+        return tuple(function_of(self, text) for text in self.functions.values())
+
+    @property
+    def between(self) -> float:
+        """The time between two values of functions."""
+        return self.spacing or max(self.steps) * 2.0 ** max(0, np.ceil(np.log2(self._least_stride)))
+
+    @property
+    def _least_stride(self) -> float:
+        """The number of the largest steps from which on a power of two lies between two values."""
+        h = max(self.steps)
+        least = self.last_time / (_MOST_SNAPSHOTS * h)
+        if not alone.is_long(self):
+            return max(least, STEPS_PER_TOSS / (self._fitting - 1) if self._fitting > 1 else 0.0, 1.0)
+        a_step = min(one_path(self.model, self.row(name).record, h).ns for name in self.schemes)
+        looking = alone.look_ns(self, len(self.functions)) / (_LOOKING * a_step)
+        return max(least, min(looking, self.last_time / (_LEAST_LOOKS * h) / 2), 1.0)
+
+    @property
+    def _fitting(self) -> float:
+        """The number of states of paths that are moved together that fit into memory."""
+        paths = 1 if self.in_parts else LANES * min(_BLOCKS, -(-self.samples // LANES))
+        return _MOST_BYTES / (8 * paths * dimension(self.model))
+
+    @property
+    def burnt(self) -> float:
+        """The time that does not count."""
+        return _BURNT * self.last_time if self.burn_in is None else self.burn_in
+
+    @property
+    def in_parts(self) -> bool:
+        alone = self.samples == 1 and not self.truncate_noise and not self.driver and answers(one_path, self.model)
+        return alone and all(one_path(self.model, self.row(name).record, self.steps[0]) for name in self.schemes)
+
+    @condition
+    def _check_steps(self) -> Self:
+        if (self.step_count is None) == (self.final_time is None):
+            if self.step_count is not None:
+                raise wrong("is given beside step_count", "leave out one of them", "final_time")
+            raise wrong("missing key 'step_count'", "add step_count: number of steps, or final_time", "step_count")
+        if self.step_count and self.step_count % STEPS_PER_TOSS:
+            lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
+            nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
+            raise wrong(f"is {self.step_count}", nearest, "step_count")
+        check_distinct(self.steps, "steps")
+        for h in self.steps if self.final_time else ():
+            check_multiple(self.final_time, h, "steps", "has")
+            check_count(self.final_time, h, "steps")
+            if self.final_time / h < STEPS_PER_TOSS and not alone.is_long(self):
+                mistake = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
+                raise wrong(mistake, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
+        check_schemes(self, self.schemes, self.steps, "steps")
+        if any(self.row(name).multiscale for name in self.schemes):
+            raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
+        return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
+
+    @condition
+    def _check_functions(self) -> Self:
+        """The case with functions, unless no final time is given."""
+        if not self.final_time:
+            given = {
+                "functions": self.functions,
+                "derived": self.derived,
+                "burn_in": self.burn_in,
+                "spacing": self.spacing,
+            }
+            for key in [key for key, value in given.items() if value]:
+                raise wrong("is for means over time", "give final_time instead of step_count", key)
+            return self
+        if not self.functions and answers(frozen, undamped(self.model)):
+            right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
+            raise wrong("missing key 'functions'", right, "functions")
+        functions = with_others(self, self.functions) or {"H": "H"}
+        for name, text in functions.items():
+            check_function(self, name, text)
+        if both := self.derived.keys() & functions.keys():
+            raise wrong("is the name of a function", "take another name", "derived", min(both))
+        for name, text in self.derived.items():
+            try:
+                derived_quantity(text, tuple(functions))
+            except NumberError as error:
+                right = f"must be an expression in {', '.join(functions)} and T"
+                raise wrong(f"is {shown(text)} ({error})", right, "derived", name) from None
+        return self.model_copy(update={"functions": functions})
+
+    @condition
+    def _check_kept(self) -> Self:
+        if not self.functions:
+            return self
+        key = "spacing" if self.spacing else "steps"
+        for h in self.steps:
+            if abs(round(self.between / h) * h - self.between) > ROUNDING * self.between:
+                mistake = f"{'is' if self.spacing else 'give the spacing'} {quantity(self.between)}, no multiple of"
+                raise wrong(f"{mistake} {quantity(h)}", "give a spacing that is one of every step size", key)
+        left = int((self.last_time - self.burnt) / self.between * (1 + ROUNDING))
+        if left < _LEAST_KEPT:
+            values = "1 value" if left == 1 else "no value"
+            mistake = f"leaves {values} with a spacing of {quantity(self.between)} after burn_in"
+            right = f"must leave {_LEAST_KEPT}: final_time {quantity(self.burnt + _LEAST_KEPT * self.between)} or more"
+            raise wrong(mistake, right, "final_time")
+        if not alone.is_long(self) and 1 + STEPS_PER_TOSS * max(self.steps) / self.between > self._fitting:
+            right = f"must be larger, such as {quantity(STEPS_PER_TOSS * max(self.steps))}"
+            if self._fitting < 2:
+                fault = f"moves {LANES} paths of {dimension(self.model)} numbers together, whose states do not fit"
+                raise wrong(fault, "give samples: 1, for which threads share one path where they can", "samples")
+            raise wrong("records more states at a time than fit", right, "spacing")
+        return self
+
+    @condition
+    def _check_reference(self) -> Self:
+        """The case with the reference of each function by its name."""
+        if self.reference and not self.functions:
+            raise wrong("is for means over time", "give final_time instead of step_count", "reference")
+        of_all = self.reference.get("")
+        reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
+        reference = with_others(self, reference, "reference")
+        for name, text in reference.items():
+            REFERENCES.check(self, name, text)
+        return self.model_copy(update={"reference": reference})
+
+    @condition
+    def _check_panels(self) -> Self:
+        """The case with the panels of its figure."""
+        if not self.panels:
+            return self.model_copy(update={"panels": OF_FUNCTIONS[:3] if self.functions else PANELS[:1]})
+        for name in set(self.panels) - {"growth", "acceptance"}:
+            if (name in OF_FUNCTIONS) != bool(self.functions):
+                right = f"leave it out, or {'leave out' if self.functions else 'give'} functions"
+                mistake = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
+                raise wrong(mistake, right, "panels")
+        return self

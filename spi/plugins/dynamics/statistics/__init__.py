@@ -1,0 +1,1 @@
+"""Cells, quantiles and autocorrelations."""

@@ -1,0 +1,1 @@
+"""Systems on so(3)^n written in YAML that are lattices of spins."""

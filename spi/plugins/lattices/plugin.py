@@ -1,0 +1,5 @@
+"""What this plug-in offers."""
+
+from spi.plugins import Plugin
+
+PLUGIN = Plugin("lattices", needs=("systems",), definitions={"lattice": "spi.plugins.lattices.bonds:model_of"})

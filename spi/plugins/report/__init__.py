@@ -1,0 +1,1 @@
+"""Stored results as one HTML page, LaTeX tables and CSV."""

@@ -1,0 +1,295 @@
+"""Stored results as one HTML page that needs nothing beside it, as LaTeX tables and as CSV."""
+
+import base64
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import date
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from spi import __version__, storage, views
+from spi.printing import as_csv
+from spi.running.compiling import processors
+from spi.running.workers import processes
+from spi.statistics.claims import VERDICTS
+from spi.storage.records import Results
+
+from .sections import Section, Titled, powers, section
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Plain tables as LaTeX, in the style of the package booktabs.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: More rows than that do not fit on a page; longtable breaks them.
+_MOST_LATEX_ROWS = 40
+
+_LATEX_HEAD = r"""% {name}: {title}
+% needs \usepackage{{booktabs}} and \usepackage{{longtable}}
+"""
+
+_ESCAPED = {
+    "\\": r"\textbackslash{}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+    "±": r"$\pm$",
+    "≤": r"$\leq$",
+    "≥": r"$\geq$",
+    "×": r"$\times$",
+    "·": r"$\cdot$",
+    "µ": r"\textmu{}",
+    "\n": " ",
+}
+
+_GREEK = (
+    *("alpha", "beta", "gamma", "delta", "varepsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu"),
+    *("xi", "pi", "rho", "sigma", "tau", "upsilon", "varphi", "chi", "psi", "omega"),
+    *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"),
+)
+_ESCAPED |= {letter: rf"$\{name}$" for letter, name in zip("αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ", _GREEK, strict=True)}
+
+_DECIMAL = r"\d+(?:\.\d+)?"
+_NUMBER = re.compile(
+    rf"(?<![\w.^])-?{_DECIMAL}(?:\^-?{_DECIMAL}|(?:e-?\d+)?(?: ± {_DECIMAL}(?:e-?\d+)?)?)(?![\w^])(?!\.\d)"
+)
+
+
+def document(name: str, title: str, tables: Iterable[Titled]) -> str:
+    """All tables of an experiment, each a float or, if it is long, a longtable."""
+    parts = [_table(f"tab:{name}-{number}", title, table) for number, table in enumerate(tables, 1)]
+    return "\n".join([_LATEX_HEAD.format(name=" ".join(name.split()), title=" ".join(title.split())), *parts])
+
+
+def _table(label: str, title: str, table: Titled) -> str:
+    style = table.frame.style.hide(axis="index").format(_cell).format_index(text, axis="columns")
+    long = len(table.frame) > _MOST_LATEX_ROWS
+    return style.to_latex(
+        hrules=True,
+        caption=text(": ".join(filter(None, (title, table.title)))),
+        label=re.sub(r"[^A-Za-z0-9:-]+", "-", label),
+        column_format=table.justified,
+        **({"environment": "longtable"} if long else {"position_float": "centering"}),
+    )
+
+
+def _cell(plain: str) -> str:
+    content = text(plain)
+    return f"{{{content}}}" if content.startswith("[") else content  # else an option of the line break before it
+
+
+def text(plain: str) -> str:
+    r"""A text as LaTeX: ``3.42e-3 ± 0.07e-3`` as ``$(3.42 \pm 0.07)\cdot 10^{-3}$``, ``2^-5`` as ``$2^{-5}$``.
+
+    What LaTeX would take for commands is escaped.
+    """
+    parts, end = [], 0
+    for match in _NUMBER.finditer(plain):
+        parts += [_escaped(plain[end : match.start()]), _number(match.group())]
+        end = match.end()
+    return "".join([*parts, _escaped(plain[end:])])
+
+
+def _number(text: str) -> str:
+    value, _, half = text.partition(" ± ")
+    base, power, exponent = value.partition("^")
+    if power:
+        return f"${base}^{{{exponent}}}$"
+    (digits, times), (half_digits, half_times) = _mantissa(value), _mantissa(half)
+    if not half:
+        return f"${digits}{times}$" if times or digits.startswith("-") else digits
+    if times and half_times == times:
+        return rf"$({digits} \pm {half_digits}){times}$"
+    return rf"${digits}{times} \pm {half_digits}{half_times}$"
+
+
+def _mantissa(number: str) -> tuple[str, str]:
+    """The digits of a number, and its power of ten as a factor."""
+    digits, _, exponent = number.partition("e")
+    return digits, rf"\cdot 10^{{{int(exponent)}}}" if exponent else ""
+
+
+def _escaped(plain: str) -> str:
+    return "".join(_ESCAPED.get(character) or _letter(character) for character in plain)
+
+
+def _letter(character: str) -> str:
+    """A character that LaTeX knows: Latin letters as they are, all others without their marks, or ?."""
+    if character.isascii() or unicodedata.name(character, "").startswith("LATIN"):
+        return character
+    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return "".join(_ESCAPED.get(one, one) for one in plain) or "?"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Figures as they stand in a page: SVG among the HTML, or PNG where an SVG would be too large.
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: Bytes of the largest SVG that stands in a page.
+LARGEST_SVG = 400_000
+
+_DPI = 120  # of a PNG
+_HEAD = re.compile(r"^.*?(?=<svg)|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
+_DRAWN = re.compile(r'(?<= d=")[^"]*|(?<= [xy]=")[^"]*')
+_DIGITS = re.compile(r"(\.\d\d)\d+(?!\d*e)")
+_REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
+
+
+#: Fewer figures than that are drawn by this process alone, since others would take longer to start.
+_MANY = 4
+
+
+def drawn(results: Sequence[Results], prefixes: Sequence[str], alts: Sequence[str]) -> Iterator[Markup | Exception]:
+    """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
+    if len(results) < _MANY or processors() == 1:
+        yield from map(_tried, results, prefixes, alts)
+        return
+    with processes(min(processors(), len(results))) as pool:
+        yield from pool.executor.map(partial(pool.answer, _tried), results, prefixes, alts)
+
+
+def _tried(results: Results, prefix: str, alt: str) -> Markup | Exception:
+    """The picture, or the error of one that cannot be drawn, so that the others are."""
+    try:
+        return picture(results, prefix, alt)
+    except Exception as error:
+        return error
+
+
+def picture(results: Results, prefix: str, alt: str) -> Markup:
+    """The figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
+
+    ValueError if there is none for their kind or nothing to draw.
+    """
+    from spi.drawing import as_bytes, as_svg
+
+    figure, text = views.figure(results), escape(alt)
+    holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
+    svg = "" if holds_images else _inline(as_svg(figure), prefix)
+    if 0 < len(svg) <= LARGEST_SVG:
+        return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{text}" ', 1))
+    png = base64.b64encode(as_bytes(figure, "png", dpi=_DPI)).decode()
+    width, height = (round(96 * inches) for inches in figure.get_size_inches())
+    return Markup(f'<img src="data:image/png;base64,{png}" width="{width}" height="{height}" alt="{text}">')
+
+
+def _inline(svg: str, prefix: str) -> str:
+    """An SVG as it may stand among HTML: without its head, its ids unlike those of others, with two decimals."""
+    svg = _DRAWN.sub(lambda drawn: _DIGITS.sub(r"\1", drawn.group()), _HEAD.sub("", svg))
+    return _REFERENCE.sub(rf"\g<1>{prefix}-", svg)
+
+
+#: More rows than that are folded.
+_MOST_ROWS = 12
+
+Tell = Callable[[str], None]  #: told of a file that cannot be shown, in one line
+Report = Callable[[int, int, str], None]  #: told the number of a figure that is being drawn, of how many, and its name
+
+
+def files(
+    paths: Sequence[Path],
+    out: Path,
+    latex_folder: Path | None = None,
+    data_folder: Path | None = None,
+    report: Report = lambda number, total, name: None,
+    tell: Tell = lambda problem: None,
+    short: bool = False,
+) -> dict[Path, bytes]:
+    """The files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
+
+    These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
+    ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with one record per point of its
+    curves, if the folders are given.
+
+    A file that cannot be read or is of an unknown kind has a line on the page in place of its results.  StorageError,
+    before anything is drawn, if there is no other, or if two have one name.
+    """
+    names = Counter(path.stem for path in paths)
+    if (latex_folder or data_folder) and (twice := next((name for name in names if names[name] > 1), None)):
+        both = " and ".join(str(path) for path in paths if path.stem == twice)
+        raise storage.StorageError(f"{twice}: two results files have this name, {both}; report on them separately")
+    parts: list[_Part] = []
+    problems: list[str] = []
+    for path in paths:
+        try:
+            parts.append(_part(path, anchor(len(parts)), latex_folder, data_folder))
+        except Exception as error:  # of whatever kind, since the others can be shown
+            problems.append(views.problem(path, error))
+    if not parts:
+        raise storage.StorageError("\n".join(problems))
+    for line in problems:
+        tell(line)
+    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems, short)
+    return {out: whole.encode()} | {file: content for one in parts for file, content in one.files.items()}
+
+
+class _Part(NamedTuple):
+    """One file in a report, but for its picture."""
+
+    path: Path
+    results: Results
+    section: Section
+    files: dict[Path, bytes]  #: beside the page
+
+
+def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Part:
+    results = storage.read(path)
+    one, written = section(path, results, anchored), {}
+    if latex_folder:
+        written[latex_folder / f"{one.name}.tex"] = document(one.name, one.title, one.tables).encode()
+    if data_folder:
+        written[data_folder / f"{one.name}.csv"] = as_csv(views.rows(results)).encode()
+    return _Part(path, results, one, written)
+
+
+def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Markup]:
+    sections = [one.section for one in parts]
+    alts = [": ".join(filter(None, (one.title, one.result))) for one in sections]
+    drawing = drawn([one.results for one in parts], [one.anchor for one in sections], alts)
+    for number, one in enumerate(parts):
+        report(number + 1, len(parts), one.path.stem)
+        picture = next(drawing)
+        if isinstance(picture, Exception):
+            tell(line := views.problem(one.path, picture))
+            picture = Markup("<p>No figure: {}</p>").format(line)
+        yield picture
+
+
+def anchor(number: int) -> str:
+    """By which a page refers to one of its experiments, and what the ids in its figure begin with."""
+    return f"e{number + 1}"
+
+
+def page(
+    sections: Sequence[Section], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
+) -> str:
+    """The page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["powers"] = powers
+    totals = {verdict: sum(one.verdicts.get(verdict, 0) for one in sections) for verdict in VERDICTS}
+    both = list(zip(sections, pictures, strict=True))
+    return environment.get_template("page.html").render(
+        sections=both,
+        totals=totals,
+        version=__version__,
+        today=date.today(),
+        drafts=sum(bool(one.draft) for one in sections),
+        machines=dict.fromkeys(one.machine for one in sections),
+        most_rows=_MOST_ROWS,
+        problems=problems,
+        short=short,
+    )

@@ -1,0 +1,1 @@
+"""The kinds of experiment to which this plug-in adds."""

@@ -1,0 +1,1 @@
+"""Lattices of classical spins, see README.md."""

@@ -1,0 +1,1 @@
+"""What spec files have for spins."""

@@ -1,0 +1,1 @@
+"""Functions that generated models call in compiled code."""

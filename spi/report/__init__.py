@@ -1,1 +1,0 @@
-"""Stored results as tables and figures, and as one page."""

@@ -1,0 +1,250 @@
+"""Stored results as readings, tables and figures, by the kind of experiment that they are of."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
+
+from ..kinds import KINDS
+from ..printing import sweeps, tables
+from ..printing.rows import rows_of
+from ..printing.tables import Cell, Grid, printed, show_items
+from ..printing.text import new_console, printable
+from ..specs.document import Document, SpecError
+from ..statistics import claims
+from ..statistics.curves import Curve, curves
+from ..storage import StorageError, write_all
+from ..storage.records import Group, Results
+from ..storage.stored import Stored, by_case
+
+if TYPE_CHECKING:
+    from ..drawing import Figure
+    from ..drawing.film import Film
+
+
+#: What of a reading is told above its figure.
+_FACTS = ("step", "reference_step", "reference_scheme", "samples")
+
+
+class Whole(NamedTuple):
+    """A case that is swept."""
+
+    name: str
+    title: str
+    readings: list[Stored]  #: of all values
+    curves: list[Curve]
+
+
+def wholes(read: Sequence[Stored]) -> list[Whole]:
+    """The cases that are swept, in the order of the file; none if no parameter is."""
+    swept = [one for one in read if one.about.swept]
+    return [
+        _whole([one for one in swept if one.about.owner == owner])
+        for owner in dict.fromkeys(one.about.owner for one in swept)
+    ]
+
+
+def _whole(read: list[Stored]) -> Whole:
+    swept: Any = read[0].about.swept
+    quantities = [one for case in by_case(read) for one in claims.quantities(case)]
+    shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    return Whole(swept.owner, swept.title, read, shown)
+
+
+def readings(results: Results) -> list[Stored]:
+    """The groups as the records of the kind, see ``kinds/*/results.py``.
+
+    StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
+    version of spi wrote.
+    """
+    kind: Any = results.attributes.get("kind")
+    if kind not in KINDS:
+        raise StorageError(f"these are results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
+    return [_reading(kind, group) for group in results.groups]
+
+
+def _reading(kind: str, group: Group) -> Stored:
+    try:
+        return KINDS[kind].results.Record.of(group)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        reason = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        whose = f"the group {group.name} cannot be read as results of kind {kind} ({reason})"
+        raise StorageError(f"{whose}; run the experiment again with --fresh") from error
+
+
+def title(results: Results, read: Sequence[Stored]) -> str:
+    """The title of results in tables, figures and reports."""
+    stated = results.attributes.get("title", "")
+    return read[0].titled(stated, read) if read else stated
+
+
+def facts(read: Sequence[Stored]) -> list[str]:
+    """The parameters that readings have in common, in mathtext."""
+    from ..drawing import style
+
+    own = [{name: getattr(one, name, None) for name in _FACTS} for one in read]
+    shared, _ = style.split_facts([style.facts(one, **of) for one, of in zip(read, own, strict=True)])
+    return shared
+
+
+def verdicts(results: Results) -> list[claims.Verdict]:
+    """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
+    return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
+
+
+def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
+    """The same from readings that have been made already."""
+    try:
+        stated = claims.of_text(results.attributes.get("expect"))
+    except ValueError as error:
+        raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
+    if not stated:
+        return []
+    return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
+
+
+def rows(results: Results) -> list[dict[str, Any]]:
+    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
+
+    Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
+    """
+    read = readings(results)
+    judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
+    own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
+    records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
+    return [record | tables.columns(record, owners[record["case"]], judged) for record in records]
+
+
+def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
+    """The titles of the cases, with their names where several have one title."""
+    abouts = [case[0].about for case in cases]
+    counts = Counter(about.case_title for about in abouts)
+    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
+
+
+def print_tables(results: Results, file: IO[str] | None = None) -> None:
+    """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
+    show(results, new_console(file))
+
+
+def show(results: Results, console: Any) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
+    cases = list(by_cases(results))  # before anything is printed: they may not be readable
+    if title := results.attributes.get("title"):
+        console.print(printable(title), style="bold", markup=False)
+    for items, judged in cases:
+        show_items(console, items)
+        tables.show(console, judged)
+
+
+def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
+    """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
+    read, title = readings(results), results.attributes.get("title")
+    judged, swept = _judged(results, read), wholes(read)
+    for whole in swept:
+        heading = "" if whole.title == title else printable(whole.title)
+        yield list(sweeps.tables(heading, whole.curves)), [one for one in judged if one.claim.case == whole.name]
+    cases = [] if swept else by_case(read)
+    for case, case_title in zip(cases, titles(cases), strict=True):
+        heading = "" if case_title == title else printable(case_title)
+        yield list(printed(heading, case)), [one for one in judged if one.claim.case == case[0].about.case]
+
+
+def figure(
+    results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
+) -> "Figure":
+    """The matplotlib figure of results.
+
+    In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
+    says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
+    "sans" or an installed TrueType family.  Its title and parameters are then left to the caption,
+    see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
+    style, width or font.
+    """
+    from ..drawing import fitting, page
+
+    kind: Any = results.attributes.get("kind")
+    if kind not in KINDS:
+        raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
+    read = readings(results)
+    if not read:
+        raise ValueError("the results hold no scheme, so there is nothing to draw")
+    with page.applied(page.named(style, width, font)):
+        heading = title(results, read)
+        over = wholes(read)
+        drawn = (
+            _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
+            if over
+            else KINDS[kind].figure.draw(heading, by_case(read))
+        )
+        fitting.settle(drawn)
+        return drawn
+
+
+def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "Figure":
+    """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
+    from ..drawing.sweeps import draw, draw_maps
+
+    drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
+    if not drawn:
+        raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
+    sorts = KINDS[kind].keys.Case.quantities
+    if any(curve.second_word for _, curves, _ in drawn for curve in curves):
+        return draw_maps(title, drawn, sorts)
+    return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
+
+
+def _formulas(spec: str, key: str) -> dict[str, str]:
+    """The formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
+
+    Without those of which a case has its own.
+    """
+    try:
+        whole: Any = Document(spec, str).data
+        functions, cases = whole[key], whole.get("cases") or ()
+    except (SpecError, AttributeError, TypeError, KeyError):
+        return {}
+    own = {name for case in cases if isinstance(case, dict) for name in case.get(key) or ()}
+    named = functions.items() if isinstance(functions, dict) else ()
+    return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
+
+
+def film(results: Results) -> "Film":
+    """The film of results; ValueError if there is none for their kind, or nothing that moves."""
+    from ..drawing import page
+
+    kind: Any = results.attributes.get("kind")
+    draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
+    if draw is None:
+        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
+    with page.applied():
+        film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
+        return film
+
+
+def problem(path: Path, error: Exception) -> str:
+    """One line on a file that cannot be shown: what an error says to people, or what it is."""
+    for_people = isinstance(error, StorageError) or type(error) is ValueError
+    text = " ".join(str(error).split()) if for_people else f"cannot be shown ({' '.join(repr(error).split())})"
+    return text if text.startswith(f"{path}: ") else f"{path}: {text}"
+
+
+def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:
+    """Write ``<stem>.gif`` into ``folder``, whole or not at all; StorageError if that is not possible.
+
+    `report` is told the frames drawn and how many there are.
+    """
+    from ..drawing.film import as_gif
+
+    path = Path(folder, f"{stem}.gif")
+    write_all({path: as_gif(film, report)})
+    return path
+
+
+def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:
+    """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, both or none; StorageError if that is not possible."""
+    from ..drawing import as_bytes
+
+    files = {Path(folder, f"{stem}.{form}"): as_bytes(figure, form) for form in ("pdf", "png")}
+    write_all(files)
+    return tuple(files)
