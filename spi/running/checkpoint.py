@@ -104,7 +104,7 @@ class Checkpoint:
         self.keys = [sums_keys(state.plan) for state in self.states]
         #: what the files have, by the number of a part and that of a path set, None for what it knows besides
         self.stored: dict[tuple[int, int | None], Any] = {
-            (part, None): state.extra for part, state in enumerate(self.states)
+            (part, None): _known(state, None) for part, state in enumerate(self.states)
         }
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
@@ -197,13 +197,12 @@ class Checkpoint:
         new: dict[tuple[bool, str], list[tuple[int, int | None]]] = defaultdict(list)
         for part, (state, keys) in enumerate(zip(self.states, self.keys, strict=True)):
             for number, key in keys.items():
-                known = _known(state, number)
-                if known is not None and known is not self.stored.get((part, number)):
+                if not _same(_known(state, number), self.stored.get((part, number), (None,))):
                     if number is None and self.shard:  # each shard has the decisions of the whole
                         continue
                     new[number is not None, key].append((part, number))
         for (_, key), places in sorted(new.items()):
-            part, number = max(places, key=lambda place: _known(self.states[place[0]], place[1]).seconds)
+            part, number = max(places, key=lambda place: _seconds(self.states[place[0]], place[1]))
             plain = {"machines": sorted(self.machines), **self.states[part].plain(number)}
             self.store.write(key, plain, self.shard.ending if self.shard else "")
             self.stored |= {place: _known(self.states[place[0]], place[1]) for place in places}
@@ -273,9 +272,17 @@ class Checkpoint:
         return sum(state.seconds for state in self.states)
 
 
-def _known(state: State, number: int | None) -> Any:
-    """What a state has of a path set, None for nothing, or for None besides sums; another object when it grows."""
-    return state.extra if number is None else state.tallies.get(number)
+def _known(state: State, number: int | None) -> tuple[Any, ...]:
+    """What a state has of a path set, or for None besides sums: other objects when it grows."""
+    return (state.extra, state.answers) if number is None else (state.tallies.get(number),)
+
+
+def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    return all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _seconds(state: State, number: int | None) -> float:
+    return state.seconds if number is None else state.tally(number).seconds
 
 
 #: The names of what stands in a note of a run.

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +24,7 @@ from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, sources
-from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, finalise
+from .workers import Workers, advance_here, advance_some_here, advance_with, allocate, perform_tasks
 
 __all__ = [
     "Cost",
@@ -198,11 +197,10 @@ class Session(Checkpoint):
 
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
-        finalise(self.states, self.batch_done)
+        perform_tasks(self.states, self.batch_done)
         records: list[Stored] = []
-        for number, state in enumerate(self.states):
-            with state.working(partial(self.batch_done, number)):
-                records += state.plan.all_results(state)
+        for state in self.states:
+            records += state.plan.all_results(state)
         try:
             own = {"sums": json.dumps(self.keys_by_part), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))

@@ -21,7 +21,7 @@ from ..storage.stored import gathered
 from .checkpoint import digests_of, label_of
 from .load import load_stored, name_of, plans
 from .run import root_attributes
-from .workers import advance_here, finalise
+from .workers import advance_here, perform_tasks
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {
@@ -52,7 +52,7 @@ class Verification(NamedTuple):
     @property
     def whole(self) -> bool:
         """Whether every chunk was computed again, and from them every number but times."""
-        return len(self.checked) == self.chunks > 0
+        return len(self.checked) == self.chunks
 
     @property
     def sound(self) -> bool:
@@ -163,7 +163,7 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
                     return None, []
     except (StorageError, KeyError, TypeError, ValueError, AttributeError):
         return None, []
-    return (None, []) if any(state.missing() for state in states) else (store.folder, states)
+    return (None, []) if any(state.missing() or state.open_tasks() for state in states) else (store.folder, states)
 
 
 def _differing(states: Sequence[State], results: Results, rounding: float, times: bool) -> list[str]:
@@ -181,7 +181,7 @@ def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]
         report(min(done + 1, total), total, name_of(ready[number]))
 
     advance_here(states, tick)
-    finalise(states, tick)
+    perform_tasks(states, tick)
     return states
 
 

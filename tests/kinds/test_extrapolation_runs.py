@@ -9,7 +9,7 @@ from helpers import COMPILED, INITIAL, compiled_only, final_states
 from weak_cases import SPEC
 
 from spi.exact.kolmogorov import expectations
-from spi.kinds.plans import State
+from spi.kinds.plans import State, Task
 from spi.kinds.weak import study as weak
 from spi.kinds.work_precision import study as work_precision
 from spi.running.run import load
@@ -95,10 +95,12 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
     assert [part.extrapolate for part in together.each()] == [0, 2]
     p, steps = work_precision.plan(case, together), case.steps
     state = State(p)
-    state.put(state.missing()[0], next(p.advance(state.missing(), None))[0][1])
     times = np.arange(1.0, len(steps) + len(steps[2:]) + 1)
-    assert state.extra.times.shape == (3, len(times))
-    state.extra = state.extra._replace(times=np.tile(times, (3, 1)))
+    solution, *repeats = state.open_tasks()
+    state.perform(solution)
+    for repeat in repeats:
+        state.perform(Task(repeat.name, lambda: {"times": times}))
+    assert not state.open_tasks() and len(repeats) == 3
     plain, twice = p.all_results(state)
     assert (plain.about.extrapolate, twice.about.extrapolate) == (0, 2)
     np.testing.assert_allclose(plain.seconds_per_path, times[: len(steps)])

@@ -25,7 +25,7 @@ from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, origin_of, path_function
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, each_scheme
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, Task, each_scheme
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -36,11 +36,13 @@ from spi.storage.records import Part
 
 from . import means
 from .growth import OF_PATHS, Paths, casimir_errors, law_of_states
+from .references import EXACT
 from .results import Equilibrium
 
 #: About the number of snapshots of each path.
 SNAPSHOTS = 8192
 
+_LAWS = "reference laws"  # the name of the task
 _CHUNK_BLOCKS = 16  # which are integrated from the first step to the last together
 _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
@@ -143,8 +145,8 @@ class EquilibriumPlan(Plan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; the paths of one step size do not depend on the other ones."""
-        if number is None:
-            return super().deciding(None)
+        if number is None:  # the references are among the answers of the tasks
+            return super().deciding(None) | self.case.model_dump(include={"reference"})
         own: dict[str, Any] = {"steps": self.case.steps[number]}
         if not self.case.step_count:  # which other step sizes decide as well
             own |= {"records": self.records.tolist(), "between": self.case.between}
@@ -342,6 +344,13 @@ class EquilibriumPlan(Plan):
             done += sum(chunks[index].paths * sums.n / self.case.counts[i] for index, sums in tally.short.items())
         return Done(done / levels, self.case.samples, float("nan"))
 
+    def tasks(self, state: State) -> list[Task]:
+        """The references that are quadratures of the Gibbs law."""
+        if EXACT not in self.case.reference.values():
+            return []
+        recorders = means.with_bins(self.recorders, [state.total(i) for i in range(len(self.case.steps))])
+        return [Task(_LAWS, lambda: means.references_of(recorders, self.case)._asdict())]
+
     def results(self, state: State) -> Equilibrium:
         """The results of one scheme of a case, from its final state."""
         case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]
@@ -352,7 +361,9 @@ class EquilibriumPlan(Plan):
             "nonfinite": np.array([int(paths.nonfinite) for paths in totals]),
             **reported(np.array([paths.report[0] for paths in totals])),
             "law": law_of_states(self.law, totals) if self.law else None,
-            "averages": means.averages(self.recorders, case, totals) if self.recorders else None,
+            "averages": means.averages(self.recorders, case, totals, state.answers.get(_LAWS))
+            if self.recorders
+            else None,
             "steps_each": int(self.records[-1]),
             "snapshots": int(totals[0].snapshots),
         }

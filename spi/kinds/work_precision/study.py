@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import integrate, limited_threads, thread_count
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, Task
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
@@ -29,6 +29,8 @@ from .results import WorkPrecision
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
+
+_REPEAT = "repeat "  # with which the names of the tasks begin that measure times
 
 
 def parts(case: Any) -> list[Part]:
@@ -58,19 +60,6 @@ def remarks(case: Any) -> Iterator[str]:
 def plan(case: Any, part: Part) -> "WorkPlan":
     """The plan for one scheme of a case."""
     return WorkPlan(case=case, part=part, errors=(weak if case.functions else strong).plan(case, part))
-
-
-class Times(NamedTuple):
-    """Times, and the results besides sums over paths of the errors."""
-
-    of_errors: Any  #: the `extra` of the plan of the errors
-    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
-    timing_seconds: float  #: wall clock
-
-    @property
-    def seconds(self) -> float:
-        """Wall clock."""
-        return self.of_errors.seconds + self.timing_seconds
 
 
 class _Job(NamedTuple):
@@ -109,18 +98,16 @@ class WorkPlan(Plan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; a path set belongs to the errors."""
-        if number is None:
-            return super().deciding(None)
-        return {key: value for key, value in self.errors.deciding(number).items() if key != "repeats"}
+        entries = super().deciding(None) if number is None else self.errors.deciding(number)
+        return {key: value for key, value in entries.items() if key != "repeats"}
 
-    def initial_extra(self) -> Times:
-        """No time has been measured."""
-        times = np.full((self.case.repeats, sum(len(plan.h) for plan in self.each)), np.nan)
-        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
+    def initial_extra(self) -> Any:
+        """That of the errors."""
+        return self.errors.initial_extra()
 
-    def path_sets(self, extra: Times) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """The paths of the errors."""
-        return self.errors.path_sets(extra.of_errors)
+        return self.errors.path_sets(extra)
 
     def empty(self, number: int) -> Any:
         """The sums over no paths."""
@@ -130,15 +117,15 @@ class WorkPlan(Plan):
         """Compute consecutive chunks of the errors, see :class:`~spi.kinds.plans.Plan`."""
         return self.errors.advance(chunks, started)
 
-    def next_allocation(self, state: State) -> Times | None:
+    def next_allocation(self, state: State) -> Any | None:
         """The next allocation of the errors."""
-        of_errors = self.errors.next_allocation(self._of_errors(state))
-        return None if of_errors is None else state.extra._replace(of_errors=of_errors)
+        return self.errors.next_allocation(self._of_errors(state))
 
     def _of_errors(self, state: State) -> State:
         """The state of the errors."""
         own = State(self.errors)
-        own.extra, own.tallies = state.extra.of_errors, state.tallies
+        own.extra, own.tallies = state.extra, state.tallies
+        own.answers = {name: answer for name, answer in state.answers.items() if not name.startswith(_REPEAT)}
         return own
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -146,22 +133,23 @@ class WorkPlan(Plan):
         timed = [plan._arguments(float(plan.h[0]), 2**plan.part.extrapolate, 1) for plan in self.each]
         return [*self.errors.kernel_calls(), *(KernelCall(integrate, arguments) for arguments in timed)]
 
-    def finalise(self, state: State) -> Iterator[Times]:
-        """Measure the times that are left; yields after each repeat."""
-        extra = state.extra
-        left = np.flatnonzero(np.isnan(extra.times).any(axis=1))
-        if not len(left):
-            return
-        began = time.perf_counter()
-        jobs = [plan.job(h) for plan in self.each for h in plan.h.tolist()]
-        _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
-        for repeat in left:
-            times = extra.times.copy()
-            times[repeat] = _seconds_per_path(jobs)
-            now = time.perf_counter()
-            extra = extra._replace(times=times, timing_seconds=extra.timing_seconds + now - began)
-            began = now
-            yield extra
+    def tasks(self, state: State) -> list[Task]:
+        """Those of the errors, and the repeats of the measurement."""
+        jobs: list[_Job] = []
+
+        def measure() -> dict[str, Any]:
+            """Processor seconds of one path (S,), of all levels of extrapolation."""
+            if not jobs:
+                jobs.extend(plan.job(h) for plan in self.each for h in plan.h.tolist())
+                _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
+            return {"times": np.array(_seconds_per_path(jobs))}
+
+        return [*self.errors.tasks(self._of_errors(state)), *(Task(repeat, measure) for repeat in self._repeats)]
+
+    @property
+    def _repeats(self) -> list[str]:
+        """The names of the tasks that measure."""
+        return [f"{_REPEAT}{number}" for number in range(1, self.case.repeats + 1)]
 
     @property
     def path_steps(self) -> int:
@@ -182,17 +170,19 @@ class WorkPlan(Plan):
     def progress(self, state: State) -> Done:
         """The progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
         of_errors = self.errors.progress(self._of_errors(state))
-        measured = int(np.isfinite(state.extra.times).all(axis=1).sum())
+        measured = sum(repeat in state.answers for repeat in self._repeats)
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * state.extra.times.shape[1]
+        sizes = sum(len(plan.h) for plan in self.each)
+        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * sizes
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, errors = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(errors) if isinstance(errors, StrongErrors) else _of_weak(errors)
-        times = state.extra.times[:, self.own_among(lambda plan: len(plan.h))]
+        times = np.array([state.answers[repeat]["times"] for repeat in self._repeats])
+        times = times[:, self.own_among(lambda plan: len(plan.h))]
         low, median, high = np.quantile(times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
