@@ -138,7 +138,7 @@ def numbers(known):
 
 def _of_a_path_set(told):
     """What is known of a path set, by the place of its nodes, which may stand in any order."""
-    tally, _ = told["tallies"]  # the others are not wanted
+    tally, *_ = told["tallies"]  # the others are not wanted
     nodes = {f"node {height} {number}": sums for height, number, sums in tally["nodes"]}
     short = {f"short {index}": sums for index, sums in tally["short"]}
     return nodes | short | {f"digest {index} {paths}": text for index, paths, text in told["digests"]}

@@ -42,7 +42,7 @@ def run(
     Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``; a profile and overrides
     are added to the name, as in ``<name>.quick.e70e6b.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
     ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
-    nothing is left on disk.  `fresh` recomputes from scratch and overwrites existing results.  `threads` is the number
+    nothing is left on disk.  `fresh` recomputes from scratch.  `threads` is the number
     of threads; `workers` the number of processes on this machine, or the address of a Dask scheduler.  `progress` shows
     a progress line; by default in a notebook only.
 

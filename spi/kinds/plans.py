@@ -61,6 +61,10 @@ class State:
         self.answers: dict[str, dict[str, Any]] = {}
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         self.spare: dict[int, Tally] = {}  #: the same, of paths that are stored and not wanted for now
+        #: the same, stored ones over all paths that some run wanted, the latest first
+        self.former: dict[int, list[Tally]] = defaultdict(list)
+        #: by the number of a path set those of other states that have the same sums
+        self.alike: dict[int, list[tuple[State, int]]] = {}
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = defaultdict(dict)
         self.work: Work | None = None  #: work without paths that is under way
@@ -100,6 +104,14 @@ class State:
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
+        missing = self._missing()
+        for number in {chunk.path_set for chunk in missing} & self.alike.keys():
+            for state, its in self.alike[number]:
+                self._use(number, state.tally(its))
+                self.digests[number].update(state.digests[its])
+        return self._missing() if missing and self.alike else missing
+
+    def _missing(self) -> list[Chunk]:
         return [
             chunk
             for number, path_set in enumerate(self.path_sets)
@@ -143,12 +155,16 @@ class State:
         if number is None:
             return {"extra": _plain(self.extra), "answers": self.answers}
         own = self.tally(number)
+        whole = not any(chunk.path_set == number for chunk in self._missing())
+        former = [tally for tally in self.former[number] if tally.places != own.places][: 1 if whole else 2]
+        spare = self.spare.get(number, Tally.empty()).beyond(own)
         tallies = [
             {
+                "whole": is_whole,
                 "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
                 "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
             }
-            for tally in (own, self.spare.get(number, Tally.empty()).beyond(own))
+            for tally, is_whole in ((own, whole), *((tally, True) for tally in former), (spare, False))
         ]
         return {"tallies": tallies, "digests": [[*chunk, text] for chunk, text in self.digests[number].items()]}
 
@@ -171,18 +187,25 @@ class State:
         for tally in plain["tallies"]:
             nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in tally["nodes"]}
             short = {index: _rebuilt(empty, sums) for index, sums in tally["short"]}
-            self.spare[number] = Tally(nodes, short).beside(self.spare.get(number, Tally.empty()))
+            stored = Tally(nodes, short)
+            if tally["whole"]:
+                self.former[number].append(stored)
+            self.spare[number] = stored.beside(self.spare.get(number, Tally.empty()))
             taken |= self._take(number)
         return taken
 
     def _take(self, number: int) -> bool:
         """Move stored sums over paths that are wanted to the others; whether there are any."""
-        spare = self.spare[number]
-        wanted = Tally(self._adopted(number, spare.nodes), self._adopted(number, spare.short))
+        any_used = self._use(number, self.spare[number])
+        self.spare[number] = self.spare[number].beyond(self.tally(number))
+        return any_used
+
+    def _use(self, number: int, tally: Tally) -> bool:
+        """Add those sums over paths of a path set that are wanted; whether there are any."""
+        wanted = Tally(self._adopted(number, tally.nodes), self._adopted(number, tally.short))
         wanted = wanted.within(self.path_sets[number])
         if wanted.each:
             self.tallies[number] = self.tally(number).merged(wanted)
-        self.spare[number] = spare.beyond(self.tally(number))
         return bool(wanted.each)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:

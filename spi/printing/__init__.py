@@ -63,9 +63,11 @@ def verified(check: Any) -> Iterator[str]:
     """The outcome of a check of results, a ``spi.running.verify.Verification``, line by line."""
     count = len(check.checked)
     equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
-    yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
+    if check.chunks:
+        yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
     if check.whole:
-        yield "all numbers but times were derived again from these paths"
+        how = "derived again from these paths" if check.chunks else "computed again, without paths"
+        yield f"all numbers but times were {how}"
     if check.sums:
         yield f"all numbers were derived again from the sums over paths in {check.sums}"
     if check.sums and not check.whole:

@@ -15,9 +15,11 @@ from spi.exact import kolmogorov, work
 from spi.kinds.stability import study as stability
 from spi.kinds.statistics import references
 from spi.kinds.weak import kolmogorov as study
+from spi.printing import verified
 from spi.running import run as runner
 from spi.running import workers
 from spi.running.run import Limits, Stopped, Watch, predictions
+from spi.running.verify import verify
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
 COMMON = """\
@@ -122,6 +124,9 @@ def test_a_stop_while_it_solves_leaves_nothing_half_written(spec, tmp_path, kind
     assert {path.parent for path in out.rglob("*") if path.is_file()} == {out / "sums"}
     again, fresh = (runner.run(experiment, folder) for folder in (out, whole))
     assert numbers(again) == numbers(fresh)
+    found = verify(again, 1)
+    assert found.whole and found.sound and found.sums == out / "sums" and not found.chunks
+    assert next(verified(found)) == "all numbers but times were computed again, without paths"
 
 
 def test_a_limit_of_time_ends_what_is_solved_but_not_before_anything_is_known(spec, tmp_path):
