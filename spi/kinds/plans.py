@@ -16,9 +16,9 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.increments import brownian, draw_paths
+from spi.ensemble.increments import draw_paths
 from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
-from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
+from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
 from spi.exact.work import Work, reporting_to
@@ -371,19 +371,6 @@ class Plan:
         calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
         drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
-
-    def arguments_of_steps(self, h: float, steps: int, blocks: int, observed: bool = True, sizes: int = 1) -> tuple:
-        """The arguments of :func:`spi.ensemble.loop.integrate` for `steps` steps of size h of `blocks` blocks.
-
-        With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
-        """
-        case, reference = self.case, self.case.reference_record(self.part.eps)
-        paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
-        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = grid(h, steps, truncate=case.clipping, reference_scheme=reference, **paths)
-        observer = path_observer(self.model, self.initial, times, blocks) if observed else None
-        end, stream = blocks * LANES, brownian(case.seed)
-        return arguments_of(self.scheme, self.model, self.initial, times, stream, 0, blocks, end, observer)
 
     def initial_extra(self) -> Any:
         """The results besides sums over paths before anything is computed: a ``NamedTuple`` with `seconds`."""

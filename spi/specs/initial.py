@@ -18,12 +18,11 @@ import numpy as np
 import pydantic
 
 from ..ensemble.long_states import LONG, LongState, state_of
-from ..ensemble.protocol import NonNegative, component_names, dimension, large, named_numbers, populations
+from ..ensemble.protocol import NonNegative, component_names, dimension, geometry, large, named_numbers, populations
 from ..ensemble.random_states import Gaussian, Listed, RandomState, Spheres
 from ..exact.surfaces import spheres
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import has_range, without_ranges
-from ..models import MODELS
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
@@ -257,11 +256,11 @@ class FromFile(Keys):
         values = array_in(files, self.file)
         if values.ndim == 1:
             return state_of(values)
-        name = MODELS.name_of(type(model)) or ""
-        if name in GRIDS:
-            return GRIDS[name](model, values, self.subtract_mean)
+        on = geometry(model).get("on", "")
+        if on in GRIDS:
+            return GRIDS[on](model, values, self.subtract_mean)
         shape = " x ".join(map(str, values.shape))
-        right = lacking("grids", name) or "must have one dimension, a number per component"
+        right = lacking("grids", on) or "must have one dimension, a number per component"
         raise wrong(f"has {shape} numbers", right, "file")
 
 
@@ -270,7 +269,7 @@ class FromFile(Keys):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-#: Name of a model -> what makes a state of it of values on a grid: of (model, values, whether to subtract their mean).
+#: What a state is on -> what makes one of values on a grid: of (model, values, whether to subtract their mean).
 GRIDS = Registry("grids")
 
 #: Key under ``initial`` -> class of the keys of such a mapping, with a method ``state(model, files)`` that gives the

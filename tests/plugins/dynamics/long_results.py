@@ -2,12 +2,12 @@
 
 import numpy as np
 from made_up import group_of
-from stability_results import LABELS
 
 from spi.plugins.dynamics.kinds.equilibrium.results import Averages, Equilibrium
 from spi.plugins.dynamics.kinds.growth.results import Growth, Law
 from spi.storage import Order, Results
 
+LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
 

@@ -13,7 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import integrate, limited_threads, thread_count
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.increments import brownian
+from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads, thread_count
+from spi.ensemble.observer import path_observer
 from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
@@ -172,8 +175,18 @@ class WorkPlan(Plan):
         return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-        """The arguments for steps of size h, and of the larger ones with which these are extrapolated."""
-        return self.arguments_of_steps(h, steps, blocks, not self.case.functions, self.part.extrapolate + 1)
+        """The arguments of the loop for steps of size h of some blocks.
+
+        With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+        """
+        case, sizes = self.case, self.part.extrapolate + 1
+        paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
+        reference = case.reference_record(self.part.eps)
+        times = grid(h, steps, truncate=case.clipping, reference_scheme=reference, **paths)
+        observer = None if case.functions else path_observer(self.model, self.initial, times, blocks)
+        run = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES
+        return arguments_of(*run, observer)
 
     def progress(self, state: State) -> Done:
         """The progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
