@@ -11,7 +11,7 @@ from spi import storage
 from spi.ensemble import loop
 from spi.kinds import blocks
 from spi.kinds.plans import State
-from spi.plugins.dynamics.kinds.long_paths import study as long_paths
+from spi.plugins import installed
 from spi.running import workers
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
@@ -45,7 +45,8 @@ def chunks_of(count):
     with ExitStack() as stack:
         for module in (blocks, blocks):
             stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
-        stack.enter_context(patch.object(long_paths, "CHUNK_BLOCKS", count))
+        if "dynamics" in installed():
+            stack.enter_context(patch("spi.plugins.dynamics.kinds.long_paths.study.CHUNK_BLOCKS", count))
         yield
 
 

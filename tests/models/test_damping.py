@@ -2,9 +2,9 @@
 
 import pkgutil
 
-import long_cases
 import numpy as np
 import pytest
+import spec_files
 from extending import Oscillator
 from helpers import (
     LANES,
@@ -161,7 +161,7 @@ WEAK = HEAD + (
     "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
     "estimators: [plain]\nsamples: 1000\n"
 )
-load_text = long_cases.load_text
+load_text = spec_files.load_text
 
 
 @pytest.mark.share(1)
@@ -169,9 +169,14 @@ load_text = long_cases.load_text
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
     [
-        (STRONG, "casimir_drift", "strong.study.path_observer"),
-        (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
-        (GROWTH, "casimir_worst", "long_paths.study.growth"),
+        (STRONG, "casimir_drift", "spi.kinds.strong.study.path_observer"),
+        (TRAJECTORY, "casimir_changes", "spi.kinds.trajectory.study.growth"),
+        pytest.param(
+            GROWTH,
+            "casimir_worst",
+            "spi.plugins.dynamics.kinds.long_paths.study.growth",
+            marks=pytest.mark.needs("dynamics"),
+        ),
     ],
     ids=["strong", "trajectory", "growth"],
 )
@@ -186,10 +191,8 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
         group, worst = group_and_worst()
     assert worst < 1e-13 and group.attributes["model_damping"] == 0.5
     # negative control: with another decay
-    right = pkgutil.resolve_name(f"spi.kinds.{asked}")
-    monkeypatch.setattr(
-        f"spi.kinds.{asked}", lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more)
-    )
+    right = pkgutil.resolve_name(asked)
+    monkeypatch.setattr(asked, lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more))
     with loop_in_python():
         _, worst = group_and_worst()
     assert worst > 1e-3

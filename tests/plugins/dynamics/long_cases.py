@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from spec_files import load_text  # noqa: F401
 from states import finished
 
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.plugins.dynamics.kinds.growth import study as growth
-from spi.running.run import load
 from spi.storage import Part
 
 RIGID = """\
@@ -25,19 +25,7 @@ seed: 3
 
 
 @pytest.fixture
-def load_text(tmp_path):
-    """Load a spec with overrides."""
-
-    def load_text(text, *overrides):
-        path = tmp_path / "s.yaml"
-        path.write_text(text, encoding="utf-8")
-        return load(path, overrides=overrides)
-
-    return load_text
-
-
-@pytest.fixture
-def case_of(load_text):
+def case_of(load_text):  # noqa: F811
     return lambda *overrides: load_text(RIGID, *overrides).cases[0]
 
 

@@ -18,6 +18,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
+from spi.plugins.dynamics.kinds.equilibrium.figure import PANELS
 from spi.plugins.dynamics.kinds.equilibrium.means import Series, _order
 from spi.plugins.dynamics.kinds.equilibrium.references import known_laws
 from spi.plugins.dynamics.kinds.equilibrium.results import Equilibrium, step_for
@@ -241,3 +242,23 @@ def test_references_name_parameters_the_temperature_and_each_other(load_text):
     case = load_text(text, "schemes=[splitting]", "reference={height: a*T, H: height^2 + 1}").cases[0]
     known = known_laws(case, [np.zeros((2, 2))])
     np.testing.assert_array_equal(known.value, [0.75, 1.5625])
+
+
+@compiled_only
+def test_what_is_constant_has_no_autocorrelation_time(load_text):
+    """C1 - 1 is 1e-15 or so along paths: no time, no deviation, no warning; H has all three sizes."""
+    overrides = ["schemes=[splitting]", "steps=[1/4]", "samples=64"]
+    text = RIGID.replace("kind: growth", "kind: equilibrium").replace("step_count: 640", "final_time: 256")
+    text += "functions: {casimir: C1 - 1, H: H}\nreference: {casimir: 0}\n"
+    plan = equilibrium.plan(load_text(text, *overrides).cases[0], Part("splitting"))
+    found = plan.results(finished(plan))
+    averages = found.averages
+    assert 0 < averages.variance[0, 0] < 1e-26
+    assert np.isnan(averages.tau[0, 0]) and np.isnan(averages.halves[0, 0]) and averages.tau[0, 1] > 0
+    assert abs(averages.deviation[0, 0]) < 2
+    remarks = [line for line in found.remarks() if "casimir" in line]
+    assert len(remarks) == 1 and "casimir is constant up to rounding (" in remarks[0]
+    looks = {found.about.variant: ("o", "#000000")}
+    for panels in ("histogram", "autocorrelation"):
+        shown = [plot for panel in PANELS[panels] for plot in panel.expand([found], looks)]
+        assert len(shown) == 1 and "casimir" not in shown[0].title
