@@ -142,7 +142,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
             return entries
         for key in ("standard_error", "seconds", "accuracy", "steps", "path_set"):
             entries.pop(key, None)
-        return entries | {"part": self.part._replace(extrapolate=0, together=()), "level": self.name_of_level(number)}
+        return entries | {"part": self.part._replace(extrapolate=0), "level": self.name_of_level(number)}
 
     def name_of_level(self, number: int) -> list[Any]:
         """All that tells a level from the others of its scheme."""
