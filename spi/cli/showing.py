@@ -76,7 +76,7 @@ def plot(
     font: Annotated[
         str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
+    film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
     *,
     options: RunOptions,
 ) -> None:
@@ -164,7 +164,6 @@ GROUPS = {
     "errors": "strong and weak errors of schemes, and what they cost",
     "dynamics": "paths, and what is known of them over time",
     **of_plugins("groups"),
-    "fluids": "the sine-Euler equations and their limit",
     "yours": "those in the folder --experiments",
 }
 WORDS = ("experiments", *GROUPS, "models", "schemes", "kinds", "results")

@@ -15,6 +15,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.mathtext import MathTextParser
 
+from ..ensemble.protocol import complex_modes, symbols
+from ..models import MODELS
 from ..schemes import SCHEMES
 from ..storage.records import Order
 from ..storage.stored import Description, Stored
@@ -47,12 +49,6 @@ AXES = {"t": "time $t$", "h": "step size $h$", "n": "number of steps $n$", "lag"
 _LONG = 60  # letters of a formula that is not shown in a title
 _MOST_ENTRIES = 9  # of a tuple that is shown whole
 _MOST_COMPONENTS = 64  # of a state that is shown
-
-#: Parameters of models that are not shown: they change no path.
-_HIDDEN = ("casimirs_watched",)
-
-#: Models whose state is the (Re, Im) of complex modes: symbol and modes.
-COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
 
 
 def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
@@ -204,12 +200,12 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     ``reference_step``, ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
     """
     texts, about, own = {}, reading.about, {name: getattr(reading, name) for name in names} | others
+    of_model = symbols(MODELS[about.model]) if about.model in MODELS else {}
     for name, value in about.parameters.items():
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             texts["model_noise"] = plain(f"noise: {value}") if value else "no noise"
-        elif _is_shown(value) and name not in _HIDDEN:
-            named = "N" if (about.model, name) == ("zeitlin", "n") else symbol(name)
-            named = named or r"\mathrm{" + name.replace("_", r"\ ") + "}"
+        elif _is_shown(value) and of_model.get(name) != "":
+            named = of_model.get(name) or symbol(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
             texts[f"model_{name}"] = f"${named}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         texts["initial"] = f"${initial_value(about)}$"
@@ -240,22 +236,27 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     return texts
 
 
+def modes_of(about: Description) -> Any:
+    """(symbol, names of the modes) where the components are parts of complex modes; otherwise ()."""
+    return complex_modes(MODELS[about.model]) if about.model in MODELS else ()
+
+
 def initial_value(about: Description) -> str:
     """y_0 in mathtext, of complex modes as complex numbers."""
     y = about.initial or ()
-    if about.model not in COMPLEX:
+    if not (named := modes_of(about)):
         return f"y_0={number(y)}"
     modes = [f"{number(re)}{'+' if im >= 0 else '-'}{number(abs(im))}i" for re, im in zip(*[iter(y)] * 2, strict=True)]
-    return f"{COMPLEX[about.model][0]}(0)=(" + r",\,".join(modes) + ")"
+    return f"{named[0]}(0)=(" + r",\,".join(modes) + ")"
 
 
 def component_names(about: Description, count: int) -> list[str]:
     """The names of the components of the state, in mathtext."""
     if about.variables:
         return [f"${symbol(name)}$" if symbol(name) else plain(name) for name in about.variables]
-    if about.model not in COMPLEX:
+    if not (named := modes_of(about)):
         return [f"$y_{{{i + 1}}}$" for i in range(count)]
-    letter, modes = COMPLEX[about.model]
+    letter, modes = named
     return [rf"${part}\,{letter}_{{{mode}}}$" for mode in modes for part in (r"\mathrm{Re}", r"\mathrm{Im}")][:count]
 
 

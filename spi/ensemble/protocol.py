@@ -101,6 +101,21 @@ def commuting_noises(model):
     """Pairs (k, l), k < l, of noises whose flows commute; schemes need no Lévy areas of theirs."""
 
 
+@trait(str, default="")
+def equation(model):
+    """Structure and Hamiltonians in LaTeX, for reports."""
+
+
+@trait(dict, default={})
+def symbols(model):
+    """Parameter -> its symbol in mathtext where the name is none; empty for one that is not shown."""
+
+
+@trait(tuple, default=())
+def complex_modes(model):
+    """(symbol, names of the modes) where the components are the real and imaginary parts of complex modes."""
+
+
 @trait(bool, default=False)
 def large(model):
     """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
@@ -286,6 +301,16 @@ def one_path(model, scheme, h):
     """
 
 
+@method(optional=True, compiled=False)
+def bath_fault(model):
+    """(fault, advice) where the model has no bath at a temperature, or None."""
+
+
+@method(optional=True, compiled=False)
+def function_calls(model):
+    """(kernel, arguments) of calls that only compile what functions of one long state need."""
+
+
 @method(default=True, compiled=False)
 def component_names(model):
     """The names of the components in formulas, besides y1, y2, ...; () if they have none."""
@@ -324,6 +349,15 @@ def gibbs_law(model, temperature, sweeps):
 @method(optional=True, compiled=False)
 def state_fault(model, y):
     """(fault, advice) of a state at which the model cannot begin, or None."""
+
+
+@method(default=True, compiled=False)
+def geometry(model):
+    """What the components of a state belong to: a mapping that JSON can hold, whose entry ``on`` says on what they are.
+
+    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``.
+    """
+    return {}
 
 
 @method(optional=True, compiled=False)

@@ -1,4 +1,4 @@
-"""One path of a lattice in parts, see ``spi.models.spins.whole``: states while it moves, and functions of them."""
+"""One path of a large lattice, which threads share: states while it moves, and functions of them."""
 
 from typing import Any
 
@@ -6,16 +6,15 @@ import numpy as np
 
 from spi.ensemble.increments import draw_paths
 from spi.ensemble.long_states import LONG
-from spi.ensemble.protocol import conserved
+from spi.ensemble.protocol import conserved, function_calls
 from spi.ensemble.random_states import RandomState
 from spi.kinds.functions import path_function
 from spi.kinds.plans import KernelCall
 from spi.models.delegation import undamped
-from spi.models.spins.cells import call_of_sums
 from spi.numerics.rng import INITIAL
 
-COPY_NS, FUNCTION_NS = 5.0, 15.0  #: of a spin: to copy it, to evaluate a function
-BYTES = 150  #: of a spin: the state, its parts, their places, and scratch of functions
+COPY_NS, FUNCTION_NS = 5.0, 15.0  #: of three numbers: to copy them, to evaluate a function
+BYTES = 150  #: of three numbers: the state, its parts, their places, and scratch of functions
 _NORMALS = 2**20  # that are drawn at a time
 
 
@@ -49,7 +48,8 @@ def start_of(plan: Any, path: int = 0) -> np.ndarray:
 def kernel_calls(case: Any, mover: Any) -> list[KernelCall]:
     """The kernels that move one path, copy its states, and look at them."""
     calls = [KernelCall(*call) for call in mover.calls]
-    return [*calls, KernelCall(*call_of_sums(undamped(case.model)))] if is_long(case) else calls
+    looking = function_calls(undamped(case.model)) if is_long(case) else ()
+    return [*calls, *(KernelCall(*call) for call in looking)]
 
 
 def invariants(case: Any, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

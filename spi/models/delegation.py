@@ -41,6 +41,7 @@ _NOT_FORWARDED = (
     *("axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault", "at_temperature", "one_path", "gibbs_law", "state_fault", "observables"),
+    *("bath_fault", "function_calls"),
     *("frozen", "has_friction", "friction_time", "friction_slope"),
 )
 

@@ -24,6 +24,10 @@ class LotkaVolterra(NamedTuple):
     noises = 1
     conserved = 0
     populations = True
+    equation = (
+        r"B(y) = y_1 y_2 \begin{pmatrix} 0 & 1 \\ -1 & 0 \end{pmatrix}, \quad "
+        r"H = y_1 - \ln y_1 + y_2 - 2 \ln y_2, \quad \widehat H = \ln y_2 - \ln y_1"
+    )
     flow_ns = 0.5
 
     def drift_flow(model, k, t, y, angles):

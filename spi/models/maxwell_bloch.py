@@ -17,6 +17,10 @@ class MaxwellBloch(NamedTuple):
         "strengths sigma_1, sigma_3 of the two noises; 0 switches one off",
     ] = (1.0, 1.0)
 
+    equation = (
+        r"B(y)\,v = (y_2 v_3 - y_3 v_2,\; y_3 v_1,\; -y_2 v_1), \quad H = \widehat H_1 + \widehat H_3, "
+        r"\quad \widehat H_1 = \frac{y_1^2}{2}, \quad \widehat H_3 = y_3"
+    )
     dimension = 3
     pieces = 2
     noises = 2

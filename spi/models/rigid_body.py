@@ -35,6 +35,10 @@ class RigidBody(NamedTuple):
     noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
     sigma: Annotated[Strengths, "strengths of the three noises; 0 switches one off"] = (1.0, 1.0, 1.0)
 
+    equation = (
+        r"B(y)\,v = y \times v, \quad H = \sum_k \frac{y_k^2}{2 I_k}, \quad "
+        r"\widehat H_k = \frac{y_k^2}{2 \hat I_k}"
+    )
     dimension = 3
     pieces = 3
     noises = 3
@@ -112,6 +116,10 @@ class RigidBodySharedNoise(NamedTuple):
     noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
     sigma: Annotated[tuple[NonNegative | None], "strength of the noise; 0 switches it off"] = (1.0,)
 
+    equation = (
+        r"B(y)\,v = y \times v, \quad H = \sum_k \frac{y_k^2}{2 I_k}, \quad "
+        r"\widehat H = \sum_k \frac{y_k^2}{2 \hat I_k}"
+    )
     dimension = 3
     pieces = 3
     noises = 1

@@ -148,6 +148,11 @@ class SineEuler(NamedTuple):
     squared_length_is_casimir = True
     flow_ns = 1.7
     joint_noises = ((0,), (1,), (2,), (3,))
+    equation = r"y = \omega, \quad H = \sum_k H_k, \quad H_k = \widehat H_k = \frac{|\omega_k|^2}{|k|^2}"
+    complex_modes = (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))
+
+    def geometry(model):
+        return {"on": "torus", "modes": 3}
 
     def drift_angle(model, k, t, y):
         """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""

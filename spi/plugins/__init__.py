@@ -35,7 +35,9 @@ class Plugin(NamedTuple):
     )
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
-    grids: Mapping[str, str] = _NOTHING  #: name of a model -> what makes its state of values on a grid
+    grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
+    films: Mapping[str, str] = _NOTHING  #: the same -> how it is shown in films, see ``spi.kinds.trajectory.film``
+    panels: Mapping[str, str] = _NOTHING  #: "kind.word" -> a further panel of a kind, see ``spi.specs.panels``
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment
     estimators: Mapping[str, str] = _NOTHING  #: name in a spec -> estimator of weak errors
@@ -122,7 +124,9 @@ class Registry(MutableMapping[str, Any]):
         if name in self._own:
             return self._own[name]
         if name not in self._offered:
-            self._offered[name] = self._made(offers(self.field)[name])
+            if name not in (places := offers(self.field)):
+                raise KeyError("; ".join(filter(None, (str(name), lacking(self.field, name)))))
+            self._offered[name] = self._made(places[name])
         return self._offered[name]
 
     def __setitem__(self, name: str, value: Any) -> None:

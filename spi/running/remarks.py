@@ -7,7 +7,6 @@ from .. import specs
 from ..ensemble.protocol import generated, report
 from ..kinds import KINDS
 from ..models.delegation import undamped
-from ..models.zeitlin import fields
 from ..plugins import Registry
 from ..schemes import typical_ns
 
@@ -53,7 +52,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines and generated(model):
             steps = (f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes)
             lines = [*lines, *steps]
-        if lines := lines or fields.report(model, case.initial):
+        if lines:
             reports.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: lines for (name, *lines), cases in reports.items()}

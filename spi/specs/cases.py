@@ -16,6 +16,7 @@ from ..ensemble.protocol import (
     NonNegative,
     Positive,
     at_temperature,
+    bath_fault,
     casimir_degrees,
     component_names,
     conserved,
@@ -36,7 +37,6 @@ from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import TAKEN, meaning_of, written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
-from ..models.spins import Spins
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
@@ -160,7 +160,7 @@ class BaseCase(Keys):
     temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
-        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a field; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -342,8 +342,8 @@ class BaseCase(Keys):
         """The facts that schemes need hold for the model."""
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
-                f"paths have at most {MOST_NOISES}; one path of a large lattice of spins is for the kinds trajectory "
-                "and equilibrium with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
+                f"paths have at most {MOST_NOISES}; one path of a large lattice is for the kind trajectory, and "
+                "others with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
                 "and periodic lengths that divide into 64 equal parts"
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
@@ -516,16 +516,12 @@ def _thermal(case: Any) -> Any:
     if case.noise:
         fault = "is given beside noise, and friction belongs to Brownian motion"
         raise wrong(fault, "leave out one of them", "temperature")
+    if answers(bath_fault, model) and (lacks_bath := model.bath_fault()):
+        raise wrong(*lacks_bath, "temperature")
     with_bath = model.at_temperature(temperature) if answers(at_temperature, model) else model
-    if with_bath is None or not (noises(with_bath) if large(with_bath) else noise_indices(with_bath)):
+    if not (noises(with_bath) if large(with_bath) else noise_indices(with_bath)):
         fault = "is given to a model without noise, which nothing would bring to it"
-        right = f"leave it out, or give {'alpha' if answers(at_temperature, model) else 'sigma'} a number above 0"
-        if isinstance(undamped(model), Spins) and undamped(model).variables:
-            fault, right = "is given beside lattice, whose flows have no friction", "leave out one of them"
-        elif noises(model) and with_bath is None:
-            fault = "is given beside a noise that does not belong to it"
-            right = "leave out one of them; at a temperature noise belongs to alpha, a number above 0"
-        raise wrong(fault, right, "temperature")
+        raise wrong(fault, "leave it out, or give sigma a number above 0", "temperature")
     if temperature < 0 and not has_compact_surfaces(model):
         fault = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
         raise wrong(fault, "must be above 0 where energy has no upper bound", "temperature")

@@ -16,11 +16,11 @@ from view_helpers import legend_texts, line_of, title
 from spi import cli, storage, views
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
-from spi.kinds.trajectory.figure import colours_of_spins
 from spi.models import RigidBody, SineEuler, Zeitlin
 from spi.models.delegation import damped
 from spi.models.zeitlin import fields
 from spi.models.zeitlin.tables import modes, shell
+from spi.plugins.spins.kinds.trajectory.figure import colours_of_spins
 
 SPEC = """\
 kind: trajectory
@@ -156,7 +156,7 @@ def test_every_fourth_state(spec):
     assert len(set(map(tuple, some.y))) == 5  # it moves
     np.testing.assert_array_equal(some.t, np.arange(5) / 4)
     np.testing.assert_array_equal(some.hamiltonian, whole.hamiltonian[::4])
-    assert (whole.lattice, whole.every, whole.shown) == (5, 1, [0, 8, 16])
+    assert (whole.place["modes"], whole.every, whole.shown) == (5, 1, [0, 8, 16])
     assert (some.every, some.times, some.shown) == (4, (0.25, 1.0), [1, 4])
 
 
@@ -185,7 +185,7 @@ def moving(scheme, factor=1.0, panels=("vorticity",), n=N, **attributes):
     turned = (states(n)[::2] + 1j * states(n)[1::2]) * np.exp(1j * np.outer(T, np.arange(n * n // 2)))
     y = np.stack([turned.real, turned.imag], axis=-1).reshape(len(T), -1)
     y *= np.linspace(1.0, factor, len(T))[:, None]
-    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, surface="torus", **attributes)
+    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, geometry='{"on": "torus"}', **attributes)
 
 
 def test_fields_side_by_side():
@@ -248,7 +248,7 @@ def test_spectra_end_where_rounding_begins():
 def test_panels_of_fields_need_a_lattice():
     for panel in ("vorticity", "spectrum"):
         group = moving("splitting", panels=(panel,))
-        group.attributes.pop("lattice")
+        group.attributes.pop("geometry")
         with pytest.raises(ValueError, match=f"the panel '{panel}' needs a vorticity on the torus"):
             views.figure(trajectories(group))
 
@@ -282,9 +282,9 @@ def test_a_film_of_spins():
     """In the colours of the first layer of each state."""
     y = np.random.default_rng(3).normal(size=(4, 3, 2, 2, 3))
     y /= np.linalg.norm(y, axis=-1, keepdims=True)
-    lattice = '{"sites": [[0, 0, 0]], "vectors": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "size": [3, 2, 2]}'
+    lattice = '{"on": "lattice", "sites": [[0, 0, 0]], "vectors": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "size": [3, 2, 2]}'
     states, t = y.reshape(4, -1), np.arange(4.0)
-    film = views.film(trajectories(trajectory_group("splitting", t, states, np.ones((4, 1)), lattice_of_spins=lattice)))
+    film = views.film(trajectories(trajectory_group("splitting", t, states, np.ones((4, 1)), geometry=lattice)))
     assert film.frames == 4
     film.show(3)
     (points,) = film.figure.axes[0].collections
@@ -297,7 +297,7 @@ def test_a_long_film_has_200_frames():
     t = np.arange(1001) * 0.25
     y = np.outer(np.cos(t), states(3))
     long, short = (
-        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, surface="torus")
+        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, geometry='{"on": "torus"}')
         for case, n in (("long", 1001), ("short", 3))
     )
     film = views.film(trajectories(long, short))
@@ -333,5 +333,5 @@ def test_the_option_film(tmp_path, monkeypatch, capfd):
     assert (code, lines) == (0, [f"wrote {tmp_path}/a.{form}" for form in ("pdf", "png", "gif")])
     still = trajectory_group("splitting", T, np.outer(1 + T, np.ones(3)), np.ones((11, 1)))
     code, lines = plotted("b.h5", still)
-    told = f"spi: {tmp_path}/b.h5: the results hold no vorticity and no spins in two dimensions; leave out --film"
+    told = f"spi: {tmp_path}/b.h5: the results hold no states that are seen in two dimensions; leave out --film"
     assert (code, lines[-1:]) == (1, [told]) and not (tmp_path / "b.gif").exists()

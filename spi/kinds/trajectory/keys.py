@@ -5,33 +5,28 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Le
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, dimension, noises, one_path
 from spi.kinds.functions import check_function
-from spi.models.delegation import undamped
-from spi.models.spins import Spins
-from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import MOST_NOISES
 from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import check_every, times_on_grid
 from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, quantity, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import Swept
 from spi.statistics.claims import claimable
 
 from .results import Trajectory
 
 #: What the figure can show.
-OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
 PANELS = (
-    *("functions", "section", "spins"),
+    *("functions", "section"),
     *("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase"),
-    *OF_FIELDS,
 )
 
-Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 Path = Annotated[int, Ge(0), Le(10**15)]
 Times = tuple[NonNegative, ...]
 
@@ -50,7 +45,9 @@ class Section(Keys):
 class Case(CodeKeys, StepCase):
     """One path of each scheme, all on the same Brownian path."""
 
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
+    panels: key_of(
+        panels_of("trajectory", PANELS), f"what the figure shows, some of {', '.join(words('trajectory', PANELS))}"
+    )
     path: key_of(Path, "number of the path") = 0
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     save: key_of(
@@ -157,10 +154,7 @@ class Case(CodeKeys, StepCase):
     @condition
     def _check_panels(self) -> Self:
         for i, panel in enumerate(self.panels):
-            if panel == "spins" and not isinstance(undamped(self.model), Spins):
-                raise wrong("is 'spins', which is for the model spins", "leave it out", "panels", i)
             if panel in ("functions", "section") and not getattr(self, panel):
                 raise wrong(f"is '{panel}', and the key {panel} is missing", f"add {panel}:", "panels", i)
-            if panel in OF_FIELDS and lattice_of(self.model) is None:
-                raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
+        check_further("trajectory", self)
         return self

@@ -1,12 +1,12 @@
 """The records of trajectories, and the times at which a quantity along a path is not defined."""
 
-import math
+import json
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance
-from spi.models.zeitlin.fields import enstrophy
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
 from spi.statistics.claims import lost_among
@@ -102,8 +102,7 @@ class Trajectory(Stored):
     solver: SolverMeans | None = nested(prefix="solver_", default=None)
     values: Values | None = nested(default=None)
     section: Crossings | None = nested(prefix="section_", default=None)
-    lattice_of_spins: str = fact("the lattice of spins, its cell and its size, as JSON", default="")
-    surface: str | None = fact("where y is a vorticity", name="lattice", default=None)
+    geometry: str = fact("what the components of y belong to, such as a torus, as JSON", default="")
 
     @property
     def shown(self) -> list[int]:
@@ -121,23 +120,10 @@ class Trajectory(Stored):
             return self.casimirs - self.casimirs[0]
 
     @property
-    def lattice(self) -> int | None:
-        """N where y is a vorticity on the lattice modulo N, see ``spi.models.zeitlin.tables``."""
-        return math.isqrt(self.y.shape[1] + 1) if self.surface == "torus" else None
-
-    @property
-    def enstrophy(self) -> Array:
-        """(N + 1,) Z of a vorticity."""
-        with np.errstate(all="ignore"):
-            return enstrophy(self.y)
-
-    @derived("t", "change of the enstrophy, relative to that at the start unless it is 0")
-    def enstrophy_change(self) -> Array | None:
-        """Z(t)/Z(0) - 1 of a vorticity, Z(t) where Z(0) = 0; None of other states."""
-        if self.lattice is None:
-            return None
-        values = self.enstrophy
-        return values / values[0] - 1 if values[0] else values
+    def place(self) -> dict[str, Any]:
+        """What the components of y belong to, see ``spi.ensemble.protocol.geometry``; empty if nobody says."""
+        place: dict[str, Any] = json.loads(self.geometry or "{}")
+        return place
 
     @property
     def preserves_nothing(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from spi.compiler.dispatch import answers
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, frozen, large, one_path, strengths
+from spi.ensemble.protocol import decay_rates, frozen, geometry, large, one_path, strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
@@ -21,8 +21,6 @@ from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
-from spi.models.spins import Spins
-from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
@@ -274,19 +272,10 @@ class TrajectoryPlan(PathsPlan):
                 "preserves": self.row.preserves,
                 "values": self._values(y),
                 "section": self._section(path.y),
-                "lattice_of_spins": _places(case.model),
-                "surface": None if lattice_of(case.model) is None else "torus",
+                "geometry": json.dumps(place) if (place := geometry(case.model)) else "",
             }
         )
         return Trajectory(**fields)
-
-
-def _places(model: Any) -> str:
-    """The places of the sites of a lattice of spins and its size, as JSON; empty of other models."""
-    spins = undamped(model)
-    if not isinstance(spins, Spins):
-        return ""
-    return json.dumps({"sites": spins.cell.sites, "vectors": spins.cell.vectors, "size": spins.size})
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from annotated_types import Ge, Gt, Le, Len
 
 from ...ensemble.protocol import dimension, flow_ns, noises, pieces
 from ..delegation import answering_as_inner
+from .cells import call_of_sums
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
@@ -117,7 +118,21 @@ class Spins(NamedTuple):
         return tables(model, math.inf)
 
     def at_temperature(model, temperature):
-        return ThermalSpins(model, temperature) if model.alpha > 0 else None
+        return ThermalSpins(model, temperature)
+
+    def bath_fault(model):
+        if model.alpha > 0:
+            return None
+        if model.variables:
+            return "is given beside lattice, whose flows have no friction", "leave out one of them"
+        if noises(model):
+            right = "leave out one of them; at a temperature noise belongs to alpha, a number above 0"
+            return "is given beside a noise that does not belong to it", right
+        right = "leave it out, or give alpha a number above 0"
+        return "is given to a model without noise, which nothing would bring to it", right
+
+    def function_calls(model):
+        return [call_of_sums(model)]
 
     def one_path(model, scheme, h):
         return Whole.of(model, math.inf, scheme, h)
@@ -136,6 +151,10 @@ class Spins(NamedTuple):
             return None
         worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
+
+    def geometry(model):
+        cell = model.cell
+        return {"on": "lattice", "sites": cell.sites, "vectors": cell.vectors, "size": model.size}
 
     def observables(model):
         return observables_of(model)

@@ -57,6 +57,7 @@ class Zeitlin(NamedTuple):
     casimirs_watched: Annotated[int, Ge(1), Le(16), "how many Casimirs are watched, from C_2 on"] = 4
 
     large = True
+    symbols = {"n": "N", "casimirs_watched": ""}  # noqa: RUF012
 
     def dimension(model):
         return model.n**2 - 1
@@ -73,6 +74,14 @@ class Zeitlin(NamedTuple):
     def flow_ns(model):
         """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
         return 40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3
+
+    def report(model, initial):
+        from .fields import report  # which needs this class
+
+        return report(model, initial)
+
+    def geometry(model):
+        return {"on": "torus", "modes": model.n}
 
     def in_kernels(model):
         return tables(model)

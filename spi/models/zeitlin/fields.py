@@ -14,9 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..delegation import undamped
-from ..sine_euler import SineEuler
-from . import Zeitlin
+from ...ensemble.protocol import geometry
 from .tables import modes, shell
 
 #: Sizes of rounding errors of the mean and of a mode of a sampled field, relative to its largest value.
@@ -25,10 +23,8 @@ MEAN_ROUNDING, MODE_ROUNDING = 1e-12, 1e-15
 
 def lattice_of(model: Any) -> int | None:
     """N of a model whose state is a vorticity on the lattice modulo N, damped or not; None of every other model."""
-    model = undamped(model)
-    if isinstance(model, SineEuler):
-        return 3
-    return model.n if isinstance(model, Zeitlin) else None
+    place = geometry(model)
+    return place["modes"] if place.get("on") == "torus" else None
 
 
 def size_of(y: np.ndarray) -> int:
@@ -144,9 +140,7 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 
 
 def report(model: Any, initial: Sequence[float]) -> list[str]:
-    """Lines on the resolution of an initial state of a model; none of a model that is no such fluid."""
-    if not isinstance(model, Zeitlin):
-        return []
+    """Lines on what a model resolves of an initial state."""
     lines = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
     each = enumerate(ratios(np.array(initial), min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):

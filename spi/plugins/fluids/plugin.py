@@ -9,8 +9,12 @@ PLUGIN = Plugin(
         "vorticity": "spi.plugins.fluids.specs.initial:Vorticity",
         "random": "spi.plugins.fluids.specs.initial:Vorticity",
     },
-    grids={
-        "sine_euler": "spi.plugins.fluids.specs.initial:of_grid",
-        "zeitlin": "spi.plugins.fluids.specs.initial:of_grid",
+    grids={"torus": "spi.plugins.fluids.specs.initial:of_grid"},
+    films={"torus": "spi.plugins.fluids.kinds.trajectory.figure:FILM"},
+    groups={"fluids": "the sine-Euler equations and their limit"},
+    panels={
+        "trajectory.vorticity": "spi.plugins.fluids.kinds.trajectory.words:VORTICITY",
+        "trajectory.spectrum": "spi.plugins.fluids.kinds.trajectory.words:SPECTRUM",
+        "trajectory.enstrophy": "spi.plugins.fluids.kinds.trajectory.words:ENSTROPHY",
     },
 )

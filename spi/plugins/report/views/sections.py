@@ -13,7 +13,9 @@ import numpy as np
 from markupsafe import Markup
 
 from spi import views
+from spi.ensemble import protocol
 from spi.kinds import KINDS
+from spi.models import MODELS
 from spi.printing import sweeps, tables
 from spi.printing.tables import Cell, Grid, unbroken
 from spi.printing.text import fraction, human_time, short
@@ -38,19 +40,6 @@ from spi.specs.document import Document
 # The equation of an experiment with its parameters as MathML, which browsers draw without anything else.
 # ---------------------------------------------------------------------------------------------------------------------
 
-
-#: Structure and Hamiltonians of the models that come with the program, in LaTeX.
-_SYSTEMS = {
-    "lotka_volterra": r"B(y) = y_1 y_2 \begin{pmatrix} 0 & 1 \\ -1 & 0 \end{pmatrix}, \quad "
-    r"H = y_1 - \ln y_1 + y_2 - 2 \ln y_2, \quad \widehat H = \ln y_2 - \ln y_1",
-    "maxwell_bloch": r"B(y)\,v = (y_2 v_3 - y_3 v_2,\; y_3 v_1,\; -y_2 v_1), \quad H = \widehat H_1 + \widehat H_3, "
-    r"\quad \widehat H_1 = \frac{y_1^2}{2}, \quad \widehat H_3 = y_3",
-    "rigid_body": r"B(y)\,v = y \times v, \quad H = \sum_k \frac{y_k^2}{2 I_k}, \quad "
-    r"\widehat H_k = \frac{y_k^2}{2 \hat I_k}",
-    "rigid_body_shared_noise": r"B(y)\,v = y \times v, \quad H = \sum_k \frac{y_k^2}{2 I_k}, \quad "
-    r"\widehat H = \sum_k \frac{y_k^2}{2 \hat I_k}",
-    "sine_euler": r"y = \omega, \quad H = \sum_k H_k, \quad H_k = \widehat H_k = \frac{|\omega_k|^2}{|k|^2}",
-}
 
 _DRIFT = r"\mathrm{d}y = B(y) \nabla H(y)\,\mathrm{d}t"
 _DAMPING = r" - \gamma y\,\mathrm{d}t"
@@ -98,8 +87,8 @@ def equation(read: Sequence[Stored], attributes: Mapping[str, Any]) -> Iterator[
 
 def _system(model: str, variables: tuple[str, ...], attributes: Mapping[str, Any]) -> Iterator[Markup]:
     """Structure and Hamiltonians of a built-in model, or those that its definition has."""
-    if model in _SYSTEMS:
-        yield typeset(f"${_SYSTEMS[model]}$", block=True)
+    if model in MODELS and (latex := protocol.equation(MODELS[model])):
+        yield typeset(f"${latex}$", block=True)
         return
     definition = _definition(attributes)
     noises = definition.get("noises") or []

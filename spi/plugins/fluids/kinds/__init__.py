@@ -1,0 +1,1 @@
+"""Vorticity in kinds of experiments."""

@@ -1,0 +1,17 @@
+"""The words of ``panels`` for vorticity."""
+
+from typing import Any
+
+from spi.ensemble.protocol import geometry
+from spi.specs.panels import Further
+
+_FIGURE = "spi.plugins.fluids.kinds.trajectory.figure"
+
+
+def _fault(case: Any) -> str:
+    return "" if geometry(case.model).get("on") == "torus" else "is for sine_euler and zeitlin"
+
+
+VORTICITY = Further(f"{_FIGURE}:VORTICITY", _fault)
+SPECTRUM = Further(f"{_FIGURE}:SPECTRUM", _fault)
+ENSTROPHY = Further(f"{_FIGURE}:ENSTROPHY", _fault)

@@ -1,0 +1,103 @@
+"""Lattices of spins in the figure and in the film of trajectories."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from spi.drawing import Figure, panels, plots, style
+from spi.kinds.trajectory.figure import Readings
+from spi.kinds.trajectory.film import Filmed, Screen, states_shown
+from spi.kinds.trajectory.results import Trajectory
+
+_MOST_ARROWS = 41  # along a side
+
+
+def colours_of_spins(s: np.ndarray) -> np.ndarray:
+    """(..., 3) red, green and blue of spins (..., 3): the angle of (x, y) as hue, z as lightness, black at z = -1."""
+    hue = np.arctan2(s[..., 1], s[..., 0])[..., np.newaxis] - np.array([0.0, 2.0, 4.0]) * np.pi / 3
+    pure = np.clip(0.5 + np.cos(hue), 0.0, 1.0)
+    light = 0.5 * (1 + s[..., 2:3])
+    return np.asarray(np.clip(np.where(light < 0.5, 2 * light * pure, 1 - 2 * (1 - light) * (1 - pure)), 0.0, 1.0))
+
+
+def _places(one: Trajectory) -> np.ndarray | None:
+    """(sites, 2): where the spins of the first layer are; None for chains and other states."""
+    lattice = one.place
+    if lattice.get("on") != "lattice" or len(lattice["size"]) < 2:
+        return None
+    sites, vectors = np.array(lattice["sites"]), np.array(lattice["vectors"])
+    cells = np.stack(np.meshgrid(*map(np.arange, lattice["size"][:2]), indexing="ij"), axis=-1).reshape(-1, 2)
+    places: np.ndarray = (cells @ vectors[:2])[:, np.newaxis, :2] + sites[:, :2]
+    return places.reshape(-1, 2)
+
+
+def _layer(one: Trajectory, state: int) -> np.ndarray:
+    """(sites, 3): the spins of the first layer."""
+    lattice = one.place
+    size = (*lattice["size"], 1)[:3]
+    return one.y[state].reshape(*size, len(lattice["sites"]), 3)[:, :, 0].reshape(-1, 3)
+
+
+def _spins(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
+    for one in (one for one in readings if one.place.get("on") == "lattice"):
+        places = _places(one)
+        if places is None:
+            yield plots.Plot(title=style.label(one.about), x="site", y="time $t$", own=partial(_chain, one))
+            continue
+        for i in one.shown:
+            own = partial(_picture, places, _layer(one, i))
+            yield plots.Plot(title=f"{style.label(one.about)}, $t={one.t[i]:.4g}$", own=own, aspect=0.9)
+
+
+def _draw_spins(ax: plots.Axes, places: np.ndarray, s: np.ndarray) -> Any:
+    """Spins at their places in colours."""
+    span = float(np.ptp(places, axis=0).max()) or 1.0
+    ax.set(aspect="equal", xticks=[], yticks=[], xlim=(places[:, 0].min() - 1, places[:, 0].max() + 1))
+    ax.set_ylim(places[:, 1].min() - 1, places[:, 1].max() + 1)
+    look: dict[str, Any] = {"marker": "s", "linewidths": 0, "rasterized": True}
+    return ax.scatter(places[:, 0], places[:, 1], c=colours_of_spins(s), s=(180 / span) ** 2, **look)
+
+
+def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.Entry]:
+    """Spins in colours, with arrows where they are few, and the key of the colours."""
+    _draw_spins(ax, places, s)
+    span = float(np.ptp(places, axis=0).max()) or 1.0
+    if len(places) < _MOST_ARROWS**2:
+        ax.quiver(*places.T, *s[:, :2].T, pivot="mid", scale=1.3 * span, width=0.004, color="#404040")
+    key = ax.inset_axes((1.02, 0.0, 0.18, 0.18), projection="polar")
+    angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, 1, 21))
+    polar = np.pi * radius
+    ball = np.stack([np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)], axis=-1)
+    key.pcolormesh(angle, radius, colours_of_spins(ball)[:-1, :-1], rasterized=True)
+    key.set(xticks=[], yticks=[])
+    key.set_title("$(s_x,s_y)$", fontsize=6, pad=2)
+    return []
+
+
+def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.Entry]:
+    """s_z of the sites of a chain at all times."""
+    chosen = plots.spread(len(one.t), 512)
+    z = one.y[chosen].reshape(len(chosen), -1, 3)[..., 2]
+    look: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -1, "vmax": 1, "shading": "nearest", "rasterized": True}
+    image = ax.pcolormesh(np.arange(1, z.shape[1] + 1), one.t[chosen], z, **look)
+    ax.figure.colorbar(image, ax=ax, label="$s_z$")
+    return []
+
+
+def _screens(fig: Figure, readings: Readings, axes: np.ndarray) -> list[Screen]:
+    """The spins of one case at the start."""
+    places: Any = _places(readings[0])
+    points = [_draw_spins(ax, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
+    shows = [partial(_recolour, image, one) for image, one in zip(points, readings, strict=True)]
+    return list(zip(axes, shows, readings, states_shown(readings), strict=False))
+
+
+def _recolour(image: Any, one: Trajectory, state: int) -> None:
+    image.set_facecolors(colours_of_spins(_layer(one, state)))
+
+
+FILM = Filmed(_screens, lambda one: _places(one) is not None)
+SPINS = [panels.Own(_spins)]

@@ -1,0 +1,68 @@
+"""The words of the key ``panels`` of a kind: its own, and those that plug-ins add."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, NamedTuple
+
+from annotated_types import MinLen
+from pydantic import BeforeValidator
+
+from ..plugins import Registry, imported, lacking
+from .keys import shown, wrong
+
+
+class Further(NamedTuple):
+    """A word that a plug-in adds to those of a kind."""
+
+    panels: str  #: "module:attribute" of its panels, see ``spi.drawing.panels``
+    fault: Callable[[Any], str] = lambda case: ""  #: why a case cannot have them, such as "is for sine_euler"
+
+
+#: "kind.word" -> :class:`Further`.
+FURTHER = Registry("panels")
+
+
+def words(kind: str, own: Sequence[str]) -> tuple[str, ...]:
+    """All words of a kind, whose `own` stand first."""
+    names = [name.partition(".") for name in FURTHER]
+    return (*own, *(word for first, _, word in names if first == kind))
+
+
+def panels_of(kind: str, own: Sequence[str]) -> Any:
+    """The annotation of the key ``panels`` of a kind."""
+
+    def check(value: Any) -> Any:
+        for i, word in enumerate(value if isinstance(value, list) else ()):
+            if isinstance(word, str) and (advice := lacking("panels", f"{kind}.{word}")):
+                raise wrong(f"is {shown(word)}", advice, i)
+        return value
+
+    known: Any = Literal[words(kind, own)]
+    return Annotated[tuple[known, ...], MinLen(1), BeforeValidator(check)]
+
+
+def check_further(kind: str, case: Any) -> None:
+    """Raise the error about a panel of a plug-in that is not for a case."""
+    for i, word in enumerate(case.panels):
+        name = f"{kind}.{word}"
+        if name in FURTHER and (fault := FURTHER[name].fault(case)):
+            raise wrong(f"is '{word}', which {fault}", "leave it out", "panels", i)
+
+
+class Panels(Mapping[str, Sequence[Any]]):
+    """The panels of a kind by their words, those of plug-ins imported when they are first asked for."""
+
+    def __init__(self, kind: str, own: Mapping[str, Sequence[Any]]) -> None:
+        self.kind, self.own = kind, own
+
+    def __getitem__(self, word: str) -> Sequence[Any]:
+        panels: Sequence[Any] = self.own[word] if word in self.own else imported(FURTHER[f"{self.kind}.{word}"].panels)
+        return panels
+
+    def __contains__(self, word: object) -> bool:
+        return word in self.own or f"{self.kind}.{word}" in FURTHER
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(words(self.kind, [*self.own]))
+
+    def __len__(self) -> int:
+        return len([*self])
