@@ -216,6 +216,7 @@ def test_the_step_for_a_bias():
     assert step_for(*what, 1, 1e-5) == (0.25, "the smallest here, its bias is not known")
 
 
+@pytest.mark.needs("systems")
 def test_of_many_spheres_what_is_not_known_is_left_out_or_refused(tmp_path):
     """The energy of a ring of four spins has mean and variance, but no histogram; a product of three has no mean."""
     path = shipped.folder() / "spin_ring_equilibrium.yaml"
@@ -235,6 +236,7 @@ def test_what_is_not_given(load_text):
     assert long.between == 4 and Series.of(long, 0).stride == 16 and Series.of(long, 1).stride == 32
 
 
+@pytest.mark.needs("systems")
 def test_references_name_parameters_the_temperature_and_each_other(load_text):
     hot = LONG.replace("sigma: [1, 1, 1]}", "sigma: [1, 1, 1]}\ntemperature: 1/4")
     parameters = "parameters: {a: 3}, algebra: so(3), hamiltonian: a*y1^2, noises: [y1, y2, y3], sigma: [1, 1, 1]}"
