@@ -289,9 +289,10 @@ def everything(path):
     return found
 
 
-def digests(experiment):
-    """The digests of what decides the sums of all parts."""
-    return {key for plan in plans(experiment) for key in sums_keys(plan).values()}
+def digests(experiment, answers=True):
+    """The digests of what decides the sums of all parts, and what they know besides."""
+    keys = [entry for plan in plans(experiment) for entry in sums_keys(plan).items()]
+    return {key for number, key in keys if answers or number is not None}
 
 
 #: What may come of a change: the spec is invalid; nothing is reused and all computed anew; or numbers follow of which

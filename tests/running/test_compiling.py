@@ -156,7 +156,7 @@ for name, overrides in json.load(sys.stdin).items():
         before = [len(kernel.overloads) for kernel in KERNELS]
         state = State(plan)
         workers.advance_here([state], lambda number: None)
-        workers.finalise([state], lambda number: None)
+        workers.perform_tasks([state], lambda number: None)
         plan.results(state).group()
         after = [len(kernel.overloads) for kernel in KERNELS]
         missed.setdefault(name, []).append([b - a for a, b in zip(before, after)])

@@ -100,7 +100,7 @@ def test_truth_does_not_depend_on_a_scheme(cases_of, sigma):
     states = [State(plan) for plan in plans_of(cases, "splitting")]
     workers.advance_here(states, ignore)
     assert np.isnan(study(cases, "splitting", states)[0]["truth"]).all()
-    workers.finalise(states, ignore)
+    workers.perform_tasks(states, ignore)
     found, _ = study(cases, "splitting", states)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3

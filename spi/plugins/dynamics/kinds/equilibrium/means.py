@@ -1,7 +1,7 @@
 """Means over time: functions recorded along paths, autocorrelations and histograms, and their estimates with errors."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from spi.statistics.accumulators import Array, added, of_first
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
-from .references import derived_quantity, known_laws
+from .references import Known, derived_quantity, known_laws
 from .results import FEW, LEAST_PATHS, Averages, Derived, batches_of
 
 _MOST_LAGS = 512  # at which autocovariances are computed
@@ -252,16 +252,33 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths]) -> Averages:
-    """The record of the functions of a case, from the sums over the paths of each step size."""
-    recorders = [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
+def with_bins(recorders: Sequence[Recorder], totals: Sequence[RecordedPaths]) -> list[Recorder]:
+    """Recorders with the bins of the sums over the paths of each step size."""
+    return [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
+
+
+def references_of(recorders: Sequence[Recorder], case: Any) -> Known:
+    """The references of the functions of a case, and of the bins of recorders."""
+    return known_laws(case, [recorder.edges for recorder in recorders])
+
+
+def averages(
+    recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths], known: Mapping[str, Any] | None
+) -> Averages:
+    """The record of the functions of a case, from the sums over the paths of each step size.
+
+    The fields of `known` are those of :func:`references_of`, None where no reference takes a computation.
+    """
+    recorders = with_bins(recorders, totals)
     each = [_estimates(recorder, paths, case) for recorder, paths in zip(recorders, totals, strict=True)]
     fields = {name: np.array([at_h[name] for at_h in each]) for name in each[0]}
     without, average = fields.pop("without"), fields["average"]
     stderr = np.where(np.isfinite(fields["stderr_paths"]), fields["stderr_paths"], fields["stderr_tau"])
-    references = known_laws(case, [recorder.edges for recorder in recorders])
+    references = Known(*(known[name] for name in Known._fields)) if known else references_of(recorders, case)
     own, series = references.at_finest, recorders[0].series
-    references.value[own], references.error[own] = average[-1, own], stderr[-1, own]
+    references = references._replace(
+        value=np.where(own, average[-1], references.value), error=np.where(own, stderr[-1], references.error)
+    )
     error = np.hypot(stderr, references.error)
     orders = [
         _order(case, bool(own[f]), float(references.value[f]), average[:, f], without[..., f].T, error[:, f])

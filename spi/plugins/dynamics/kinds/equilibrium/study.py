@@ -12,10 +12,11 @@ import numpy as np
 
 from spi.kinds import one_path as alone
 from spi.kinds.functions import evaluated, origin_of, path_function
-from spi.kinds.plans import Cost, each_scheme
+from spi.kinds.plans import Cost, State, Task, each_scheme
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.kinds.long_paths.study import CHUNK_BLOCKS, LongPlan
+from spi.plugins.dynamics.kinds.references import EXACT
 from spi.statistics.estimators import GROUPS
 from spi.statistics.rounding import size_of_values
 from spi.statistics.tallies import Chunk
@@ -23,6 +24,7 @@ from spi.statistics.tallies import Chunk
 from . import means
 from .results import Equilibrium
 
+_LAWS = "reference laws"  # the name of the task
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
 
 Array = np.ndarray
@@ -63,8 +65,9 @@ class EquilibriumPlan(LongPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :class:`LongPlan`; other step sizes decide when paths are looked at."""
-        own = {} if number is None else {"records": self.records.tolist(), "between": self.case.between}
-        return super().deciding(number) | own
+        if number is None:  # the references are among the answers of the tasks
+            return super().deciding(None) | self.case.model_dump(include={"reference"})
+        return super().deciding(number) | {"records": self.records.tolist(), "between": self.case.between}
 
     def lengths(self, number: int) -> dict[str, int]:
         """See :class:`LongPlan`."""
@@ -117,9 +120,17 @@ class EquilibriumPlan(LongPlan):
             sizes.append(max(1.0, size_of_values(function.values, self.case.initial) / at_start))
         return np.array(sizes)
 
-    def found(self, totals: Sequence[means.RecordedPaths]) -> dict[str, Any]:
+    def tasks(self, state: State) -> list[Task]:
+        """The references that are quadratures of the Gibbs law."""
+        if EXACT not in self.case.reference.values():
+            return []
+        recorders = means.with_bins(self.recorders, self.totals(state))
+        return [Task(_LAWS, lambda: means.references_of(recorders, self.case)._asdict())]
+
+    def found(self, state: State) -> dict[str, Any]:
         """The means."""
-        return {"averages": means.averages(self.recorders, self.case, totals)}
+        known = state.answers.get(_LAWS)
+        return {"averages": means.averages(self.recorders, self.case, self.totals(state), known)}
 
 
 plan = EquilibriumPlan.of

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.kinds.plans import each_scheme
+from spi.kinds.plans import State, each_scheme
 from spi.plugins.dynamics.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.plugins.dynamics.kinds.long_paths.paths import LongPaths
 from spi.plugins.dynamics.kinds.long_paths.study import LongPlan
@@ -63,8 +63,9 @@ class GrowthPlan(LongPlan):
         moments = paths.moments + self.law.moments_of(states)
         return paths._replace(moments=moments, counts=counts, snapshots=paths.snapshots + 1)
 
-    def found(self, totals: Sequence[GrowthPaths]) -> dict[str, Any]:
+    def found(self, state: State) -> dict[str, Any]:
         """The law."""
+        totals = self.totals(state)
         law = law_of_states(self.law, totals) if self.law else None
         return {"law": law, "snapshots": int(totals[0].snapshots)}
 

@@ -282,7 +282,7 @@ class LongPlan(Plan):
 
     def results(self, state: State) -> Any:
         """The results of one scheme of a case, from its final state."""
-        totals = [state.total(i) for i in range(len(self.case.steps))]
+        totals = self.totals(state)
         errors = np.array([paths.casimir for paths in totals])
         return self.record(
             **self.whole(state)
@@ -294,9 +294,13 @@ class LongPlan(Plan):
                 **reported(np.array([paths.report[0] for paths in totals])),
                 "steps_each": int(self.records[-1]),
             }
-            | self.found(totals)
+            | self.found(state)
         )
 
-    def found(self, totals: Sequence[Any]) -> dict[str, Any]:
-        """Further fields of the record, from the sums of each step size."""
+    def totals(self, state: State) -> list[Any]:
+        """The sums over all paths of each step size."""
+        return [state.total(i) for i in range(len(self.case.steps))]
+
+    def found(self, state: State) -> dict[str, Any]:
+        """Further fields of the record, from the sums of each step size and the answers of tasks."""
         return {}

@@ -7,7 +7,7 @@
 The mean over the first times of a path is a convolution, by the fast Fourier transform.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -133,7 +133,13 @@ def _by_part(values: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def estimates(case: Any, sums: Any, sizes: Array) -> TimeCorrelations:
+def waves_about(case: Any) -> dict[str, Array]:
+    """The frequencies of linear waves at the wave vectors of a case, and those of its steps."""
+    given, model = case.time_correlations, undamped(case.model)
+    return dict(zip(("waves", "waves_of_step"), linear_waves(case, np.concatenate(_path(given, model))), strict=True))
+
+
+def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> TimeCorrelations:
     """The record of correlations in time, from sums by groups of paths.
 
     Functions that are constant up to rounding, relative to their `sizes` (F, T), have none.
@@ -182,12 +188,14 @@ def estimates(case: Any, sums: Any, sizes: Array) -> TimeCorrelations:
     return TimeCorrelations(
         lag=between * np.arange(lags),
         omega=np.pi / (between * (lags - 1)) * np.arange(lags),
-        structure=_structure(case, sums.waves, each, spectrum) if given.spins else None,
+        structure=_structure(case, sums.waves, each, spectrum, waves) if given.spins else None,
         **fields,
     )
 
 
-def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any) -> Structure:
+def _structure(
+    case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any, linear: Mapping[str, Any]
+) -> Structure:
     """The record of the modes of spins, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
     given, model = case.time_correlations, undamped(case.model)
     path = _path(given, model)
@@ -210,7 +218,7 @@ def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]],
             lambda c: np.fft.irfft(complex_of(c), length, axis=-2)[..., : length // 2 + 1, :], sums
         )
     if given.about is not None:
-        fields["waves"], fields["waves_of_step"] = linear_waves(case, waves)
+        fields |= {name: linear[name] for name in ("waves", "waves_of_step")}
     if given.labels:
         fields["corners"], fields["corner_q"] = given.labels, along[np.cumsum([len(part) for part in path]) - 1]
     return Structure(
