@@ -106,7 +106,7 @@ def test_sums_of_other_shapes_are_left(tmp_path):
     told = state.plain(0)
     assert State(plan).merge(0, told)
     ((_, sums),) = told["tallies"][0]["short"]
-    for name in ("stretch", "batches", "values", "report"):
+    for name in ("stretch", "batches", "mean", "report"):
         kept = sums[name]
         for wrong in (np.asarray(kept)[..., :-1], np.ravel(kept), np.full(np.shape(kept), "text")):
             sums[name] = wrong

@@ -28,7 +28,7 @@ from spi.statistics import tallies
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
 
-EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+EXPERIMENTS = Path(__file__).parents[3] / "experiments"
 SAMPLES = 20 * LANES + 17
 TIMES = ("seconds", "ns_per_step", "level_cost_rate", "threads")
 

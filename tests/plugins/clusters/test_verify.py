@@ -20,7 +20,7 @@ from spi.storage import Group
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
 
-EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+EXPERIMENTS = Path(__file__).parents[3] / "experiments"
 SAMPLES = 20 * LANES + 17
 
 

@@ -68,7 +68,7 @@ def _moments(case: Any, name: str) -> Moments | None:
 
 
 def seconds_of_means(case: Any) -> float:
-    """The seconds of :func:`known_means`, roughly; those of moments are few."""
+    """Seconds that the means of :data:`REFERENCES` take, roughly; those of moments are few."""
     exact = [name for name, reference in case.reference.items() if reference == EXACT]
     functions = (function_of(case, case.functions[name]) for name in exact if _moments(case, name) is None)
     return sum(seconds_of_equation(case.model, case.initial, case.t, [phi.values]) for phi in functions)
