@@ -47,7 +47,7 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
-test: $(INSTALLED_TEST) ## set up and run the tests (8 minutes on two cores); ROOM=specs: those of one room
+test: $(INSTALLED_TEST) ## set up and run the tests (less than 6 minutes on two cores); ROOM=specs: those of one room
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(TESTS)
 
 test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products, builds, every experiment
