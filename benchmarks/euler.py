@@ -113,7 +113,7 @@ class Compared(NamedTuple):
 
     @property
     def sizes(self):
-        return [path.lattice for path in self.paths]
+        return [path.place["modes"] for path in self.paths]
 
     @property
     def errors(self):
@@ -127,7 +127,7 @@ def starts(readings, points):
     groups = []
     for one in readings:
         parameters = one.about.parameters
-        if not one.lattice or parameters.get("noise") or parameters.get("normalisation") != "zeitlin":
+        if not one.place.get("modes") or parameters.get("noise") or parameters.get("normalisation") != "zeitlin":
             continue
         field = vorticity(one.y[0], points)
         for known, group in groups:
@@ -136,7 +136,7 @@ def starts(readings, points):
                 break
         else:
             groups.append((field, [one]))
-    return [sorted(group, key=lambda one: one.lattice) for _, group in groups]
+    return [sorted(group, key=lambda one: one.place.get("modes")) for _, group in groups]
 
 
 def compared(paths, points):
@@ -159,7 +159,7 @@ def compared(paths, points):
 
 def _mode(one):
     """The place of the mode (1, 0): the last of its row, see ``spi/models/zeitlin/tables.py``."""
-    return one.lattice // 2 - 1
+    return one.place.get("modes") // 2 - 1
 
 
 def told(found):
@@ -167,7 +167,10 @@ def told(found):
     yield f"start as in: {found.title}; Euler on {len(found.euler[0])} points a side"
     yield "   N  cell      t     error  order   lowest  highest  C_2, ..., C_5 at the start / mean of omega^k"
     for i, (path, fields) in enumerate(zip(found.paths, found.fields, strict=True)):
-        n, known = path.lattice, ", ".join(f"{one:.3f}" for one in ratios(path.y[0], min(4, path.lattice - 1)))
+        n, known = (
+            path.place["modes"],
+            ", ".join(f"{one:.3f}" for one in ratios(path.y[0], min(4, path.place["modes"] - 1))),
+        )
         for k, t in enumerate(found.times.tolist()):
             error, order = found.errors[i, k], ""
             if i and k and (other := found.sizes[i - 1]) < n:

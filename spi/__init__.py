@@ -59,7 +59,7 @@ _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py"}
 #: The other rooms that what computes imports, and rooms and files that only show what was computed: constants in keys
 #: and records decide numbers as much as studies do.
 _COMPUTING = ("checks", "exact", "expressions", "kinds", "plugins", "printing", "specs", "statistics", "storage")
-_SHOWING = {"api", "api.py", "cli", "command.py", "drawing", "figure.py", "views"}
+_SHOWING = {"api", "api.py", "cli", "command.py", "drawing", "figure.py", "film.py", "views"}
 
 
 def sources(*rooms):

@@ -3,6 +3,8 @@
     python docs/generate/plugins.py
 
 The core reads it for messages where a plug-in is left out.
+
+Short form: without arguments
 """
 
 import json

@@ -131,7 +131,7 @@ def test_a_reader_that_has_seen_enough_ends_no_run(monkeypatch):
     os.close(read)
     with os.fdopen(write, "w") as nobody_reads:
         monkeypatch.setattr(sys, "stdout", nobody_reads)
-        running._show_each([SimpleNamespace(name=name) for name in "ab"], compute)
+        running.show_each([SimpleNamespace(name=name) for name in "ab"], compute)
     assert computed == ["a", "b"]
 
 

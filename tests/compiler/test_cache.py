@@ -38,7 +38,7 @@ def copied(tmp_path_factory):
         ("kinds/plans.py", False, True),
         ("kinds/strong/study.py", False, True),
         ("statistics/claims.py", False, True),
-        ("systems/definition.py", False, True),
+        ("plugins/systems/definition.py", False, True),
         ("specs/cases.py", False, True),
         ("storage/results.py", False, True),
         ("drawing/style.py", False, False),
@@ -93,14 +93,14 @@ DISPATCH = "spi.compiler.dispatch"
 def test_the_digest_of_numbers_covers_all_that_plans_and_keys_import():
     """A constant in the keys or the record of a kind decides sums as much as one in its study."""
     modules = modules_of()
-    waiting = {name for name in modules if name.startswith("spi.kinds.") and not name.endswith(".figure")}
+    waiting = {name for name in modules if name.startswith("spi.kinds.") and not name.endswith((".figure", ".film"))}
     reached = set(waiting)
     while waiting:
         module = waiting.pop()
         source = (PACKAGE / modules[module]).read_text(encoding="utf-8")
         for _, name in imports(source, module, modules[module].endswith("__init__.py")):
             target = name if name in modules else name.rpartition(".")[0]
-            if target in modules and target not in reached and not name.endswith(".figure"):
+            if target in modules and target not in reached and not name.endswith((".figure", ".film")):
                 reached.add(target)
                 waiting.add(target)
     assert len(reached) > 100
@@ -110,7 +110,7 @@ def test_the_digest_of_numbers_covers_all_that_plans_and_keys_import():
 CONSTANTS = {  # a constant in each of the files that a digest of studies alone leaves out
     "plugins/dynamics/kinds/equilibrium/keys.py": "_BURNT",
     "plugins/dynamics/kinds/equilibrium/results.py": "BATCHES",
-    "kinds/answer/keys.py": "FINEST",
+    "plugins/answers/kinds/answer/keys.py": "FINEST",
     "plugins/dynamics/kinds/statistics/results.py": "LEAST_GROUPS",
     "plugins/dynamics/kinds/lyapunov/results.py": "EQUAL",
     "plugins/dynamics/kinds/lyapunov/keys.py": "_WARM_UP",
@@ -121,7 +121,7 @@ def test_every_constant_of_what_computes_marks_sums(copied, monkeypatch):
     """All numbers that stand as NAME = ... in a file of a kind, but for its figure: each is changed in turn."""
     monkeypatch.setattr(spi, "__file__", str(copied / "__init__.py"))
     changed = {}
-    for path in sorted((copied / "kinds").rglob("*.py")):
+    for path in sorted(file for folder in ("kinds", "plugins") for file in (copied / folder).rglob("kinds/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for found in re.finditer(r"^(_?[A-Z][A-Z_0-9]*) = ([0-9][0-9_.e*+-]*)", text, re.MULTILINE):
             if path.name != "figure.py":

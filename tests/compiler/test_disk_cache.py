@@ -73,7 +73,7 @@ EDITS = {
         ("schemes/table.py", 'label="splitting"', 'label="Lie-Trotter"'),
         ("kinds/strong/results.py", '"""The record of strong errors."""', '"""Strong errors, stored."""'),
         ("statistics/rounding.py", "\nMULTIPLE = 8.0", "\nMULTIPLE = 9.0"),
-        ("systems/definition.py", '"""', '"""Edited: '),
+        ("plugins/systems/definition.py", '"""', '"""Edited: '),
     ),
     True: (("models/rigid_body.py", "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]"),),  # a flow
 }

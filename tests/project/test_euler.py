@@ -1,6 +1,7 @@
 """The solution of Euler's equations beside paths of `zeitlin`: what is known exactly, and what is printed."""
 
 import importlib
+import json
 import sys
 from pathlib import Path
 
@@ -55,7 +56,8 @@ def path(name, n, y, end, h=0.1):
         d = fluids.drift_field(model, y + h * c)
         y = y + h / 6 * (a + 2 * b + 2 * c + d)
         states.append(y)
-    t, told = h * np.arange(len(states)), {"model_normalisation": "zeitlin", "surface": "torus", "times": (0.0, end)}
+    place = json.dumps({"on": "torus", "modes": n})
+    t, told = h * np.arange(len(states)), {"model_normalisation": "zeitlin", "geometry": place, "times": (0.0, end)}
     return trajectory_group("splitting", t, np.array(states), np.ones((len(t), 1)), case=f"{name}_{n}", **told)
 
 

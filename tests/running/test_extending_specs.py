@@ -237,7 +237,7 @@ EDITED = {
 def test_a_spec_is_edited_and_run_again(kind, tmp_path, monkeypatch, computed):
     """Of every kind: no refusal, what is alike is not computed again, and the former results are kept."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("spi.kinds.work_precision.study._PATH_STEPS", 1)
+    monkeypatch.setattr("spi.plugins.comparisons.kinds.work_precision.study._PATH_STEPS", 1)
     key, before, after, new = EDITED[kind]
     one_scheme = {"schemes": ["splitting"]} if kind == "lyapunov" else {}  # whose kernels others need
     files = []
