@@ -104,6 +104,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
 # --- spi list -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.needs("systems", "comparisons")  # which have groups of their own
 def test_a_list_that_is_read_by_a_program_has_a_record_a_line_with_its_whole_title():
     """What a terminal shows is tried in test_terminal.py."""
     code, out, err = call("list")
@@ -122,7 +123,7 @@ def test_experiments_of_ones_own_are_listed_beside_the_others():
     Path("experiments/mine.yaml").write_bytes(shipped.path_of("toda_weak").read_bytes())  # whose model is not looked at
     Path("experiments/bad.yaml").write_text("kind: waek")
     code, out, err = call("list", "experiments")
-    assert code == 2 and "experiments/mine.yaml" in out and "bad" not in out and "toda_weak" in out
+    assert code == 2 and "experiments/mine.yaml" in out and "bad" not in out and "rigid_body_weak" in out
     assert err.startswith("spi: experiments/bad.yaml:1: kind: is 'waek'; did you mean 'weak'?") and err.count("\n") == 1
 
 
