@@ -22,8 +22,8 @@ NAMES = sorted(path.parent.name for path in FOLDER.glob("*/plugin.py"))
 WORDS = {
     "lattices": [r"\bspins_of\b", "uniaxial anisotropy of all spins"],
     "systems": ["written in yaml", "custom system", "definitionerror", "__system__", r"['\"]bracket['\"]"],
-    "fluids": [],
-    "spins": [],
+    "fluids": ["zeitlin", "vorticit", "enstroph"],
+    "spins": [r"\bspins?\b", "magnon"],
     "comparisons": ["work.precision", "workplan", r"kinds?\.stability", "stability", "regimes"],
     "dynamics": ["lyapunov", "pull-?back", r"\bequilibri", "uniform_on_surface", r"\bgibbs\b(?! law)"],
     "drivers": ["ornstein_uhlenbeck", "fractional", "hurst", "davies"],
@@ -38,7 +38,9 @@ ALLOWED: set[tuple[str, str]] = {
     ("ensemble/random_states.py", r"\bgibbs\b(?! law)"),  # laws of initial states, which are to be a registry
     ("specs/initial.py", r"\bgibbs\b(?! law)"),
     ("specs/initial.py", "uniform_on_surface"),
-    ("specs/cases.py", r"\bequilibri"),  # a message about one large lattice
+    ("plugins/dynamics/kinds/statistics/keys.py", r"\bspins?\b"),  # the key of time_correlations for lattices
+    ("plugins/dynamics/kinds/statistics/stationary.py", r"\bspins?\b"),
+    ("plugins/dynamics/kinds/statistics/study.py", r"\bspins?\b"),
 }
 
 
