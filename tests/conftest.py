@@ -52,6 +52,10 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    import left_out
+
+    if names := left_out.names():
+        config.pluginmanager.register(left_out.Skipping(names))
     if file := config.getoption("costs"):
         from costs import Costs
 

@@ -29,6 +29,11 @@ reference_step: 2^-8
 schemes: [splitting]
 truncate_noise: true
 """,
+    "growth": """
+step_count: 256
+steps: [1/4, 1/8]
+schemes: [splitting]
+""",
     "equilibrium": """
 final_time: 32
 steps: [1/4, 1/8]

@@ -25,7 +25,7 @@ RUNS = {
     "trajectory": ("rigid_body_qualitative", ()),
     "work_precision": ("maxwell_bloch_work_precision", ("samples=2000",)),
     "stability": ("stability_positivity", ("samples=1000",)),
-    "equilibrium": ("stability_long_time", ("step_count=2^16",)),
+    "growth": ("stability_long_time", ("step_count=2^16",)),
     "statistics": ("rigid_body_statistics", ("samples=20000",)),
     "lyapunov": ("rigid_body_pullback", ("samples=512", "every=32", "pullback={times: [4, 16, 64], points: 20000}")),
     "answer": ("rigid_body_weak", ("accuracy=3e-3", "sampling=true")),

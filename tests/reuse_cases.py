@@ -47,6 +47,7 @@ SPECS = {
     "accurate: 0.2\npanels: [regimes, error]",
     "trajectory": f"{BODY}\n{START}\nfinal_time: 1\nstep: 1/16\n{SCHEMES}\nevery: 2\npath: 3\n"
     "panels: [casimirs, components, hamiltonian]\ntimes: [0, 1/2]",
+    "growth": f"{BODY}\n{START}\nsteps: [1/4, 1/8]\nstep_count: 512\n{SCHEMES}\nsamples: 70\npanels: [growth, law]",
     "equilibrium": f"{BODY}\n{START}\nsteps: [1/4, 1/8]\nfinal_time: 64\n{SCHEMES}\nsamples: 70\n"
     f"{FUNCTIONS}\nburn_in: 8\nspacing: 1/2\nbins: 8\nreference: {{a: 0, b: finest, c: 0.1}}\naccuracy: 0.1\n"
     "panels: [means, histogram]",
@@ -91,7 +92,7 @@ LAYERS = (
     "estimators: [quasi, multilevel]\n---\nschemes: [splitting]\n"
     "samples: 512\nseconds: 0.002\npanels: [errors]\nfunctions: {b: y1^2}",
     "functions:\nestimators:\nextrapolate:",
-    "step_count: 256\npanels: [growth, law]\n---\nfinal_time:\nfunctions:\nburn_in:\nspacing:\nreference:",
+    "step_count: 256",
     "density: sphere",
     "step: 1/4\nautocorrelation: {c: 1/2}",
     "reference: {b: stationary, a: exact}",
@@ -288,9 +289,10 @@ def everything(path):
     return found
 
 
-def digests(experiment):
-    """The digests of what decides the sums of all parts."""
-    return {key for plan in plans(experiment) for key in sums_keys(plan).values()}
+def digests(experiment, answers=True):
+    """The digests of what decides the sums of all parts, and what they know besides."""
+    keys = [entry for plan in plans(experiment) for entry in sums_keys(plan).items()]
+    return {key for number, key in keys if answers or number is not None}
 
 
 #: What may come of a change: the spec is invalid; nothing is reused and all computed anew; or numbers follow of which

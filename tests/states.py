@@ -11,7 +11,7 @@ from spi import storage
 from spi.ensemble import loop
 from spi.kinds import blocks
 from spi.kinds.plans import State
-from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
+from spi.plugins import installed
 from spi.running import workers
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
@@ -45,7 +45,8 @@ def chunks_of(count):
     with ExitStack() as stack:
         for module in (blocks, blocks):
             stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
-        stack.enter_context(patch.object(equilibrium, "_CHUNK_BLOCKS", count))
+        if "dynamics" in installed():
+            stack.enter_context(patch("spi.plugins.dynamics.kinds.long_paths.study.CHUNK_BLOCKS", count))
         yield
 
 
@@ -54,7 +55,7 @@ def finished(plan, most=None, state=None, tick=ignore):
     state = State(plan) if state is None else state
     with nullcontext() if most is None else batches_of(most):
         workers.advance_here([state], tick)
-        workers.finalise([state], tick)
+        workers.perform_tasks([state], tick)
     return state
 
 
@@ -125,7 +126,7 @@ def numbers(known):
         known = known._asdict()
     if isinstance(known, dict) and None in known:
         path_sets = {f"path_set {number}": _of_a_path_set(one) for number, one in known.items() if number is not None}
-        known = {"extra": known[None]} | path_sets
+        known = {"extra": known[None]["extra"], "answers": known[None]["answers"]} | path_sets
     if not isinstance(known, dict):
         return {"": np.asarray(known)}
     return {
@@ -138,7 +139,7 @@ def numbers(known):
 
 def _of_a_path_set(told):
     """What is known of a path set, by the place of its nodes, which may stand in any order."""
-    tally, _ = told["tallies"]  # the others are not wanted
+    tally, *_ = told["tallies"]  # the others are not wanted
     nodes = {f"node {height} {number}": sums for height, number, sums in tally["nodes"]}
     short = {f"short {index}": sums for index, sums in tally["short"]}
     return nodes | short | {f"digest {index} {paths}": text for index, paths, text in told["digests"]}

@@ -210,6 +210,7 @@ _OF_KINDS = {
     "trajectory": "Stability and positivity",
     "statistics": "Statistics and equilibrium",
     "equilibrium": "Statistics and equilibrium",
+    "growth": "Stability and positivity",
     "lyapunov": "Lyapunov exponents and attractors",
 }
 

@@ -44,9 +44,9 @@ def run(
     Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``; a profile and overrides
     are added to the name, as in ``<name>.quick.e70e6b.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
     ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
-    nothing is left on disk.  `fresh` recomputes from scratch and overwrites existing results.  `threads` is the number
-    of threads; `workers` the number of processes on this machine.  `executor`, any of ``concurrent.futures``, computes
-    instead, also on other machines.  `progress` shows a progress line; by default in a notebook only.
+    nothing is left on disk.  `fresh` recomputes from scratch.  `threads` is the number of threads; `workers` the number
+    of processes on this machine.  `executor`, any of ``concurrent.futures``, computes instead, also on other machines.
+    `progress` shows a progress line; by default in a notebook only.
 
     Python code in a results file is run only if a file at the same path has the same text, or with `trust_code`.
 

@@ -78,7 +78,7 @@ Several = Annotated[
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 ResultsFolder = Annotated[Path, typer.Option("--results", help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch and overwrite existing results.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch, whatever is there already.")]
 
 
 class RunOptions(NamedTuple):

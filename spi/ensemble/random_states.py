@@ -35,7 +35,7 @@ class RandomState(tuple, metaclass=ABCMeta):
 
     @property
     def text(self):
-        """The law for people, such as ``gibbs, through (0, 0, 1), temperature 0.2``."""
+        """The law for people, such as ``gaussian, mean (0, 0, 1), sd 0.1``."""
         return _text(self.parameters)
 
     def __getnewargs__(self):
@@ -113,51 +113,6 @@ class Spheres(NamedTuple):
         return tuple(self.onto(x)[:, 0].tolist())
 
 
-class Uniform(NamedTuple):
-    """The uniform law on a product of spheres."""
-
-    surface: Spheres
-
-    @property
-    def numbers(self):
-        """The number of normal numbers for a state."""
-        return len(self.surface.point)
-
-    def states(self, z):
-        """The states (d, paths) of numbers (numbers, paths)."""
-        return self.surface.onto(z)
-
-
-class Gibbs(NamedTuple):
-    """The law on a product of spheres whose density is proportional to exp(-E), by rejection from the uniform law.
-
-    E, which is quadratic, is the sum of c y_i y_j over (i, j, c) and of c y_i over (i, c) in `terms`, and at least
-    `least`.  A state is taken where an exponential number, (z1^2 + z2^2) / 2, is at least E - least.
-    """
-
-    surface: Spheres
-    terms: tuple[tuple, ...]
-    least: float
-
-    @property
-    def numbers(self):
-        """The number of normal numbers for an attempt."""
-        return len(self.surface.point) + 2
-
-    def energy(self, y):
-        """E of states (d, paths)."""
-        total = np.zeros(y.shape[1])
-        for *which, c in self.terms:
-            term = c * y[which[0]]
-            total += term * y[which[1]] if which[1:] else term
-        return total
-
-    def attempts(self, z):
-        """The states (d, paths) of numbers (numbers, paths), and which are taken."""
-        y = self.surface.onto(z)
-        return y, 0.5 * (z[-1] * z[-1] + z[-2] * z[-2]) >= self.energy(y) - self.least
-
-
 class Gaussian(NamedTuple):
     """mean + L z, where `factor` are the entries (i, j, L_ij) that are not 0; from there to a surface, if any."""
 
@@ -218,7 +173,7 @@ def block_states(initial, noise, first, blocks):
 
 def _drawn(law, noise, first, blocks):
     """The states (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
-    if not isinstance(law, Gibbs):
+    if not hasattr(law, "attempts"):
         states = law.states(normals(law.numbers, noise, 0, 1, first, blocks)[0])
         if hasattr(law, "moved"):  # a law that states reach by moving on
             return law.moved(states, int(noise.keys.seed), int(noise.keys.stream), first)

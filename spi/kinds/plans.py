@@ -3,10 +3,12 @@
 A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
 (``spi.statistics.tallies``); a chunk can be computed by any process, and the sums over its paths are added in a
 fixed order.  Once all chunks are in, the plan may request further paths, its **next allocation**, as a multilevel
-estimator does.  When there are none, it **finalises**: it measures times, or computes results that need no paths.
+estimator does.  When there are none, its **tasks** are done, work without paths whose answers the state keeps: it
+measures times, or solves for expectations.  Results only follow from sums and answers.
 """
 
 import contextlib
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,9 +18,9 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.increments import brownian, draw_paths
+from spi.ensemble.increments import draw_paths
 from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
-from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants, path_observer
+from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
 from spi.exact.work import Work, reporting_to
@@ -41,6 +43,13 @@ class Nothing(NamedTuple):
     seconds: float = 0.0
 
 
+class Task(NamedTuple):
+    """Work without paths."""
+
+    name: str  #: among those of its part
+    run: Callable[[], dict[str, Any]]  #: its answer: arrays, numbers and texts by name
+
+
 class State:
     """All that is computed so far of a part, enough to go on from."""
 
@@ -48,8 +57,14 @@ class State:
         self.plan = plan
         #: results of the plan besides sums over paths, a ``NamedTuple`` with `seconds`
         self.extra: Any = plan.initial_extra()
+        #: of the tasks that are done, by their names; each also has `seconds` and `cpu_seconds`
+        self.answers: dict[str, dict[str, Any]] = {}
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         self.spare: dict[int, Tally] = {}  #: the same, of paths that are stored and not wanted for now
+        #: the same, stored ones over all paths that some run wanted, the latest first
+        self.former: dict[int, list[Tally]] = defaultdict(list)
+        #: by the number of a path set those of other states that have the same sums
+        self.alike: dict[int, list[tuple[State, int]]] = {}
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = defaultdict(dict)
         self.work: Work | None = None  #: work without paths that is under way
@@ -89,6 +104,14 @@ class State:
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
+        missing = self._missing()
+        for number in {chunk.path_set for chunk in missing} & self.alike.keys():
+            for state, its in self.alike[number]:
+                self._use(number, state.tally(its))
+                self.digests[number].update(state.digests[its])
+        return self._missing() if missing and self.alike else missing
+
+    def _missing(self) -> list[Chunk]:
         return [
             chunk
             for number, path_set in enumerate(self.path_sets)
@@ -107,7 +130,19 @@ class State:
     @property
     def seconds(self) -> float:
         """Wall-clock time spent so far."""
-        return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
+        answers = sum(answer["seconds"] for answer in self.answers.values())
+        return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()) + answers)
+
+    def open_tasks(self) -> list[Task]:
+        """The tasks that are not done, once all paths are."""
+        return [task for task in self.plan.tasks(self) if task.name not in self.answers]
+
+    def perform(self, task: Task) -> None:
+        """Do a task and store its answer."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        answer = task.run()
+        spent = {"seconds": time.perf_counter() - began, "cpu_seconds": time.process_time() - cpu_began}
+        self.answers = {**self.answers, task.name: answer | spent}
 
     def decide(self, extra: Any) -> None:
         """Go on with another `extra`, and with those of the stored sums that are wanted now."""
@@ -116,16 +151,20 @@ class State:
             self._take(number)
 
     def plain(self, number: int | None) -> dict[str, Any]:
-        """The sums of a path set, or for None `extra`, as dicts, lists, arrays, numbers and texts, for a file."""
+        """The sums of a path set, or for None all else, as dicts, lists, arrays, numbers and texts, for a file."""
         if number is None:
-            return _plain(self.extra)
+            return {"extra": _plain(self.extra), "answers": self.answers}
         own = self.tally(number)
+        whole = not any(chunk.path_set == number for chunk in self._missing())
+        former = [tally for tally in self.former[number] if tally.places != own.places][: 1 if whole else 2]
+        spare = self.spare.get(number, Tally.empty()).beyond(own)
         tallies = [
             {
+                "whole": is_whole,
                 "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
                 "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
             }
-            for tally in (own, self.spare.get(number, Tally.empty()).beyond(own))
+            for tally, is_whole in ((own, whole), *((tally, True) for tally in former), (spare, False))
         ]
         return {"tallies": tallies, "digests": [[*chunk, text] for chunk, text in self.digests[number].items()]}
 
@@ -135,8 +174,9 @@ class State:
         Sums that include paths that are not wanted are kept for later.  ValueError where some have other shapes.
         """
         if number is None:
-            _check_shapes(self.extra, plain)
-            self.decide(_rebuilt(self.extra, plain))
+            _check_shapes(self.extra, plain["extra"])
+            self.answers = {**self.answers, **plain["answers"]}
+            self.decide(_rebuilt(self.extra, plain["extra"]))
             return True
         empty = self.plan.empty(number)
         for tally in plain["tallies"]:
@@ -147,18 +187,25 @@ class State:
         for tally in plain["tallies"]:
             nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in tally["nodes"]}
             short = {index: _rebuilt(empty, sums) for index, sums in tally["short"]}
-            self.spare[number] = Tally(nodes, short).beside(self.spare.get(number, Tally.empty()))
+            stored = Tally(nodes, short)
+            if tally["whole"]:
+                self.former[number].append(stored)
+            self.spare[number] = stored.beside(self.spare.get(number, Tally.empty()))
             taken |= self._take(number)
         return taken
 
     def _take(self, number: int) -> bool:
         """Move stored sums over paths that are wanted to the others; whether there are any."""
-        spare = self.spare[number]
-        wanted = Tally(self._adopted(number, spare.nodes), self._adopted(number, spare.short))
+        any_used = self._use(number, self.spare[number])
+        self.spare[number] = self.spare[number].beyond(self.tally(number))
+        return any_used
+
+    def _use(self, number: int, tally: Tally) -> bool:
+        """Add those sums over paths of a path set that are wanted; whether there are any."""
+        wanted = Tally(self._adopted(number, tally.nodes), self._adopted(number, tally.short))
         wanted = wanted.within(self.path_sets[number])
         if wanted.each:
             self.tallies[number] = self.tally(number).merged(wanted)
-        self.spare[number] = spare.beyond(self.tally(number))
         return bool(wanted.each)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
@@ -262,7 +309,7 @@ class Plan:
         raise NotImplementedError
 
     def results(self, state: State) -> Stored:
-        """The results, from the final state; there are no long computations or measurements here."""
+        """The results, from the final state, whose sums and answers of tasks are all that they need."""
         return self.record(**(self.whole(state) | self.estimates(state.total())))
 
     @property
@@ -372,19 +419,6 @@ class Plan:
         drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
-    def arguments_of_steps(self, h: float, steps: int, blocks: int, observed: bool = True, sizes: int = 1) -> tuple:
-        """The arguments of :func:`spi.ensemble.loop.integrate` for `steps` steps of size h of `blocks` blocks.
-
-        With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
-        """
-        case, reference = self.case, self.case.reference_record(self.part.eps)
-        paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
-        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = grid(h, steps, truncate=case.clipping, reference_scheme=reference, **paths)
-        observer = path_observer(self.model, self.initial, times, blocks) if observed else None
-        end, stream = blocks * LANES, brownian(case.seed)
-        return arguments_of(self.scheme, self.model, self.initial, times, stream, 0, blocks, end, observer)
-
     def initial_extra(self) -> Any:
         """The results besides sums over paths before anything is computed: a ``NamedTuple`` with `seconds`."""
         return Nothing()
@@ -393,9 +427,9 @@ class Plan:
         """Once all chunks are in, the new `extra` if it requests further paths; None if nothing is left to compute."""
         return None
 
-    def finalise(self, state: State) -> Iterator[Any]:
-        """Measure times, or compute results without paths, when all paths are done; yields `extra` after each step."""
-        yield from ()
+    def tasks(self, state: State) -> Sequence[Task]:
+        """The work without paths that is done when all paths are, in the calling process alone."""
+        return ()
 
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:

@@ -125,7 +125,9 @@ class Registry(MutableMapping[str, Any]):
         if name in self._own:
             return self._own[name]
         if name not in self._offered:
-            self._offered[name] = self._made(offers(self.field)[name])
+            if name not in (places := offers(self.field)):
+                raise KeyError("; ".join(filter(None, (str(name), lacking(self.field, name)))))
+            self._offered[name] = self._made(places[name])
         return self._offered[name]
 
     def __setitem__(self, name: str, value: Any) -> None:

@@ -102,9 +102,16 @@ class Checkpoint:
         self.note = note_path(experiment, out, shard)
         self.states = [State(plan) for plan in plans(experiment)]
         self.keys = [sums_keys(state.plan) for state in self.states]
+        #: by key the places of what it decides: the number of a part and that of a path set, None for all else
+        self.places: dict[str, list[tuple[int, int | None]]] = defaultdict(list)
+        for part, keys in enumerate(self.keys):
+            for number, key in keys.items():
+                if number is not None and self.places[key]:
+                    self.states[part].alike[number] = [(self.states[p], n or 0) for p, n in self.places[key]]
+                self.places[key].append((part, number))
         #: what the files have, by the number of a part and that of a path set, None for what it knows besides
         self.stored: dict[tuple[int, int | None], Any] = {
-            (part, None): state.extra for part, state in enumerate(self.states)
+            (part, None): _known(state, None) for part, state in enumerate(self.states)
         }
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
@@ -194,21 +201,24 @@ class Checkpoint:
         began = time.monotonic()
         if not finished:
             self.write_note()
-        new: dict[tuple[bool, str], list[tuple[int, int | None]]] = defaultdict(list)
-        for part, (state, keys) in enumerate(zip(self.states, self.keys, strict=True)):
-            for number, key in keys.items():
-                known = _known(state, number)
-                if known is not None and known is not self.stored.get((part, number)):
-                    if number is None and self.shard:  # each shard has the decisions of the whole
-                        continue
-                    new[number is not None, key].append((part, number))
-        for (_, key), places in sorted(new.items()):
-            part, number = max(places, key=lambda place: _known(self.states[place[0]], place[1]).seconds)
-            plain = {"machines": sorted(self.machines), **self.states[part].plain(number)}
-            self.store.write(key, plain, self.shard.ending if self.shard else "")
-            self.stored |= {place: _known(self.states[place[0]], place[1]) for place in places}
+        for besides in (True, False):
+            if besides and self.shard:  # each shard has the decisions of the whole
+                continue
+            for key, places in self.places.items():
+                if (places[0][1] is None) == besides:
+                    self._write(key, places)
         self.saved, self.saved_work = time.monotonic(), self._work()
         self.pause = max(self.limits.checkpoint_seconds, (self.saved - began) / _SHARE)
+
+    def _write(self, key: str, places: Sequence[tuple[int, int | None]]) -> None:
+        """Write the file of a key if any of its places has something new."""
+        known = {(part, number): _known(self.states[part], number) for part, number in places}
+        if all(_same(one, self.stored.get(place, (None,))) for place, one in known.items()):
+            return
+        plain = _together([self.states[part].plain(number) for part, number in places])
+        machines = {"machines": sorted(self.machines)}
+        self.store.write(key, machines | plain, self.shard.ending if self.shard else "")
+        self.stored |= known
 
     def write_note(self) -> None:
         """Write which run is unfinished, how far it is and which sums it needs."""
@@ -273,9 +283,24 @@ class Checkpoint:
         return sum(state.seconds for state in self.states)
 
 
-def _known(state: State, number: int | None) -> Any:
-    """What a state has of a path set, None for nothing, or for None besides sums; another object when it grows."""
-    return state.extra if number is None else state.tallies.get(number)
+def _known(state: State, number: int | None) -> tuple[Any, ...]:
+    """What a state has of a path set, or for None besides sums: other objects when it grows."""
+    return (state.extra, state.answers) if number is None else (state.tallies.get(number),)
+
+
+def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    return all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _together(plain: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What several states know of the same, in the form of :meth:`State.plain`, as one of them could tell it."""
+    if "answers" in plain[0]:
+        return max(plain, key=lambda one: (len(one["answers"]), one["extra"]["seconds"]))
+    tallies: dict[str, dict[str, Any]] = {}
+    for tally in (tally for one in plain for tally in one["tallies"]):
+        nodes, short = [node[:2] for node in tally["nodes"]], [(index, sums["paths"]) for index, sums in tally["short"]]
+        tallies.setdefault(repr((nodes, short)), tally)
+    return {"tallies": list(tallies.values()), "digests": [digest for one in plain for digest in one["digests"]]}
 
 
 #: The names of what stands in a note of a run.

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,12 +18,12 @@ from ..numerics.rng import STREAM_VERSION
 from ..printing.text import short
 from ..specs.naming import results_in
 from ..storage.records import Results
-from ..storage.stored import Stored, gathered
+from ..storage.stored import gathered
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, sources
-from .workers import Workers, advance_here, advance_with, finalise
+from .workers import Workers, advance_here, advance_with, perform_tasks
 
 __all__ = [
     "Cost",
@@ -196,11 +195,8 @@ class Session(Checkpoint):
 
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
-        finalise(self.states, self.batch_done)
-        records: list[Stored] = []
-        for number, state in enumerate(self.states):
-            with state.working(partial(self.batch_done, number)):
-                records.append(state.plan.results(state))
+        perform_tasks(self.states, self.batch_done)
+        records = [state.plan.results(state) for state in self.states]
         try:
             own = {"sums": json.dumps(self.keys_by_part), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))

@@ -212,7 +212,7 @@ def _compute(source: Source, number: int, chunk: Chunk) -> tuple[tuple[Any, Exce
 #: Called with the number of a part after each batch of it, and while work without paths goes on; what it raises ends
 #: the work.
 Tick = Callable[[int], None]
-Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
+Piece = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
@@ -231,22 +231,22 @@ def advance_here(states: Sequence[State], tick: Tick) -> None:
             tick(number)
 
 
-def advance_some_here(states: Sequence[State], tasks: Collection[Task], tick: Tick) -> None:
+def advance_some_here(states: Sequence[State], pieces: Collection[Piece], tick: Tick) -> None:
     """Compute the missing ones among some chunks, and nothing that only they would lead to, in this process."""
     for number, state in enumerate(states):
         tick(number)
-        _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in tasks], tick)
+        _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in pieces], tick)
 
 
 def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
     """Have all chunks computed by workers, of earlier parts first."""
     tick(0)
     left: list[list[Chunk] | None] = [state.missing()[::-1] for state in states]
-    waiting = dict[Future, Task]()
+    waiting = dict[Future, Piece]()
     try:
         while True:
-            while len(waiting) < _AHEAD * workers.size and (task := _next(states, left, waiting.values(), tick)):
-                waiting[workers.submit(source, *task)] = task
+            while len(waiting) < _AHEAD * workers.size and (piece := _next(states, left, waiting.values(), tick)):
+                waiting[workers.submit(source, *piece)] = piece
             if not waiting:
                 return
             done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
@@ -277,8 +277,8 @@ def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State
 
 
 def _next(
-    states: Sequence[State], left: list[list[Chunk] | None], under_way: Collection[Task], tick: Tick
-) -> Task | None:
+    states: Sequence[State], left: list[list[Chunk] | None], under_way: Collection[Piece], tick: Tick
+) -> Piece | None:
     """Take a chunk that can be computed now out of `left`, None for a part that is done; None until others are done."""
     for number, state in enumerate(states):
         while left[number] == [] and not any(number == part for part, _ in under_way):
@@ -288,12 +288,12 @@ def _next(
     return None
 
 
-def finalise(states: Sequence[State], tick: Tick) -> None:
+def perform_tasks(states: Sequence[State], tick: Tick) -> None:
     """Do what remains when all paths are done, in this process alone."""
     for number, state in enumerate(states):
         with state.working(partial(tick, number)):
-            for extra in state.plan.finalise(state):
-                state.extra = extra
+            for task in state.open_tasks():
+                state.perform(task)
                 tick(number)
 
 

@@ -77,12 +77,12 @@ def lanes_by_coin(model, report, coins, tossed):
     return lanes, heads
 
 
-@device
+@device(by_type=True)
 def group_size(model, left):
     """(paths, width) of the next group where `left` paths are left."""
-    if in_place(model):
-        return left, LANES
-    return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
+    if in_place(model):  # by type, so that LANES stays a literal, for which loops are compiled
+        return lambda model, left: (left, LANES)
+    return lambda model, left: (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
 @device(inline=False)
@@ -148,7 +148,7 @@ def step_by_groups(scheme, model, h, dW, share, y, work, report):
         done += count
 
 
-@device(inline=False)
+@device
 def euler_group(model, h, width, states, new, times, work):
     """A step of Euler-Maruyama."""
     copy(states, new)
@@ -164,7 +164,7 @@ def add_half_field(model, h, width, at, out, times, work):
     add_block_noises(model, times, width, at, out, work)
 
 
-@device(inline=False)
+@device
 def heun_group(model, h, width, states, new, times, work):
     """A step of Heun's scheme, back on the spheres; replaces `states` by those in between."""
     copy(states, new)
@@ -189,7 +189,7 @@ def renormalise(model, width, states):
                 states[j + i * width] *= factor
 
 
-@device(inline=False)
+@device
 def midpoint_group(model, h, width, count, states, x, new, times, work, report, tolerance, most_iterations):
     """A step of the implicit midpoint rule, in place.
 

@@ -57,6 +57,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     name = (key_of(CaseName, "letters, digits, _ and -"), ...)
     title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
     part = create_model(f"{kind}_part", __base__=Keys, **optional)
+    part.elsewhere = case_class.elsewhere
     case = create_model(f"{kind}_case", __base__=part, name=name, title=title)
     profile = create_model(f"{kind}_profile", __base__=part, cases=(dict[str, part], ABSENT))
     by_name: dict[str, Any] = dict.fromkeys(PROFILES[1:], (profile, ABSENT))

@@ -10,52 +10,35 @@ path has a state of its own, ``initial: {law: gaussian, ...}``: see the laws bel
 import hashlib
 import math
 from collections.abc import Callable
-from functools import lru_cache, reduce
+from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Le
 
-from ..compiler.dispatch import answers
 from ..ensemble.long_states import LONG, LongState, state_of
-from ..ensemble.protocol import (
-    NonNegative,
-    component_names,
-    dimension,
-    geometry,
-    gibbs_law,
-    large,
-    named_numbers,
-    populations,
-)
-from ..ensemble.random_states import Gaussian, Gibbs, Listed, LongRandomState, RandomState, Spheres, Uniform
-from ..exact.surfaces import least_on, quadratic, spheres
+from ..ensemble.protocol import NonNegative, component_names, dimension, geometry, large, named_numbers, populations
+from ..ensemble.random_states import Gaussian, Listed, RandomState, Spheres
+from ..exact.surfaces import spheres
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
-from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, quantity, shown, suggestion, wrong
+from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, shown, suggestion, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of initial states, of which each path has its own.
 #
-# initial: {law: uniform_on_surface, through: [0, 0, 1]}
-# initial: {law: gibbs, through: [0, 0, 1], temperature: 0.2}
 # initial: {law: gaussian, mean: [0, 0, 1], sd: 0.1, project: true}
 # initial: {law: points, file: states.csv}
 # ---------------------------------------------------------------------------------------------------------------------
 
-LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
-_TRIALS = 2**16  # states by which it is estimated
 #: Numbers in a file of states, weights included; a number takes at most 32 bytes, in CSV with its comma 26.
 _MOST_NUMBERS = 2**20
 _POINTS = "give states of your own by law: points, from a CSV file or an .npz of numpy.savez"
 _MATRIX = tuple[tuple[float, ...], ...]
-
-_Through = key_of(State, "a state on the Casimir surface")
 
 
 class Law(Keys):
@@ -64,68 +47,6 @@ class Law(Keys):
     def is_for(self, model: Any) -> bool:
         """Whether there are such laws for a model."""
         return not large(model)
-
-
-class OnSurface(Law):
-    """Uniform on a Casimir surface."""
-
-    law: Literal["uniform_on_surface"]
-    through: _Through
-
-    def state(self, model: Any, files: Files) -> RandomState:
-        """A typical state, and the law."""
-        surface = _surface(model, self.through, "through")
-        return RandomState(surface.typical, Uniform(surface), self.model_dump())
-
-
-class OfGibbs(Law):
-    """Density exp(-H/T) on a Casimir surface."""
-
-    law: Literal["gibbs"]
-    through: key_of(State, "a state on the Casimir surface; not for lattices") = ABSENT
-    temperature: key_of(float, "T in the density exp(-H/T); may be negative", "energy")
-    sweeps: key_of(
-        Annotated[int, Ge(1), Le(10**7)], "of lattices: sweeps over the lattice by which a state is drawn"
-    ) = ABSENT
-
-    def state(self, model: Any, files: Files) -> Any:
-        """A typical state, and the law."""
-        if not self.temperature:
-            raise wrong("is 0", "must not be", "temperature")
-        own, other = ("sweeps", "through") if answers(gibbs_law, model) else ("through", "sweeps")
-        if other in self.model_fields_set:
-            raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
-        if answers(gibbs_law, model):
-            sampled = model.gibbs_law(self.temperature, self.sweeps)
-            start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))[:, 0]
-            given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
-            if len(start) > LONG:
-                return LongRandomState(start, sampled, given)
-            return RandomState(tuple(start.tolist()), sampled, given)
-        if self.through is None:
-            raise wrong("missing key 'through'", "add through: a state on the Casimir surface", "through")
-        surface = _surface(model, self.through, "through")
-        polynomial = quadratic(model)
-        if polynomial is None:
-            right = "draw states elsewhere, and give them by law: points"
-            raise wrong("is 'gibbs', which is drawn where H is a quadratic polynomial", right, "law")
-        _, b, matrix = (part / self.temperature for part in polynomial)
-        terms: list[tuple] = [(i, float(c)) for i, c in enumerate(b) if c]
-        for i, j in np.argwhere(np.triu(matrix)).tolist():
-            terms.append((i, j, float(matrix[i, j] if i < j else 0.5 * matrix[i, i])))
-        law = Gibbs(surface, tuple(terms), least_on(surface, b, matrix))
-        rate = float(np.exp(law.least - law.energy(_trials(surface))).mean())
-        if rate < LEAST_ACCEPTANCE:
-            fault = (
-                f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
-            )
-            right = f"must be so far from 0 that {LEAST_ACCEPTANCE:g} are; or give states of your own by law: points"
-            raise wrong(fault, right, "temperature")
-        return RandomState(surface.typical, law, self.model_dump(exclude={"sweeps"}))
-
-    def is_for(self, model: Any) -> bool:
-        """See :class:`Law`: also for a large model that draws its states."""
-        return super().is_for(model) or answers(gibbs_law, undamped(model))
 
 
 class OfGauss(Law):
@@ -149,7 +70,7 @@ class OfGauss(Law):
             raise wrong("is 'gaussian', whose states may be negative", "use points, all of them positive", "law")
         _check_length(self.mean, model, "mean")
         rows = self._factor()
-        surface = _surface(model, self.mean, "project") if self.project else None
+        surface = surface_through(model, self.mean, "project") if self.project else None
         factor = tuple((i, j, c) for i, row in enumerate(rows) for j, c in enumerate(row) if c)
         law = Gaussian(self.mean, factor, surface)
         away = np.array(self.mean) + np.sqrt((np.array(rows) ** 2).sum(axis=1))
@@ -203,7 +124,7 @@ class OfPoints(Law):
 
 
 #: The name of a law -> the class of its keys.
-LAWS = Registry("laws", {"uniform_on_surface": OnSurface, "gibbs": OfGibbs, "gaussian": OfGauss, "points": OfPoints})
+LAWS = Registry("laws", {"gaussian": OfGauss, "points": OfPoints})
 
 
 class OfLaw:
@@ -230,13 +151,7 @@ def _check_length(values: tuple, model: Any, key: str) -> None:
         raise wrong(f"has {entries_in(len(values))}", f"must have {dimension(model)}, the dimension of the model", key)
 
 
-@lru_cache(1)  # the cases of a sweep often share it
-def _trials(surface: Spheres) -> Any:
-    """States of the uniform law on a surface."""
-    return surface.onto(np.random.default_rng(2).standard_normal((len(surface.point), _TRIALS)))
-
-
-def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:
+def surface_through(model: Any, point: tuple[float, ...], key: str) -> Spheres:
     """The Casimir surface through a state; raises the error where it is none on which states can be drawn."""
     if key != "project":
         _check_length(point, model, key)

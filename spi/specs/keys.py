@@ -87,15 +87,14 @@ class Keys(pydantic.BaseModel):
     """A mapping of a spec file."""
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
-    #: Keys that people write here, and that stand in the mapping that this one is a part of.
-    outside: ClassVar[Collection[str]] = ()
+    elsewhere: ClassVar[Mapping[str, str]] = MappingProxyType({})  #: key that people write here -> where it stands
 
     @model_validator(mode="before")
     @classmethod
     def _check_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
             allowed = data if cls.model_config["extra"] == "allow" else cls.model_fields
-            check_keys(data, allowed, needed_keys(cls), cls.outside)
+            check_keys(data, allowed, needed_keys(cls), cls.elsewhere)
         return data
 
 
@@ -103,15 +102,14 @@ def check_keys(
     data: Mapping[str, Any],
     allowed: Collection[str],
     needed: Mapping[str, Any] = MappingProxyType({}),
-    outside: Collection[str] = (),
+    elsewhere: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Raise the error about the first key of a mapping that is not `allowed`, or the first `needed` one it lacks.
 
-    The keys `outside` are those of what the mapping is a part of.
+    Of a key that stands `elsewhere` it says where.
     """
     if unknown := next((key for key in data if key not in allowed), None):
-        right = "it stands outside of model" if unknown in outside else suggestion(unknown, allowed)
-        raise wrong("is not a known key", right, unknown)
+        raise wrong("is not a known key", elsewhere.get(unknown) or suggestion(unknown, allowed), unknown)
     if missing := next((key for key in needed if key not in data), None):
         raise wrong(f"missing key '{missing}'", f"add {missing}: {needed[missing].description}", missing)
 

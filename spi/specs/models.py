@@ -31,7 +31,10 @@ from .files import Files
 from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
 
 #: Keys of a case that people write among those of the model.
-OUTSIDE = ("temperature", "damping", "initial", "seed", "eps", "schemes", "functions", "samples", "final_time")
+OUTSIDE = dict.fromkeys(
+    ("temperature", "damping", "initial", "seed", "eps", "schemes", "functions", "samples", "final_time"),
+    "it stands outside of model",
+)
 
 
 class Source(NamedTuple):
@@ -53,7 +56,7 @@ class Source(NamedTuple):
 class ModelKeys(Keys):
     """The keys of a model."""
 
-    outside = OUTSIDE
+    elsewhere = OUTSIDE
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:

@@ -185,6 +185,11 @@ class Tally(NamedTuple):
         return [*self.nodes.values(), *self.short.values()]
 
     @property
+    def places(self) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
+        """Which chunks its sums are of: the nodes, and the chunks under way with their paths."""
+        return set(self.nodes), {(index, int(sums.paths)) for index, sums in self.short.items()}
+
+    @property
     def paths(self) -> int:
         """The number of computed paths."""
         return sum(sums.paths for sums in self.each)

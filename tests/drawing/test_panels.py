@@ -11,7 +11,6 @@ from strong_results import strong_group
 from view_helpers import bars_of, edge, legend_texts, line_of, points_of
 
 from spi.drawing import fitting, layout, page, panels, plots, style
-from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
 from spi.storage.stored import Description
 
 H = 2.0 ** -np.arange(1, 7)
@@ -20,6 +19,8 @@ LOOK = {"color": "#0072b2", "marker": "o"}
 
 def exponents():
     """Two exponents until three times."""
+    from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
+
     return Exponents(
         about=Description.of(strong_group("splitting")),
         number=np.array([1, 2]),
@@ -179,6 +180,7 @@ def test_places_of_the_values_of_a_parameter(values, scale):
     assert np.array_equal(places.at, [0, 1, 2] if values[0] == 0 else values)
 
 
+@pytest.mark.needs("dynamics")
 def test_panels_declared_by_a_field():
     """Its axes, its interval and its text come from the record."""
     record = exponents()
@@ -194,6 +196,7 @@ def test_panels_declared_by_a_field():
     assert bare.y == r"Lyapunov exponent of $\lambda_{1}$" and bare.series[0].look["marker"]
 
 
+@pytest.mark.needs("dynamics")
 def test_a_quantity_that_is_one_number_is_a_fact_beside_others():
     record = exponents()
     record = replace(record, exponent=np.zeros_like(record.exponent))

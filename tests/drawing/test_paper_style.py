@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 from damage import call
-from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from figure_checks import alike_without_colours, collisions
+from long_results import equilibrium, equilibrium_group, growth, growth_group
 from stability_results import stability, stability_group
 from strong_results import LABELS, H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -52,8 +52,8 @@ RESULTS = {
     "weak": weak_errors,
     "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
     "work_precision": work_results,
+    "growth": lambda: growth(growth_group("splitting"), growth_group("midpoint")),
     "equilibrium": lambda: equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
-    "equilibrium, means": lambda: equilibrium(averages_group("splitting"), averages_group("midpoint")),
 }
 
 

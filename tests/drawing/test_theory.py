@@ -9,9 +9,6 @@ import pytest
 from spi.drawing import plots
 from spi.drawing.panels import CurvePanel
 from spi.drawing.sweeps import _theory
-from spi.plugins.dynamics.kinds.statistics.figure import _formula
-from spi.plugins.dynamics.kinds.statistics.references import reference_formulas
-from spi.running.load import load
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve
 from spi.storage.stored import Estimate
@@ -70,22 +67,12 @@ def drawn(values, reference_by=lambda record, place: None, t=T):
 
 
 def test_in_time():
-    record, function = SimpleNamespace(reference_formulas=("0.6*exp(-y1/2)*cos(y1)", "")), "0.6*exp(-t/2)*cos(t)"
     values = np.array([0.6 * np.exp(-T / 2) * np.cos(T)])
-    line = drawn(values, lambda _, f: _formula(record, f))
+    line = drawn(values, lambda _, f: lambda t: 0.6 * np.exp(-t / 2) * np.cos(t))
     np.testing.assert_allclose(line.y, 0.6 * np.exp(-line.x / 2) * np.cos(line.x), rtol=1e-12)
-    assert len(line.x) > 100 and line.look["linestyle"] != "none", function
-    assert _formula(record, 1) is None
+    assert len(line.x) > 100 and line.look["linestyle"] != "none"
     marks = drawn(values)
     assert marks.x.tolist() == T.tolist() and marks.look["linestyle"] == "none"
     assert drawn(np.full((1, 5), 0.8)).look["linestyle"] != "none"
     many = np.linspace(0, 6, 97)
     assert drawn(np.cos(many)[np.newaxis], t=many).look["linestyle"] != "none"
-
-
-def test_formulas_are_stored_with_numbers_for_parameters():
-    case = load("rigid_body_statistics", "quick", ["reference={y1: 2*exp(-t) + 1/4}"]).cases[0]
-    texts = reference_formulas(case)
-    assert list(map(bool, texts)) == [name == "y1" for name in case.functions]
-    record = SimpleNamespace(reference_formulas=texts)
-    np.testing.assert_allclose(_formula(record, 0)(T), 2 * np.exp(-T) + 0.25)

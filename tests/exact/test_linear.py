@@ -6,14 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from statistics_cases import written
 
 import spi
 from spi.api.specs import of_mapping
 from spi.expressions import parse_expression
 from spi.expressions.polynomials import polynomial
 from spi.kinds.linear import linear_moments
-from spi.plugins.dynamics.kinds.statistics.references import REFERENCES
 
 QUBIT = {"algebra": "so(3)", "hamiltonian": "2*y3", "noises": ["y3"], "sigma": [0.7]}
 PLANE = {"variables": ["q", "p"], "bracket": {"q p": 1}}
@@ -121,16 +119,10 @@ def test_polynomials_are_multiplied_out():
     assert of("(1 + y1 + y2 + y3)^9") is None and of("sin(y1)") is None and of("y1/y1") is None
 
 
-@pytest.mark.needs("systems")
-def test_answers_and_references_have_them(tmp_path):
+@pytest.mark.needs("answers", "systems")
+def test_answers_have_them():
     """Nothing is sampled, at any accuracy; with `sampling: true` it is."""
     decay = math.exp(-0.245) * math.cos(2.0)
     found = spi.answer(QUBIT, {"x": "y1", "y": "y2^2"}, initial=[1, 0, 0], final_time=1, accuracy=1e-12, progress=False)
     assert found.value[0] == pytest.approx(decay, abs=1e-13) and (found.half <= 1e-12).all() and found.reached
     assert "without sampling, by the moments of a linear equation" in str(found)
-    known = "functions={x: y1, far: {maximum: y3}}", "reference={x: exact}", "statistics=[mean]", "initial=[1, 0, 0]"
-    of_yaml = "model={algebra: so(3), hamiltonian: 2*y3, noises: [y3], sigma: [0.7]}"
-    case = written(tmp_path, of_yaml, *known)
-    value, error = REFERENCES.means(case, case.t)
-    expected = np.exp(-0.245 * np.array(case.t)) * np.cos(2.0 * np.array(case.t))
-    assert value[0] == pytest.approx(expected, abs=1e-13) and (error[0] < 1e-13).all() and np.isnan(value[1]).all()

@@ -11,7 +11,7 @@ from weak_cases import SPEC
 
 from spi import storage
 from spi.exact.expectations import expectations
-from spi.kinds.plans import State
+from spi.kinds.plans import State, Task
 from spi.kinds.weak import study as weak
 from spi.plugins.clusters.running.verify import verify
 from spi.plugins.comparisons.kinds.work_precision import study as work_precision
@@ -98,11 +98,13 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
     assert [part.extrapolate for part in (zero, two)] == [0, 2]
     p = work_precision.plan(case, two)
     state = State(p)
-    state.put(state.missing()[0], next(p.advance(state.missing(), None))[0][1])
-    assert list(p.h) == list(case.steps[2:]) and len(p.kernel_calls()) == 1
     times = np.arange(1.0, len(p.h) + 1)
-    assert state.extra.times.shape == (3, len(times))
-    state.extra = state.extra._replace(times=np.tile(times, (3, 1)))
+    solution, *repeats = state.open_tasks()
+    state.perform(solution)
+    for repeat in repeats:
+        state.perform(Task(repeat.name, lambda: {"times": times}))
+    assert not state.open_tasks() and len(repeats) == 3
+    assert list(p.h) == list(case.steps[2:]) and len(p.kernel_calls()) == 1
     found = p.results(state)
     np.testing.assert_allclose(found.seconds_per_path, times)
     np.testing.assert_allclose(found.ns_per_step, 1e9 * times * p.h / (case.final_time * (1 + 1 / 2 + 1 / 4)))

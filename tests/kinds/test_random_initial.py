@@ -27,7 +27,7 @@ KINDS = {
     "weak": f"{ERRORS}samples: {PATHS}\nfunctions: y1^2\nestimators: [plain]",
     "stability": f"{ERRORS}samples: {PATHS}\nsweep: {{s: [1, 2]}}\ndamping: 0*s",
     "statistics": f"final_time: 1\nstep: 2^-3\nsamples: {PATHS}",
-    "equilibrium": f"steps: [2^-3]\nstep_count: 1024\nsamples: {PATHS}",
+    "growth": f"steps: [2^-3]\nstep_count: 1024\nsamples: {PATHS}",
     "trajectory": "final_time: 1\nstep: 2^-3\npath: 70\npanels: [components]",
 }
 
@@ -60,7 +60,7 @@ def test_a_path_begins_at_the_same_state_everywhere(plan_of):
     assert not np.isclose(states(seed=2), y).any()
 
 
-@pytest.mark.parametrize("kind", ["strong", "weak", "stability", "statistics", "equilibrium"])
+@pytest.mark.parametrize("kind", ["strong", "weak", "stability", "statistics", "growth"])
 def test_bits_do_not_depend_on_the_division_of_the_work(plan_of, kind):
     plan = plan_of(kind)
     with chunks_of(1):
@@ -79,7 +79,7 @@ def test_casimirs_are_compared_with_those_of_each_path(plan_of):
     paths = spi.trajectory(BODY, "euler_maruyama", initial=GAUSS, final_time=1, step=2**-6, samples=LANES)
     own = np.abs(paths.casimirs.values - paths.casimirs.values[:, :1]).max()
     assert 0.1 * own < drift < 10 * own
-    for kind in ("stability", "equilibrium"):
+    for kind in ("stability", "growth"):
         plan = plan_of(kind)
         result = plan.results(finished(plan))
         assert (result.casimirs.worst if kind == "stability" else result.casimir_worst).max() < 1e-13
@@ -114,6 +114,6 @@ def test_a_linear_system_against_its_mean(tmp_path):
 
 def test_the_law_of_a_sphere_stays_uniform(plan_of):
     """Which long times know, also where the state that the sphere goes through is at rest."""
-    plan = plan_of("equilibrium", "initial={law: uniform_on_surface, through: [0, 0, 2]}")
+    plan = plan_of("growth", "initial={law: uniform_on_surface, through: [0, 0, 2]}")
     law = plan.results(finished(plan)).law
     assert np.abs(law.z).max() < 4.5

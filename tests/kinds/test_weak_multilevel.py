@@ -133,7 +133,7 @@ def test_multilevel_goes_on_from_every_state(scheme):
     whole, found = finished(p, 2), snapshots(p, 2)
     assert whole.extra.allocations == len(multilevel.SHARES)
     assert np.all(p.level_sums(whole).blocks == whole.extra.targets)
-    assert len({tuple(plain[None]["targets"]) for plain in found}) >= 3
+    assert len({tuple(plain[None]["extra"]["targets"]) for plain in found}) >= 3
     fulfilled = [plain for plain in found if not taken(p, plain).missing()]
     assert len(fulfilled) >= len(multilevel.SHARES)
     for plain in found[:: max(1, len(found) // 6)] + fulfilled:

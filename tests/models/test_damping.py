@@ -2,9 +2,9 @@
 
 import pkgutil
 
-import equilibrium_cases
 import numpy as np
 import pytest
+import spec_files
 from extending import Oscillator
 from helpers import (
     LANES,
@@ -156,12 +156,12 @@ schemes: [splitting, euler_maruyama]
 """
 STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 60\n"
 TRAJECTORY = HEAD + "kind: trajectory\nfinal_time: 2\nstep: 1/8\npanels: [casimir_errors]\n"
-EQUILIBRIUM = HEAD + "kind: equilibrium\nsteps: [1/8]\nstep_count: 1280\nsamples: 60\n"
+GROWTH = HEAD + "kind: growth\nsteps: [1/8]\nstep_count: 1280\nsamples: 60\n"
 WEAK = HEAD + (
     "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
     "estimators: [plain]\nsamples: 1000\n"
 )
-load_text = equilibrium_cases.load_text
+load_text = spec_files.load_text
 
 
 @pytest.mark.share(1)
@@ -169,11 +169,16 @@ load_text = equilibrium_cases.load_text
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
     [
-        (STRONG, "casimir_drift", "strong.study.path_observer"),
-        (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
-        (EQUILIBRIUM, "casimir_worst", "equilibrium.study.growth"),
+        (STRONG, "casimir_drift", "spi.kinds.strong.study.path_observer"),
+        (TRAJECTORY, "casimir_changes", "spi.kinds.trajectory.study.growth"),
+        pytest.param(
+            GROWTH,
+            "casimir_worst",
+            "spi.plugins.dynamics.kinds.long_paths.study.growth",
+            marks=pytest.mark.needs("dynamics"),
+        ),
     ],
-    ids=["strong", "trajectory", "equilibrium"],
+    ids=["strong", "trajectory", "growth"],
 )
 def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text, name, asked):
     (plan,) = plans(load_text(text, "schemes=[splitting]"))
@@ -186,10 +191,8 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
         group, worst = group_and_worst()
     assert worst < 1e-13 and group.attributes["model_damping"] == 0.5
     # negative control: with another decay
-    right = pkgutil.resolve_name(f"spi.kinds.{asked}")
-    monkeypatch.setattr(
-        f"spi.kinds.{asked}", lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more)
-    )
+    right = pkgutil.resolve_name(asked)
+    monkeypatch.setattr(asked, lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more))
     with loop_in_python():
         _, worst = group_and_worst()
     assert worst > 1e-3

@@ -1,8 +1,8 @@
 """A temperature: friction along the fields of the noises, its flow, its stationary law, and what specs may ask for."""
 
-import equilibrium_cases
 import numpy as np
 import pytest
+import spec_files
 from helpers import LANES, RIGID_BODY, compiled_only
 from model_cases import MODELS_UNDER_TEST, close
 from states import finished
@@ -230,7 +230,7 @@ every: 32
 STRONG = (
     HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 70\nschemes: [splitting]\n"
 )
-load_text = equilibrium_cases.load_text
+load_text = spec_files.load_text
 
 
 def exact_means(temperature):

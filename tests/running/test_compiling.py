@@ -156,7 +156,7 @@ for name, overrides in json.load(sys.stdin).items():
         before = [len(kernel.overloads) for kernel in KERNELS]
         state = State(plan)
         workers.advance_here([state], lambda number: None)
-        workers.finalise([state], lambda number: None)
+        workers.perform_tasks([state], lambda number: None)
         plan.results(state).group()
         after = [len(kernel.overloads) for kernel in KERNELS]
         missed.setdefault(name, []).append([b - a for a, b in zip(before, after)])
@@ -200,7 +200,7 @@ KINDS = {
     "weak": _ERRORS + "functions: {f: y1, g: sin(2*pi*y2)}\nestimators: [plain]\n",
     "trajectory": "final_time: 1\nstep: 2^-4\npanels: [components]\n",
     "stability": _ERRORS + "sweep: {scale: [0.1, 1]}\nfunctions: {f: y1}\n",
-    "equilibrium": "steps: [0.1]\nstep_count: 2^8\nsamples: 64\n",
+    "growth": "steps: [0.1]\nstep_count: 2^8\nsamples: 64\n",
     "work_precision": _ERRORS,
 }
 

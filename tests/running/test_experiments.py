@@ -27,7 +27,13 @@ SAVED = {
 #: Kind -> what must be finite in a quick form, with errors of diverged paths left out.
 FINITE = {
     **{"strong": "error", "weak": "error", "work_precision": "seconds_per_path", "stability": "finite"},
-    **{"statistics": "mean", "lyapunov": "exponent", "answer": "value", "equilibrium": "nonfinite"},
+    **{
+        "statistics": "mean",
+        "lyapunov": "exponent",
+        "answer": "value",
+        "growth": "nonfinite",
+        "equilibrium": "nonfinite",
+    },
 }
 
 

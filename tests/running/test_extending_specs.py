@@ -6,7 +6,7 @@ import pytest
 import yaml
 from damage import call
 from helpers import compiled_only
-from reuse_cases import Spec, laid
+from reuse_cases import Spec, everything, laid
 
 from spi import storage
 from spi.kinds import KINDS
@@ -17,6 +17,7 @@ from spi.running import run as runner
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
+from spi.statistics import tallies
 
 BODY = {
     "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
@@ -121,6 +122,37 @@ def test_another_estimator(extended):
 
 
 @compiled_only
+def test_levels_of_multilevel_serve_other_budgets_steps_and_schemes(tmp_path, monkeypatch):
+    """Those of the scheme of weak order 2 all schemes that are compared with it, of one run as well."""
+    done, put = [], State.put
+
+    def noted(state, chunk, sums):
+        done.append(sums.paths == chunk.paths)
+        put(state, chunk, sums)
+
+    def computed(keys, folder):
+        """The results, and the number of chunks that are computed."""
+        done.clear()
+        text = yaml.safe_dump(STRONG | weak | keys)
+        found = everything(runner.run(runner.load("s.yaml", text=text), folder))
+        return found, sum(done)
+
+    monkeypatch.setattr(State, "put", noted)
+    monkeypatch.setattr(tallies, "CHUNK_WORK", 1)
+    weak = {"kind": "weak", "functions": {"m": "y1"}, "estimators": ["multilevel"], "seconds": 0.01, "samples": None}
+    one, other = "splitting", "euler_maruyama"
+    edits = ({}, {"seconds": 0.04}, {}, {"steps": "2^-2 .. 2^-3"}, {"schemes": [one, other]}, {"schemes": [other]})
+    share = []
+    for number, keys in enumerate(edits):
+        found, some = computed(keys, tmp_path)
+        right, whole = computed(keys, tmp_path / str(number))
+        assert found == right
+        share.append(some / whole)
+    assert share[0] == 1 and share[2] == share[5] == 0  # what was there before
+    assert all(0 < part < 0.9 for part in (share[1], share[3], share[4]))
+
+
+@compiled_only
 def test_values_of_a_parameter_and_functions_of_last_states(extended):
     sweep = {"model": {**BODY["model"], "sigma": ["s", "s", "s"]}, "samples": 64}
     keys = {**STRONG, "kind": "stability", **sweep, "sweep": {"s": ["0.1", "1"]}, "functions": {"m": "y1"}}
@@ -146,7 +178,7 @@ def test_values_of_a_swept_parameter(extended):
 
 @compiled_only
 def test_a_step_size_of_long_times(extended):
-    keys = {**BODY, "kind": "equilibrium", "schemes": ["splitting"], "samples": 64, "step_count": 256}
+    keys = {**BODY, "kind": "growth", "schemes": ["splitting"], "samples": 64, "step_count": 256}
     assert extended(keys | {"steps": ["2^-4"]}) == {("main/splitting", 0)}
     assert extended(keys | {"steps": ["2^-4", "2^-5"]}) == {("main/splitting", 1)}
     assert extended(keys | {"steps": ["2^-3", "2^-4", "2^-5"]}) == {("main/splitting", 0)}
@@ -192,7 +224,8 @@ EDITED = {
     "work_precision": ("repeats", "3", "4", set()),
     "stability": ("sweep", {"s": ["1"]}, {"s": ["1", "1/2"]}, {(f"s=0.5/{s}", 0) for s in BOTH}),
     "trajectory": ("schemes", ["splitting"], ["splitting_order2", "splitting"], {("main/splitting_order2", 0)}),
-    "equilibrium": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
+    "equilibrium": ("reference", {"a": "0"}, {"a": "1"}, set()),
+    "growth": ("schemes", ["splitting"], list(BOTH), {("main/splitting_order2", number) for number in (0, 1)}),
     "statistics": ("reference", {"b": "t"}, {"b": "2*t"}, set()),
     "lyapunov": ("samples", "64", "65", {("main/splitting", 0)}),
     "answer": ("seconds", "1000", "2000", set()),

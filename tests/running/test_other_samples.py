@@ -13,7 +13,7 @@ from spi.running.checkpoint import Limits, Stopped, sums_keys
 from spi.running.load import plans
 
 PLAIN = "estimators: [plain]\nextrapolate: 0\nprefixes:\npanels:\npullback:\nwarm_up: 0\nclaims:\nbins: 8"
-KINDS = ("strong", "weak", "stability", "equilibrium", "statistics", "lyapunov")
+KINDS = ("strong", "weak", "stability", "growth", "equilibrium", "statistics", "lyapunov")
 RING = """\
 kind: equilibrium
 model: {name: spins, lattice: ring, size: [128], bonds: {exchange: 1}, alpha: 0.5, by: sites}

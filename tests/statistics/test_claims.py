@@ -1,12 +1,13 @@
 """Claims: how numbers are judged, what a spec may state, and what a run makes of it."""
 
+import importlib
 import io
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from filled_results import filled
 from helpers import printed
 from scipy.special import stdtrit
@@ -17,9 +18,6 @@ from weak_results import at_eps, weak, weak_group
 from spi import storage, views
 from spi.kinds import KINDS
 from spi.kinds.trajectory.results import Values
-from spi.plugins.dynamics.kinds.equilibrium.results import Derived
-from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
-from spi.plugins.dynamics.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
 from spi.printing import as_csv, as_json, tables
 from spi.running import run as runs
 from spi.specs import SpecError
@@ -230,51 +228,6 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
 # What comes out of each kind
 # ---------------------------------------------------------------------------------------------------------------------
 
-TIMES = ("correlation", "integral", "spectrum")
-HALF = np.array([[[1.0], [1.75]]])
-MEANS = Statistics(
-    about=Description.of(strong_group("splitting")),
-    functions=("phi",),
-    texts=("y1",),
-    t=np.array([0.0, 1.0]),
-    mean=np.array([[1.0, 2.0]]),
-    mean_stderr=np.array([[0.0, 0.5]]),
-    band=np.array([2.0]),
-    variance=np.array([[0.0, 3.0]]),
-    variance_stderr=np.array([[0.0, 0.25]]),
-    reference=np.array([[1.0, 1.5]]),
-    quantiles=Quantiles(level=np.array([0.5]), **dict.fromkeys(("quantile", "quantile_low", "quantile_high"), HALF)),
-    autocorrelation=np.array([[np.nan, 1.0]]),
-    autocorrelation_stderr=np.array([[np.nan, 0.0]]),
-    since=np.ones(1),
-    difference=np.array([[0.0, 0.3]]),
-    difference_stderr=np.array([[0.1, 0.1]]),
-    time=TimeCorrelations(
-        lag=np.array([0.0, 1.0]),
-        omega=np.array([0.0, 2.0]),
-        **{f"{name}{end}": np.array([[2.0, 3.0]]) for name in TIMES for end in ("", "_stderr")},
-    ),
-    finite=np.ones((1, 2)),
-    nonfinite=0,
-    step=0.5,
-    samples=10,
-    ns_per_step=1.0,
-)
-EXPONENTS = Exponents(
-    about=Description.of(strong_group("splitting")),
-    number=np.array([1, 2]),
-    t=np.array([1.0]),
-    exponent=np.array([[1.0], [-3.0]]),
-    exponent_stderr=np.full((2, 1), 0.5),
-    total=np.array([-2.0]),
-    total_stderr=np.array([0.25]),
-    dimension_stderr=0.1,
-    change=2.0,
-    nonfinite=0,
-    step=0.5,
-    samples=10,
-    ns_per_step=1.0,
-)
 PATH = trajectory_group(
     "splitting",
     np.arange(3.0),
@@ -282,7 +235,6 @@ PATH = trajectory_group(
     np.array([[1.0], [1.5], [1.0]]),
     values=Values(functions=("f",), texts=("y1^2",), value=np.array([[1.0, 4.0, 9.0]])),
 )
-DERIVED = Derived(quantities=("q",), formulas=("H^2",), value=np.full((3, 1), 2.0), stderr=np.full((3, 1), 0.1))
 WHOLE = {
     "strong": strong(strong_group("splitting")),
     "trajectory": trajectories(PATH),
@@ -290,17 +242,14 @@ WHOLE = {
         *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
-    "equilibrium": equilibrium(
-        *map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting", DERIVED)
-    ),
-    "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     **{
         kind: Results({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
         for kind in ("work_precision", "stability")
     },
     "answer": Results({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
-    "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
 }
+for file in Path(__file__).parents[1].glob("plugins/*/whole_*.py"):  # of kinds of plug-ins
+    WHOLE |= importlib.import_module(file.stem).WHOLE
 
 
 def quantities_of(kind):
@@ -328,8 +277,6 @@ def test_what_comes_out_is_what_the_results_hold():
     assert second.high - second.value == pytest.approx(student * group.arrays["error_stderr"][1, 1])
     uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
     assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
-    growth = [one for one in quantities_of("equilibrium") if one.name == "growth" and one.about.scheme == "splitting"]
-    assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
     swept = {one.swept for one in quantities_of("stability")}
     assert {word for word, _ in swept} == {WHOLE["stability"].groups[0].attributes["sweep"]} and len(swept) > 1
 
@@ -449,19 +396,6 @@ def test_what_is_finite_may_contradict_a_claim_all_the_same():
     assert tables.came_out(found) == "2 (not finite: 1 of 3 times)"
     (found,) = judge([claim(3.0, AT_MOST)], quantities[1:])
     assert tables.came_out(found) == "not finite: 1 of 3 times"
-
-
-def test_the_largest_deviation_is_that_of_all_times():
-    """As by Euler-Maruyama with much noise: the mean is known at the first times, and then no number."""
-    nan, one = math.nan, np.ones((1, 3))
-    lost = replace(MEANS, mean=np.array([[1.0, 2.0, nan]]), difference=np.array([[0.0, 0.1, nan]]), t=np.arange(3.0))
-    lost = replace(lost, difference_stderr=np.array([[0.0, 0.1, nan]]), reference=one, quantiles=None, variance=None)
-    lost = replace(lost, since=None, autocorrelation=None, mean_stderr=one)
-    told = {one.name: (one.value, one.lost) for one in claims.quantities([lost])}
-    assert told["deviation"] == (1.0, "not finite: 1 of 3 times") and told["mean"][1] == "not finite at the last time"
-    at_first = replace(lost, mean=one, difference=0 * one, reference=np.array([[nan, 1.0, 1.0]]))
-    told = {one.name: (one.value, one.lost) for one in claims.quantities([at_first])}
-    assert told["deviation"] == (0.0, "")  # nothing was known at the first time
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import weak_cases
 import work_study_cases
-from equilibrium_cases import RIGID
 from helpers import printed
 from stability_cases import RIGID as RIGID_STABILITY
 from states import finished
@@ -18,8 +17,6 @@ from spi.kinds.strong import study as strong
 from spi.plugins.comparisons.kinds.stability import study as stability
 from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision, work_for
-from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
-from spi.plugins.dynamics.kinds.equilibrium.figure import PANELS
 from spi.printing import tables
 from spi.printing.sweeps import headline
 from spi.running.load import load
@@ -109,29 +106,6 @@ def test_weak_errors_that_are_rounding_have_no_order():
     assert not found["resolved"].any() and np.isnan(found["order"]).all()
     assert "exact" in attributes["note"]
     assert not weak_cases.results_of(case, "splitting", "plain")[1].get("note")
-
-
-def test_what_is_constant_has_no_autocorrelation_time(tmp_path):
-    """C1 - 1 is 1e-15 or so along paths: no time, no deviation, no warning; H has all three sizes."""
-    spec = tmp_path / "s.yaml"
-    spec.write_text(
-        RIGID.replace("step_count: 640", "final_time: 256")
-        + "functions: {casimir: C1 - 1, H: H}\nreference: {casimir: 0}\n",
-        encoding="utf-8",
-    )
-    overrides = ["schemes=[splitting]", "steps=[1/4]", "samples=64"]
-    plan = equilibrium.plan(load(spec, overrides=overrides).cases[0], Part("splitting"))
-    found = plan.results(finished(plan))
-    averages = found.averages
-    assert 0 < averages.variance[0, 0] < 1e-26
-    assert np.isnan(averages.tau[0, 0]) and np.isnan(averages.halves[0, 0]) and averages.tau[0, 1] > 0
-    assert abs(averages.deviation[0, 0]) < 2
-    remarks = [line for line in found.remarks() if "casimir" in line]
-    assert len(remarks) == 1 and "casimir is constant up to rounding (" in remarks[0]
-    looks = {found.about.variant: ("o", "#000000")}
-    for panels in ("histogram", "autocorrelation"):
-        shown = [plot for panel in PANELS[panels] for plot in panel.expand([found], looks)]
-        assert len(shown) == 1 and "casimir" not in shown[0].title
 
 
 @pytest.mark.parametrize("more", [STRONG, "functions: y1^2\nestimators: [plain]\nsamples: 70\n"])

@@ -345,7 +345,7 @@ SPECS = {
     "multilevel": "estimators: [multilevel]\nseconds: 0.01\n" + WEAK,
     "stability": f"kind: stability\nsamples: {SAMPLES}\n" + STEPS,
     "quasi": "estimators: [quasi]\nsamples: 512\n" + WEAK,
-    "equilibrium": f"kind: equilibrium\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
+    "growth": f"kind: growth\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
     "averages": f"kind: equilibrium\nsamples: {SAMPLES}\nsteps: [1/4]\nfinal_time: 96\nfunctions: {{z: y3, H: H}}\n",
     "statistics": f"kind: statistics\nsamples: {SAMPLES}\nfinal_time: 1\nstep: 1/8\nautocorrelation: {{a: 1/2}}\n"
     "functions: {a: y1^2, out: {passage: y1 < 0.4}, b: y3}\nstatistics: [mean, covariance, quantiles, histogram]\n"
@@ -353,7 +353,7 @@ SPECS = {
     "lyapunov": f"kind: lyapunov\nsamples: {SAMPLES}\nfinal_time: 1\nstep: 1/8\nevery: 3\n",
 }
 if not COMPILED:
-    for name in ("multilevel", "equilibrium", "averages"):
+    for name in ("multilevel", "growth", "averages"):
         del SPECS[name]  # which take too many steps
 
 

@@ -135,6 +135,19 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         target = self.case.standard_error is not None
         return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """See :meth:`Plan.deciding`; a level is the same whatever is asked of the others."""
+        entries = super().deciding(number)
+        if number is None:
+            return entries
+        for key in ("standard_error", "seconds", "accuracy", "steps", "path_set"):
+            entries.pop(key, None)
+        return entries | {"part": self.part._replace(extrapolate=0), "level": self.name_of_level(number)}
+
+    def name_of_level(self, number: int) -> list[Any]:
+        """All that tells a level from the others of its scheme."""
+        return ["largest step", max(self.case.steps)] if number == self.base else ["difference", number]
+
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
         return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
@@ -332,6 +345,14 @@ class DifferencesPlan(MultilevelPlan):
         ns = paths @ [typical_ns(self.order2.row, self.model), typical_ns(self.row, self.model)] / paths.sum()
         steps = np.array([level.steps for level in self.levels[self.base + 1 :]])
         return np.append(self.order2.seconds_per_block, 1e-9 * LANES * ns * steps)
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """As for other multilevel plans; the levels are those of the scheme of weak order 2, whoever needs them."""
+        return super().deciding(number) if number is None or number > self.base else self.order2.deciding(number)
+
+    def name_of_level(self, number: int) -> list[Any]:
+        """The step of a difference."""
+        return ["of schemes", self.case.steps[number - self.base - 1]]
 
     def kernel_calls(self) -> list[KernelCall]:
         """The kernels of all schemes."""

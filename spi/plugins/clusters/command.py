@@ -138,18 +138,20 @@ def verify(
             line.report_work(number, total, f"computing {chunk}")
 
         verification = verify(file, None if everything else chunks, report, options.trust_code)
-    print_safely(f"{file}: {line}" for line in _lines(verification))
+    print_safely(f"{file}: {line}" for line in verified(verification))
     if any_wrong(file.stem, storage.read(file)) or not verification.sound:
         raise typer.Exit(CLAIM_FAILED)
 
 
-def _lines(check: Any) -> Iterator[str]:
+def verified(check: Any) -> Iterator[str]:
     """The outcome of a check of results, a ``Verification``, line by line."""
     count = len(check.checked)
     equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
-    yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
+    if check.chunks:
+        yield f"{count} of {check.chunks} chunks of paths were computed again, {equal}"
     if check.whole:
-        yield "all numbers but times were derived again from these paths"
+        how = "derived again from these paths" if check.chunks else "computed again, without paths"
+        yield f"all numbers but times were {how}"
     if check.sums:
         yield f"all numbers were derived again from the sums over paths in {check.sums}"
     if check.sums and not check.whole:

@@ -6,8 +6,13 @@ PLUGIN = Plugin(
     "dynamics",
     kinds={
         "equilibrium": "spi.plugins.dynamics.kinds.equilibrium",
+        "growth": "spi.plugins.dynamics.kinds.growth",
         "statistics": "spi.plugins.dynamics.kinds.statistics",
         "lyapunov": "spi.plugins.dynamics.kinds.lyapunov",
+    },
+    laws={
+        "uniform_on_surface": "spi.plugins.dynamics.specs.laws:OnSurface",
+        "gibbs": "spi.plugins.dynamics.specs.laws:OfGibbs",
     },
     warnings={"uniqueness": "spi.plugins.dynamics.running.uniqueness:warning"},
 )

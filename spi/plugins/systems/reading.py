@@ -34,7 +34,7 @@ def read(data: Mapping[str, Any], files: Files) -> Any:
     """The record of the model of a system; raises the error about a key of `data`."""
     if absent := next((key for key in data if lacking("definitions", key)), None):
         raise wrong(f"is {shown(data[absent])}", f"{lacking('definitions', absent)}", absent)
-    check_keys(data, _ALLOWED, outside=OUTSIDE)
+    check_keys(data, _ALLOWED, elsewhere=OUTSIDE)
     document = _document(data["system"], files) if "system" in data else None
     whole = overridden(document.data, data) if document else data
     name = _name(whole)

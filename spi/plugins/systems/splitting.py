@@ -377,7 +377,12 @@ def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False)
             continue  # so does a Casimir function
         expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
         if len(expanded) > 1:
-            more, cross = _of_parts(addend, expanded, world)
+            try:
+                more, cross = _terms(expanded, world, are_expanded=True)
+            except NoExactFlow:
+                if (term := by_quadratics(addend, world)) is None:
+                    raise
+                more, cross = [term], []
             terms, crossing = terms + more, crossing + cross
         elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
@@ -386,18 +391,6 @@ def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False)
         else:
             raise reason
     return terms, crossing
-
-
-def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics) -> Parts:
-    """The terms of a sum that is written as a product: expanded, or itself, or its parts as they are written."""
-    try:
-        return _terms(expanded, world, are_expanded=True)
-    except NoExactFlow:
-        if term := by_quadratics(addend, world):
-            return [term], []
-        if parts := _written_parts(addend, world):
-            return _terms(parts, world)
-        raise
 
 
 def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
@@ -423,10 +416,7 @@ def _is_square_within(expression: Any, components: set[int], factor: Any, world:
     used, (own, expression) = world.used(expression), split_in_time(expression, world.time)
     if own != factor or (world.time is not None and world.time in expression.free_symbols):
         return False
-    if not set(used) <= components or not expression.is_polynomial(*world.variables):
-        return False
-    monomials = sympy.Poly(expression, *world.variables).monoms()
-    return all(sum(monomial) == 2 for monomial in monomials)
+    return set(used) <= components and degree_of(expression, world) == 2
 
 
 def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics, constants: Constants) -> list[Term]:
@@ -435,11 +425,9 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
     The factor, 1 or a function of time alone, is that of all of them.
     """
     order = sorted(components)
-    poly = sympy.Poly(form, *world.variables)
     with mpmath.workdps(DIGITS + 20):
         matrix = mpmath.zeros(len(order))
-        for monomial, coefficient in poly.terms() if form != 0 else ():
-            places = [i for i, power in enumerate(monomial) for _ in range(power)]
+        for places, coefficient in monomials(form, world.variables).items():
             if set(places) <= components:
                 i, j = (order.index(place) for place in places)
                 value = precise(coefficient.xreplace(dict(world.parameters)))

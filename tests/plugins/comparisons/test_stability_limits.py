@@ -10,7 +10,7 @@ from paths_by_hand import paths_by_hand, rigid_euler_step
 from stability_cases import PHI, PREDATORS, RIGID, plans_of, study, summary_by_hand
 from states import ignore
 
-from spi.exact import expectations as kolmogorov
+from spi.exact import expectations
 from spi.kinds.plans import State
 from spi.models import MaxwellBloch
 from spi.running import workers
@@ -93,14 +93,14 @@ def test_truth_does_not_depend_on_a_scheme(cases_of, sigma):
     cases = cases_of(RIGID, f"sweep={{s: [{sigma}]}}")
     model = cases[0].model
     flows = compositions(scheme_entry("splitting").composition, model)
-    wanted = kolmogorov.expectations(model, flows, INITIAL, 1.0, [0.5, 0.25, 0.125], PHI, 1e-6)
-    limit, error = kolmogorov.exact_expectations(model, INITIAL, 1.0, PHI, 1e-6)
+    wanted = expectations.expectations(model, flows, INITIAL, 1.0, [0.5, 0.25, 0.125], PHI, 1e-6)
+    limit, error = expectations.exact_expectations(model, INITIAL, 1.0, PHI, 1e-6)
     assert error.max() < 1e-6
     assert (np.abs(limit - wanted.limit) <= error + wanted.limit_bound).all()
     states = [State(plan) for plan in plans_of(cases, "splitting")]
     workers.advance_here(states, ignore)
     assert np.isnan(study(cases, "splitting", states)[0]["truth"]).all()
-    workers.finalise(states, ignore)
+    workers.perform_tasks(states, ignore)
     found, _ = study(cases, "splitting", states)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3
@@ -108,19 +108,19 @@ def test_truth_does_not_depend_on_a_scheme(cases_of, sigma):
 
 def test_truth_that_would_take_hours_is_not_known():
     initial = tuple(1000 * y for y in INITIAL)
-    limit, error = kolmogorov.exact_expectations(RIGID_BODY, initial, 2.0, PHI, 1e-3)
+    limit, error = expectations.exact_expectations(RIGID_BODY, initial, 2.0, PHI, 1e-3)
     assert np.isnan(limit).all() and np.isinf(error).all()
 
 
 def test_truth_where_it_is_elementary():
     """On an axis nothing moves; with equal inertia and noise, E y falls as exp(-(sigma r)^2 T) to first order."""
-    limit, error = kolmogorov.exact_expectations(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)
+    limit, error = expectations.exact_expectations(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)
     assert limit.tolist() == [0.0, 4.0, 0.0] and not error.any()
     with pytest.raises(ValueError, match="no solver without sampling for MaxwellBloch"):
-        kolmogorov.exact_expectations(MaxwellBloch(), (1.0, 2.0, 3.0), 1.0, PHI, 1e-3)
+        expectations.exact_expectations(MaxwellBloch(), (1.0, 2.0, 3.0), 1.0, PHI, 1e-3)
     time = 1e-3
     ito = rigid_euler_step(RIGID_BODY, time, np.zeros((3, 1)), np.array(INITIAL)[:, None], [])[:, 0]
-    limit, error = kolmogorov.exact_expectations(
+    limit, error = expectations.exact_expectations(
         RIGID_BODY, INITIAL, time, [lambda y, k=k: y[k] for k in range(3)], 1e-6
     )
     assert np.abs(limit - ito).max() < 3 * time**2 + error.max() < 1e-5

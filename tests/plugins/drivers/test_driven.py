@@ -20,7 +20,7 @@ schemes: [splitting]
 """
 STRONG = "kind: strong\nsamples: 128\nfinal_time: 1\nsteps: 2^-4 .. 2^-6\nreference_step: 2^-9\n" + KEYS
 STATISTICS = "kind: statistics\nsamples: 70\nfinal_time: 4\nstep: 2^-6\nevery: 64\nstatistics: [mean]\n" + KEYS
-LONG = "kind: equilibrium\nsamples: 70\nsteps: [1/8]\nstep_count: 640\n" + KEYS
+LONG = "kind: growth\nsamples: 70\nsteps: [1/8]\nstep_count: 640\n" + KEYS
 PATH = "kind: trajectory\npath: 65\nfinal_time: 4\nstep: 2^-6\npanels: [components]\n" + KEYS
 COLOURED = "{kind: ornstein_uhlenbeck, tau: 1/4}"
 FRACTIONAL = "{kind: fractional, hurst: 0.7}"

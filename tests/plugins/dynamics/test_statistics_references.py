@@ -1,14 +1,19 @@
 """References of statistics: formulas, files, exact expectations, stationary laws."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers import RIGID_BODY
 from statistics_cases import results_of, written
 
 from spi.exact.expectations import exact_expectations
-from spi.plugins.dynamics.kinds.statistics.figure import draw
-from spi.plugins.dynamics.kinds.statistics.references import REFERENCES
+from spi.plugins.dynamics.kinds.statistics.figure import _formula, draw
+from spi.plugins.dynamics.kinds.statistics.references import REFERENCES, reference_formulas
+from spi.running.load import load
 from spi.specs import SpecError
+
+T = np.array([0.0, 1.0, 2.0, 4.0, 6.0])
 
 
 @pytest.fixture
@@ -81,3 +86,27 @@ def test_the_uniform_law_of_the_sphere_stays(case_of):
         case_of(*about, known, "initial={law: gaussian, mean: [0, 0, 1], sd: 0.1}")
     with pytest.raises(SpecError, match="known for one initial state"):
         case_of(*about, "reference={square: exact}", uniform)
+
+
+def test_formulas_in_time_are_those_of_references():
+    record = SimpleNamespace(reference_formulas=("0.6*exp(-y1/2)*cos(y1)", ""))
+    np.testing.assert_allclose(_formula(record, 0)(T), 0.6 * np.exp(-T / 2) * np.cos(T))
+    assert _formula(record, 1) is None
+
+
+def test_formulas_are_stored_with_numbers_for_parameters():
+    case = load("rigid_body_statistics", "quick", ["reference={y1: 2*exp(-t) + 1/4}"]).cases[0]
+    texts = reference_formulas(case)
+    assert list(map(bool, texts)) == [name == "y1" for name in case.functions]
+    record = SimpleNamespace(reference_formulas=texts)
+    np.testing.assert_allclose(_formula(record, 0)(T), 2 * np.exp(-T) + 0.25)
+
+
+@pytest.mark.needs("systems")
+def test_moments_of_linear_equations_are_known(case_of):
+    known = "functions={x: y1, far: {maximum: y3}}", "reference={x: exact}", "statistics=[mean]", "initial=[1, 0, 0]"
+    of_yaml = "model={algebra: so(3), hamiltonian: 2*y3, noises: [y3], sigma: [0.7]}"
+    case = case_of(of_yaml, *known)
+    value, error = REFERENCES.means(case, case.t)
+    expected = np.exp(-0.245 * np.array(case.t)) * np.cos(2.0 * np.array(case.t))
+    assert value[0] == pytest.approx(expected, abs=1e-13) and (error[0] < 1e-13).all() and np.isnan(value[1]).all()

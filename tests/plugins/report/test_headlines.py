@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from filled_results import filled
+from long_results import equilibrium, equilibrium_group, growth, growth_group
 from stability_results import stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -88,9 +88,9 @@ def test_where_a_curve_is_zero_its_parameter_is_named():
 
 def test_the_largest_step_size_for_an_accuracy(headline):
     """The smallest of all functions: the bias of H is 0.1 h^2, and that of the other is below it at h = 1/4."""
-    held = averages_group("splitting", accuracy=1e-3)
+    held = equilibrium_group("splitting", accuracy=1e-3)
     assert headline(equilibrium(held)) == "Largest h for means to 0.001: 0.10 with splitting (H: by the fitted bias)."
-    held = averages_group("splitting", accuracy=1e-2)
+    held = equilibrium_group("splitting", accuracy=1e-2)
     assert ": 0.25 with splitting (square: no bias is seen there)." in headline(equilibrium(held))
 
 
@@ -111,6 +111,6 @@ def test_other_kinds(headline):
     """Over a parameter from its first value to its last."""
     text = headline(stability(stability_group("splitting")))
     assert text.startswith("Largest accurate h (error <= 0.1 |y_0|) from sigma = 0.1 to sigma = 30: ")
-    assert headline(equilibrium(equilibrium_group("splitting"))).startswith("Casimir worst at h = ")
+    assert headline(growth(growth_group("splitting"))).startswith("Casimir worst at h = ")
     text = headline(work_results(cases=("one",), schemes=("euler_maruyama", "splitting")))
     assert text.startswith("An error of 0.1 costs least with splitting: ") and ", h = 2^" in text

@@ -1,7 +1,6 @@
-"""Currents, starts from the Gibbs law, correlations in space and time, and systems from YAML moved as spins."""
+"""Currents, starts from the Gibbs law, and correlations in space and time."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from spi.plugins.dynamics.kinds.statistics import study
 from spi.plugins.spins.models import Anisotropy, Spins, Terms
 from spi.plugins.spins.models.tables import bond_matrices, tables
 from spi.plugins.spins.models.whole import Sampled
-from spi.plugins.systems.currents import energy_current
 from spi.storage import Part, Results
 
 
@@ -69,74 +67,6 @@ def test_currents_balance_densities(model, spins):
             if name in spins:
                 expected = x[:, along] @ torque[:, c]
                 assert named[f"spin_current_{name}{number}"](y.ravel()) == pytest.approx(expected, rel=1e-10, abs=1e-11)
-
-
-RING = {
-    "algebra": "so(3)^n",
-    "sizes": {"n": "8"},
-    "variables": "x(i), y(i), z(i) for i = 1..n",
-    "parameters": {"Jx": "1", "Jy": "4/5", "Jz": "1/2"},
-    "hamiltonian": "-sum(Jx*x(i)*x(mod(i,n)+1) + Jy*y(i)*y(mod(i,n)+1) + Jz*z(i)*z(mod(i,n)+1) + x(i)/3 + z(i)^2/5"
-    " for i = 1..n)",
-}
-
-
-def test_currents_of_systems_from_yaml():
-    """Of a ring of spins that of the model; of FPUT -(p_i + p_(i+1)) V'(q_(i+1) - q_i) / 2 by bond."""
-    rng = np.random.default_rng(2)
-    y = rng.standard_normal((8, 3))
-    y /= np.linalg.norm(y, axis=1, keepdims=True)
-    model = Spins("ring", (8,), (Terms((1.0, 0.8, 0.5)),), (1 / 3, 0.0, 0.0), Anisotropy(0.2))
-    assert energy_current(RING)(y.ravel()) == pytest.approx(model.observables()["energy_current"](y.ravel()), rel=1e-12)
-    chain = {
-        "bracket": {"q(i) p(i) for i = 1..n": "1"},
-        "sizes": {"n": "6"},
-        "variables": ["q(i) for i = 1..n", "p(i) for i = 1..n"],
-        "hamiltonian": "sum(p(i)^2/2 + (q(mod(i,n)+1)-q(i))^2/2 + (q(mod(i,n)+1)-q(i))^4/4 for i = 1..n)",
-    }
-    q, p = rng.standard_normal((2, 6))
-    stretch = np.roll(q, -1) - q
-    expected = -0.5 * ((p + np.roll(p, -1)) * (stretch + stretch**3)).sum()
-    assert energy_current(chain)(np.concatenate([q, p])) == pytest.approx(expected, rel=1e-12)
-    assert energy_current({"algebra": "so(3)", "hamiltonian": "y1^2"}) is None
-
-
-STRETCH = "(q(mod(i,n)+1) - q(i))"
-
-
-@pytest.mark.parametrize("offset", [0.0, 1e4, 1e8])
-@pytest.mark.parametrize(
-    "hamiltonian",
-    [
-        f"sum(p(i)^2/2 + {STRETCH}^2/2 + {STRETCH}^4/4 for i = 1..n)",
-        f"sum(p(i)^2/2 + k*({STRETCH}^2/2 + {STRETCH}^4/4) for i = 1..n)",
-        f"k*sum(p(i)^2/(2*k) + {STRETCH}^2/2 + {STRETCH}^4/4 for i = 1..n)",
-    ],
-)
-def test_currents_keep_their_digits_far_from_the_origin(hamiltonian, offset):
-    """-sum (p_i + p_(i+1)) V'(r_i) / 2 in exact fractions of the states, which a common shift does not change."""
-    q, p = np.random.default_rng(3).standard_normal((2, 6)) + np.array([[offset], [0.0]])
-    chain = {"bracket": {"q(i) p(i) for i = 1..n": "1"}, "sizes": {"n": "6"}, "parameters": {"k": "1/3"}}
-    found = energy_current(chain | {"variables": "q(i), p(i) for i = 1..n", "hamiltonian": hamiltonian})
-    k = Fraction(1, 3) if "k" in hamiltonian else Fraction(1)
-    r = [Fraction(q[(i + 1) % 6]) - Fraction(q[i]) for i in range(6)]
-    exact = -sum((Fraction(p[i]) + Fraction(p[(i + 1) % 6])) * k * (r[i] + r[i] ** 3) / 2 for i in range(6))
-    assert found(np.stack([q, p], axis=1).ravel()) == pytest.approx(float(exact), rel=1e-13)
-
-
-def test_terms_of_sums_have_places():
-    """x_i (x_(i+1) + x_(i-1)) is two bonds, and a factor of all terms changes no place."""
-    rest = {key: value for key, value in RING.items() if key != "hamiltonian"} | {"parameters": {"k": "1/3"}}
-    terms = "sum({} + x(i)/3 + z(i)^2/5 for i = 1..n)"
-    bonds = "x(i)*x(mod(i,n)+1) + y(i)*y(mod(i,n)+1)"
-    ways = [
-        f"k*{terms.format(bonds)}",
-        terms.format(f"k*({bonds})").replace("+ x(i)/3 + z(i)^2/5", "+ k*(x(i)/3 + z(i)^2/5)"),
-        f"k*{terms.format(' + '.join(f'{c}(i)*({c}(mod(i,n)+1) + {c}(mod(i-2,n)+1))/2' for c in 'xy'))}",
-    ]
-    y = np.random.default_rng(4).standard_normal(24)
-    first, *others = [energy_current(rest | {"hamiltonian": way})(y) for way in ways]
-    assert abs(first) > 0.01 and np.allclose(others, first, rtol=1e-12, atol=0.0)
 
 
 def test_start_from_the_gibbs_law():
@@ -207,71 +137,6 @@ def test_structure_factor(spec):
 )
 def test_faults_of_time_correlations(error, change, told):
     assert told in error(SPINS, "until: 4" if "until" in change else "window: none", change)
-
-
-YAML = """
-title: t
-kind: trajectory
-model:
-  algebra: so(3)^n
-  lattice: true
-  sizes: {n: 8}
-  variables: "x(i), y(i), z(i) for i = 1..n"
-  hamiltonian: "-sum(x(i)*x(mod(i,n)+1) + 0.8*y(i)*y(mod(i,n)+1) + z(i)*z(mod(i,n)+1)/2 + x(i)/3 + z(i)^2/5 for i=1..n)"
-initial: {spins: random}
-final_time: 2
-step: 1/8
-schemes: [splitting_symmetric]
-panels: [hamiltonian]
-"""
-MODEL = """\
-  name: spins
-  lattice: ring
-  size: [8]
-  bonds: {exchange: [1, 0.8, 0.5]}
-  field: [1/3, 0, 0]
-  anisotropy: {uniaxial: 0.2}
-initial"""
-
-
-def test_lattice_from_yaml_is_the_model(spec):
-    """The same bits of the states and of H."""
-    keys = YAML[YAML.index("  algebra") : YAML.index("initial") + len("initial")]
-    plans = [
-        trajectory.plan(spec(text).cases[0], Part("splitting_symmetric")) for text in (YAML, YAML.replace(keys, MODEL))
-    ]
-    ours, theirs = (plan.results(finished(plan)) for plan in plans)
-    np.testing.assert_array_equal(ours.y, theirs.y)
-    np.testing.assert_array_equal(ours.hamiltonian, theirs.hamiltonian)
-    currents = [plan.case.model.observables()["energy_current"](ours.y.T) for plan in plans]
-    np.testing.assert_allclose(*currents, rtol=1e-13, atol=1e-14)
-    square = YAML.replace("x(i), y(i), z(i) for i = 1..n", "x(i,j), y(i,j), z(i,j) for i = 1..3, j = 1..3").replace(
-        "n: 8", "n: 9"
-    )
-    square = square.replace(
-        square[square.index("-sum") : square.index('"\ninitial')],
-        "-sum(x(i,j)*x(mod(i,3)+1,j) + y(i,j)*z(i,mod(j,3)+1) for i = 1..3, j = 1..3)",
-    )
-    terms = ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    bonds = tuple(Terms(matrix=matrix, types=(k,)) for k, matrix in enumerate(terms))
-    named = [m.observables() for m in (spec(square).cases[0].model, Spins("square", (3, 3), bonds))]
-    state = np.random.default_rng(1).standard_normal(27)
-    for name in ("H", "energy_current1", "energy_current2"):
-        np.testing.assert_allclose(*(of[name](state) for of in named), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "told"),
-    [
-        ("x(i)/3", "x(i)^3", "has '-x(1)^3'"),
-        ("x(i)/3", "i*x(i)^2", "different anisotropies"),
-        ("z(i)^2/5", "x(i)*y(i)*z(i)", "other degrees than 1 and 2"),
-        ("so(3)^n", "so(4)", "must be so(3)^n beside lattice"),
-        ("  sizes", "  noises: x(1)\n  sizes", "are not alike for all spins"),
-    ],
-)
-def test_what_is_no_lattice(error, old, new, told):
-    assert told in error(YAML, old, new)
 
 
 CURRENT = """

@@ -2,7 +2,7 @@
 
 import pytest
 
-pytestmark = pytest.mark.needs()
+pytestmark = pytest.mark.needs("dynamics")
 
 STATISTICS = """\
 kind: statistics

@@ -14,7 +14,7 @@ from spi import specs, storage
 from spi.kinds.plans import State
 from spi.running.checkpoint import Limits, Shard, Stopped
 from spi.running.run import NOBODY, USUAL, Session, Watch
-from spi.running.workers import Task, advance_some_here, allocate
+from spi.running.workers import Piece, advance_some_here, allocate
 
 #: The largest number of missing shards that are named.
 _NAMED = 8
@@ -95,16 +95,16 @@ def _need_all(session: Session) -> None:
     raise Stopped(f"{'; '.join(lacking[:_NAMED] + more)}: run it, then `spi merge` again")
 
 
-def _shards(states: Sequence[State], count: int) -> list[list[Task]]:
+def _shards(states: Sequence[State], count: int) -> list[list[Piece]]:
     """The chunks that are wanted for now, in `count` shards of about equal work: (number of a part, chunk)."""
-    tasks, work = [], []
+    pieces, work = [], []
     for number, state in enumerate(states):
         for i, path_set in enumerate(state.path_sets):
             for chunk in path_set.chunks(i):
-                tasks.append((number, chunk))
+                pieces.append((number, chunk))
                 work.append(chunk.blocks / path_set.chunk_blocks)
     middles = np.cumsum(work) - np.array(work) / 2
-    shards: list[list[Task]] = [[] for _ in range(count)]
-    for task, place in zip(tasks, middles / max(sum(work), 1e-300) * count, strict=True):
-        shards[min(int(place), count - 1)].append(task)
+    shards: list[list[Piece]] = [[] for _ in range(count)]
+    for piece, place in zip(pieces, middles / max(sum(work), 1e-300) * count, strict=True):
+        shards[min(int(place), count - 1)].append(piece)
     return shards

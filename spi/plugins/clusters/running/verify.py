@@ -17,7 +17,7 @@ from spi.numerics.rng import STREAM_VERSION
 from spi.running.checkpoint import digests_of, label_of
 from spi.running.load import load_stored, name_of, plans
 from spi.running.run import root_attributes
-from spi.running.workers import advance_here, finalise
+from spi.running.workers import advance_here, perform_tasks
 from spi.statistics.tallies import Chunk, PathSet, digest
 from spi.storage import StorageError
 from spi.storage.records import Group, Results
@@ -52,7 +52,7 @@ class Verification(NamedTuple):
     @property
     def whole(self) -> bool:
         """Whether every chunk was computed again, and from them every number but times."""
-        return len(self.checked) == self.chunks > 0
+        return len(self.checked) == self.chunks
 
     @property
     def sound(self) -> bool:
@@ -163,7 +163,7 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
                     return None, []
     except (StorageError, KeyError, TypeError, ValueError, AttributeError):
         return None, []
-    return (None, []) if any(state.missing() for state in states) else (store.folder, states)
+    return (None, []) if any(state.missing() or state.open_tasks() for state in states) else (store.folder, states)
 
 
 def _differing(states: Sequence[State], results: Results, rounding: float, times: bool) -> list[str]:
@@ -181,7 +181,7 @@ def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]
         report(min(done + 1, total), total, name_of(ready[number]))
 
     advance_here(states, tick)
-    finalise(states, tick)
+    perform_tasks(states, tick)
     return states
 
 

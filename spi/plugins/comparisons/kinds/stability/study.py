@@ -9,10 +9,8 @@ A plan has the paths for one value; :func:`spi.storage.stored.gathered` makes on
 
 import functools
 import math
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
-from spi.kinds.plans import Cost, State, each_scheme, reference_grid
+from spi.kinds.plans import Cost, State, Task, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.rounding import size_of_values, with_rounding
@@ -55,6 +53,7 @@ def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
 
 _MOST_SECONDS = 60.0  # of solving for true expectations, which are left out where they take longer
 _ACCURACY = 1e-3  # numerical error that they may have
+_TRUTH = "true expectations"  # the name of the task
 
 
 @functools.lru_cache(maxsize=256, typed=True)
@@ -69,36 +68,33 @@ def _true_expectations(
     return exact_expectations(model, initial, final_time, phis, _ACCURACY, most_seconds=_MOST_SECONDS)
 
 
-class Truth(NamedTuple):
-    """True expectations of F test functions."""
+def _law(
+    names: tuple[str, ...],
+    truth: np.ndarray,
+    bound: np.ndarray,
+    mean: np.ndarray,
+    stderr: np.ndarray,
+    sizes: np.ndarray,
+    steps: np.ndarray,
+) -> Law:
+    """Expectations of F test functions, (levels, F), and their distances from the truth (F,) with its numerical error.
 
-    seconds: float  #: wall clock
-    truth: np.ndarray  #: (F,), NaN until they are computed
-    truth_bound: np.ndarray  #: (F,), their numerical error
-
-    def law(
-        self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray, sizes: np.ndarray, steps: np.ndarray
-    ) -> Law:
-        """Expectations of the test functions, (levels, F), and their distances from the truth.
-
-        For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
-        """
-        truth, bound = self.truth, self.truth_bound
-        with np.errstate(invalid="ignore"):
-            away = np.abs(mean - truth)
-            away = np.where(np.isfinite(truth) & np.isnan(away), np.inf, away)
-        farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=1)[:, None]
-        return Law(
-            names=names,
-            expectation=mean,
-            expectation_stderr=stderr,
-            truth=truth,
-            truth_bound=bound,
-            distance=np.take_along_axis(away, farthest, 1)[:, 0],
-            distance_stderr=np.take_along_axis(
-                with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis]), farthest, 1
-            )[:, 0],
-        )
+    For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
+    """
+    with np.errstate(invalid="ignore"):
+        away = np.abs(mean - truth)
+        away = np.where(np.isfinite(truth) & np.isnan(away), np.inf, away)
+    farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=1)[:, None]
+    error = with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis])
+    return Law(
+        names=names,
+        expectation=mean,
+        expectation_stderr=stderr,
+        truth=truth,
+        truth_bound=bound,
+        distance=np.take_along_axis(away, farthest, 1)[:, 0],
+        distance_stderr=np.take_along_axis(error, farthest, 1)[:, 0],
+    )
 
 
 parts = each_scheme
@@ -136,11 +132,6 @@ class StabilityPlan(BlocksPlan):
         end = self.case.final_time
         return float(seconds_of_equation(self.model, self.initial, end, self.phis, most_seconds=_MOST_SECONDS))
 
-    def initial_extra(self) -> Truth:
-        """No expectation has been computed."""
-        nothing = np.full(len(self.case.functions), np.nan)
-        return Truth(0.0, nothing, nothing)
-
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of paths without the test functions, which are functions of the last states."""
         deciding = super().deciding(number)
@@ -159,13 +150,13 @@ class StabilityPlan(BlocksPlan):
         watched = {"casimir": extremes[:, :, :-2], "square": extremes[:, :, -2], "smallest": extremes[:, :, -1]}
         return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
-    def finalise(self, state: State) -> Iterator[Truth]:
-        """Compute the true expectations."""
-        extra, functions = state.extra, self.case.expressions
-        if self.has_truth and np.isnan(extra.truth).any():
-            began = time.perf_counter()
-            truth = _true_expectations(self.model, self.initial, self.case.final_time, functions)
-            yield Truth(extra.seconds + time.perf_counter() - began, *truth)
+    def tasks(self, state: State) -> list[Task]:
+        """The true expectations."""
+        return [Task(_TRUTH, self._truth)] if self.has_truth else []
+
+    def _truth(self) -> dict[str, Any]:
+        value, bound = _true_expectations(self.model, self.initial, self.case.final_time, self.case.expressions)
+        return {"value": value, "bound": bound}
 
     def description(self) -> Description:
         """The description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
@@ -205,8 +196,11 @@ class StabilityPlan(BlocksPlan):
             fields["largest_angle"] = paths.report[:-1, REPORT.index("largest_angle")]
         if case.functions:
             sizes = np.array([size_of_values(as_numpy(tree), self.initial) for tree in case.expressions])
-            means = _expectations(case.expressions, y)
-            fields["law"] = state.extra.law(tuple(case.functions), *means, sizes, self.steps[:-1])
+            mean, mean_stderr = _expectations(case.expressions, y)
+            unknown = np.full(len(sizes), np.nan)
+            truth = state.answers.get(_TRUTH, {"value": unknown, "bound": unknown})
+            names, known = tuple(case.functions), (truth["value"], truth["bound"])
+            fields["law"] = _law(names, *known, mean, mean_stderr, sizes, self.steps[:-1])
         return Stability(**fields)
 
 

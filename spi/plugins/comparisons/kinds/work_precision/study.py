@@ -13,8 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import integrate, limited_threads, thread_count
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.increments import brownian
+from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads, thread_count
+from spi.ensemble.observer import path_observer
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, Task
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
@@ -29,6 +32,8 @@ from .results import WorkPrecision
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
+
+_REPEAT = "repeat "  # with which the names of the tasks begin that measure times
 
 
 def parts(case: Any) -> list[Part]:
@@ -56,19 +61,6 @@ def remarks(case: Any) -> Iterator[str]:
 def plan(case: Any, part: Part) -> "WorkPlan":
     """The plan for one scheme of a case."""
     return WorkPlan(case=case, part=part, errors=(weak if case.functions else strong).plan(case, part))
-
-
-class Times(NamedTuple):
-    """Times, and the results besides sums over paths of the errors."""
-
-    of_errors: Any  #: the `extra` of the plan of the errors
-    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured
-    timing_seconds: float  #: wall clock
-
-    @property
-    def seconds(self) -> float:
-        """Wall clock."""
-        return self.of_errors.seconds + self.timing_seconds
 
 
 class _Job(NamedTuple):
@@ -105,18 +97,16 @@ class WorkPlan(Plan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; a path set belongs to the errors."""
-        if number is None:
-            return super().deciding(None)
-        return {key: value for key, value in self.errors.deciding(number).items() if key != "repeats"}
+        entries = super().deciding(None) if number is None else self.errors.deciding(number)
+        return {key: value for key, value in entries.items() if key != "repeats"}
 
-    def initial_extra(self) -> Times:
-        """No time has been measured."""
-        times = np.full((self.case.repeats, len(self.h)), np.nan)
-        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
+    def initial_extra(self) -> Any:
+        """That of the errors."""
+        return self.errors.initial_extra()
 
-    def path_sets(self, extra: Times) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """The paths of the errors."""
-        return self.errors.path_sets(extra.of_errors)
+        return self.errors.path_sets(extra)
 
     def empty(self, number: int) -> Any:
         """The sums over no paths."""
@@ -126,15 +116,15 @@ class WorkPlan(Plan):
         """Compute consecutive chunks of the errors, see :class:`~spi.kinds.plans.Plan`."""
         return self.errors.advance(chunks, started)
 
-    def next_allocation(self, state: State) -> Times | None:
+    def next_allocation(self, state: State) -> Any | None:
         """The next allocation of the errors."""
-        of_errors = self.errors.next_allocation(self._of_errors(state))
-        return None if of_errors is None else state.extra._replace(of_errors=of_errors)
+        return self.errors.next_allocation(self._of_errors(state))
 
     def _of_errors(self, state: State) -> State:
         """The state of the errors."""
         own = State(self.errors)
-        own.extra, own.tallies = state.extra.of_errors, state.tallies
+        own.extra, own.tallies = state.extra, state.tallies
+        own.answers = {name: answer for name, answer in state.answers.items() if not name.startswith(_REPEAT)}
         return own
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -142,22 +132,23 @@ class WorkPlan(Plan):
         timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
         return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
 
-    def finalise(self, state: State) -> Iterator[Times]:
-        """Measure the times that are left; yields after each repeat."""
-        extra = state.extra
-        left = np.flatnonzero(np.isnan(extra.times).any(axis=1))
-        if not len(left):
-            return
-        began = time.perf_counter()
-        jobs = [self.job(h) for h in self.h.tolist()]
-        _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
-        for repeat in left:
-            times = extra.times.copy()
-            times[repeat] = _seconds_per_path(jobs)
-            now = time.perf_counter()
-            extra = extra._replace(times=times, timing_seconds=extra.timing_seconds + now - began)
-            began = now
-            yield extra
+    def tasks(self, state: State) -> list[Task]:
+        """Those of the errors, and the repeats of the measurement."""
+        jobs: list[_Job] = []
+
+        def measure() -> dict[str, Any]:
+            """Processor seconds of one path (S,)."""
+            if not jobs:
+                jobs.extend(self.job(h) for h in self.h.tolist())
+                _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
+            return {"times": np.array(_seconds_per_path(jobs))}
+
+        return [*self.errors.tasks(self._of_errors(state)), *(Task(repeat, measure) for repeat in self._repeats)]
+
+    @property
+    def _repeats(self) -> list[str]:
+        """The names of the tasks that measure."""
+        return [f"{_REPEAT}{number}" for number in range(1, self.case.repeats + 1)]
 
     @property
     def path_steps(self) -> int:
@@ -172,23 +163,34 @@ class WorkPlan(Plan):
         return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-        """The arguments for steps of size h, and of the larger ones with which these are extrapolated."""
-        return self.arguments_of_steps(h, steps, blocks, not self.case.functions, self.part.extrapolate + 1)
+        """The arguments of the loop for steps of size h of some blocks.
+
+        With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+        """
+        case, sizes = self.case, self.part.extrapolate + 1
+        paths: dict[str, Any] = {"doublings": range(sizes - 1, -1, -1), "by_reference": (0,) * sizes}
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
+        reference = case.reference_record(self.part.eps)
+        times = grid(h, steps, truncate=case.clipping, reference_scheme=reference, **paths)
+        observer = None if case.functions else path_observer(self.model, self.initial, times, blocks)
+        run = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES
+        return arguments_of(*run, observer)
 
     def progress(self, state: State) -> Done:
         """The progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
         of_errors = self.errors.progress(self._of_errors(state))
-        measured = int(np.isfinite(state.extra.times).all(axis=1).sum())
+        measured = sum(repeat in state.answers for repeat in self._repeats)
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * state.extra.times.shape[1]
+        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * len(self.h)
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, errors = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(errors) if isinstance(errors, StrongErrors) else _of_weak(errors)
-        low, median, high = np.quantile(state.extra.times, (0.25, 0.5, 0.75), axis=0)
+        times = np.array([state.answers[repeat]["times"] for repeat in self._repeats])
+        low, median, high = np.quantile(times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(

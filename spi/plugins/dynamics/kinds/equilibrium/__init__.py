@@ -1,0 +1,1 @@
+"""Means over time of long paths, their biases, histograms and autocorrelations."""

@@ -1,9 +1,9 @@
 """The keys of an experiment of kind equilibrium."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-import pydantic
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
@@ -14,19 +14,19 @@ from spi.kinds import one_path as alone
 from spi.kinds.functions import PathFunction, check_function, function_of
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.plugins.dynamics.kinds.long_paths.keys import LongCase
 from spi.plugins.dynamics.kinds.references import EXACT, FINEST
-from spi.specs.cases import CLIP, BaseCase, with_others
-from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
-from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
+from spi.specs.cases import with_others
+from spi.specs.checks import ROUNDING, check_count, check_multiple
+from spi.specs.keys import Functions, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
-from .results import OF_FUNCTIONS, PANELS, Equilibrium
+from .results import PANELS, Equilibrium
 
 Panels = tuple[Literal[PANELS], ...]
-StepCount = Annotated[int, Ge(1), Le(2**34)]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
@@ -38,20 +38,13 @@ _BLOCKS = 16  # that are recorded together
 _MOST_BYTES = 2**29  # of states that are recorded at a time
 
 
-class Case(CodeKeys, BaseCase):
-    """Equilibrium: Casimirs over very many steps, the law of the states after a long time, and means over time."""
+class Case(CodeKeys, LongCase):
+    """Equilibrium: means over time of long paths."""
 
-    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5", "time")
-    step_count: key_of(
-        StepCount | None, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}; or final_time"
-    ) = None
-    final_time: key_of(Positive | None, "instead of step_count: time until which every step size runs", "time") = None
-    schemes: key_of(Schemes, "a list of schemes")
-    samples: key_of(Samples, "number of Brownian paths")
+    final_time: key_of(Positive, "time until which every step size runs", "time")
     functions: key_of(
         Functions,
-        "with final_time: by name an expression in the state such as y1^2, H or a Casimir function C1, C2, ...; "
-        "default: H",
+        "by name an expression in the state such as y1^2, H or a Casimir function C1, C2, ...; default: H",
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
@@ -75,37 +68,24 @@ class Case(CodeKeys, BaseCase):
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
         Panels,
-        f"what the figure shows, some of {', '.join(PANELS)}; default: growth, of functions means, histogram and "
-        "autocorrelation",
+        f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
     ) = ()
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    swept_in: ClassVar = (*PLACES, "reference", "step_count")
+    swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
-    unsaid: ClassVar[dict[str, Any]] = {**BaseCase.unsaid, "derived": {}}
-    at_once: ClassVar[bool] = False
-    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
+    elsewhere: ClassVar[Mapping[str, str]] = {"step_count": "kind: growth has it; this one has final_time"}
+    unsaid: ClassVar[dict[str, Any]] = {**LongCase.unsaid, "derived": {}}
+    neutral: ClassVar[frozenset[str]] = LongCase.neutral | {"reference", "accuracy"}
 
     @property
     def last_time(self) -> float:
-        """The final time of the largest step size."""
-        return self.final_time or max(self.steps) * (self.step_count or 0)
-
-    @property
-    def laws_shown(self) -> tuple[str, ...]:
-        """Those of the uniform law, and of the distance from it."""
-        return tuple(panel for panel in self.panels if panel in ("law", "distance"))
-
-    @property
-    def noise_steps(self) -> tuple[float, ...]:
-        """All steps: none has the increments of another."""
-        return self.steps
+        """T."""
+        return self.final_time
 
     @property
     def counts(self) -> list[int]:
-        """The number of steps of each step size."""
-        return [self.step_count or round((self.final_time or 0) / h) for h in self.steps]
+        return [round(self.final_time / h) for h in self.steps]
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
@@ -139,46 +119,18 @@ class Case(CodeKeys, BaseCase):
         """The time that does not count."""
         return _BURNT * self.last_time if self.burn_in is None else self.burn_in
 
-    @property
-    def in_parts(self) -> bool:
-        alone = self.samples == 1 and not self.truncate_noise and not self.driver and answers(one_path, self.model)
-        return alone and all(one_path(self.model, self.row(name).record, self.steps[0]) for name in self.schemes)
-
-    @condition
-    def _check_steps(self) -> Self:
-        if (self.step_count is None) == (self.final_time is None):
-            if self.step_count is not None:
-                raise wrong("is given beside step_count", "leave out one of them", "final_time")
-            raise wrong("missing key 'step_count'", "add step_count: number of steps, or final_time", "step_count")
-        if self.step_count and self.step_count % STEPS_PER_TOSS:
-            lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
-            nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
-            raise wrong(f"is {self.step_count}", nearest, "step_count")
-        check_distinct(self.steps, "steps")
-        for h in self.steps if self.final_time else ():
+    def check_time(self) -> None:
+        """See :class:`LongCase`."""
+        for h in self.steps:
             check_multiple(self.final_time, h, "steps", "has")
             check_count(self.final_time, h, "steps")
             if self.final_time / h < STEPS_PER_TOSS and not alone.is_long(self):
                 mistake = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
                 raise wrong(mistake, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
-        check_schemes(self, self.schemes, self.steps, "steps")
-        if any(self.row(name).multiscale for name in self.schemes):
-            raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
-        return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions, unless no final time is given."""
-        if not self.final_time:
-            given = {
-                "functions": self.functions,
-                "derived": self.derived,
-                "burn_in": self.burn_in,
-                "spacing": self.spacing,
-            }
-            for key in [key for key, value in given.items() if value]:
-                raise wrong("is for means over time", "give final_time instead of step_count", key)
-            return self
+        """The case with functions."""
         if not self.functions and answers(frozen, undamped(self.model)):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
@@ -197,8 +149,6 @@ class Case(CodeKeys, BaseCase):
 
     @condition
     def _check_kept(self) -> Self:
-        if not self.functions:
-            return self
         key = "spacing" if self.spacing else "steps"
         for h in self.steps:
             if abs(round(self.between / h) * h - self.between) > ROUNDING * self.between:
@@ -221,8 +171,6 @@ class Case(CodeKeys, BaseCase):
     @condition
     def _check_reference(self) -> Self:
         """The case with the reference of each function by its name."""
-        if self.reference and not self.functions:
-            raise wrong("is for means over time", "give final_time instead of step_count", "reference")
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
         reference = with_others(self, reference, "reference")
@@ -233,11 +181,4 @@ class Case(CodeKeys, BaseCase):
     @condition
     def _check_panels(self) -> Self:
         """The case with the panels of its figure."""
-        if not self.panels:
-            return self.model_copy(update={"panels": OF_FUNCTIONS[:3] if self.functions else PANELS[:1]})
-        for name in set(self.panels) - {"growth", "acceptance"}:
-            if (name in OF_FUNCTIONS) != bool(self.functions):
-                right = f"leave it out, or {'leave out' if self.functions else 'give'} functions"
-                mistake = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
-                raise wrong(mistake, right, "panels")
-        return self
+        return self if self.panels else self.model_copy(update={"panels": PANELS[:3]})

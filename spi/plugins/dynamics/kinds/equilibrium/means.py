@@ -1,30 +1,45 @@
 """Means over time: functions recorded along paths, autocorrelations and histograms, and their estimates with errors."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.kinds.functions import PathFunction, evaluated, origin_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.plugins.dynamics.kinds.long_paths.paths import LongPaths
 from spi.plugins.dynamics.statistics import correlation
 from spi.plugins.dynamics.statistics.cells import range_of
 from spi.statistics import estimators
-from spi.statistics.accumulators import Array
+from spi.statistics.accumulators import Array, added, of_first
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
-from .growth import Paths
-from .references import derived_quantity, known_laws
+from .references import Known, derived_quantity, known_laws
 from .results import FEW, LEAST_PATHS, Averages, Derived, batches_of
 
 _MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
 
-#: Sums over paths of each function: of its mean over time and the square of that, the difference of its means over both
-#: halves of the time and the square of that, and the squares of its means over batches.
-COLUMNS = 5
+
+class RecordedPaths(LongPaths):
+    """Also values of functions along the paths, until all steps are done, and then sums over them."""
+
+    stretch: Array = of_first("function block lane stretch")  #: the last values of functions
+    batches: Array = of_first("function block lane batch")  #: sums of values over the batches of time
+    squares: Array = of_first("function block lane batch")  #: the same of their squares
+    series: Array = of_first("function kept")  #: all values along one long path, whose bins are known at its end
+    mean: Array = added("function group")  #: of the mean over time of each path
+    mean_square: Array = added("function group")
+    drift: Array = added("function group")  #: of the mean over the second half of the time less that over the first
+    drift_square: Array = added("function group")
+    batch_square: Array = added("function group")  #: of the squares of the means over batches of time
+    by_batch: Array = added("function batch")  #: of means over each batch, and
+    square_by_batch: Array = added("function batch")  #: of means of squares over each
+    lagged: Array = added("function lag group")  #: of products of values at each lag
+    ends: Array = added("function lag group")  #: of both values of all pairs at that lag
+    cells: Array = added("function cell group", int)  #: values below all bins or NaN, in each, and above all
 
 
 class Series(NamedTuple):
@@ -99,7 +114,7 @@ class Recorder(NamedTuple):
 
     @property
     def lengths(self) -> dict[str, int]:
-        """The lengths of the axes of the fields of :class:`Paths` about functions."""
+        """The lengths of the axes of the fields of :class:`RecordedPaths` about functions."""
         kept = self.series.used if self.keeps else 0
         return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2, "kept": kept}
 
@@ -126,7 +141,7 @@ class Recorder(NamedTuple):
         """(F,): the functions of a state, less their origins."""
         return evaluated(self.functions, state[:, np.newaxis])[:, 0] - self.origins
 
-    def recorded(self, paths: Paths, values: Array, n: int, first: int, end: int) -> Paths:
+    def recorded(self, paths: RecordedPaths, values: Array, n: int, first: int, end: int) -> RecordedPaths:
         """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
@@ -171,7 +186,7 @@ class Recorder(NamedTuple):
         counts = np.array([np.bincount(row.ravel(), minlength=size * LANES) for row in places])
         cells += estimators.by_group(counts.reshape(-1, LANES, size), first, end)
 
-    def _correlate(self, paths: Paths, is_first: bool, first: int, end: int) -> None:
+    def _correlate(self, paths: RecordedPaths, is_first: bool, first: int, end: int) -> None:
         """Add the products of a full stretch with itself and with the one before it, which it then replaces."""
         lags = self.series.lags
         for f, both in enumerate(paths.stretch):
@@ -182,8 +197,8 @@ class Recorder(NamedTuple):
         paths.stretch[..., :lags] = paths.stretch[..., lags:]
         paths.stretch[..., lags:] = 0.0
 
-    def finished(self, paths: Paths, first: int, end: int) -> dict[str, Any]:
-        """The fields of :class:`Paths` with sums over groups alone, once all steps are done."""
+    def finished(self, paths: RecordedPaths, first: int, end: int) -> dict[str, Any]:
+        """The fields of :class:`RecordedPaths` with sums over groups alone, once all steps are done."""
         lags, used = self.series.lags, self.series.used
         paths = paths._replace(**{name: getattr(paths, name).copy() for name in ("stretch", "lagged", "ends", "cells")})
         if self.keeps:
@@ -197,16 +212,28 @@ class Recorder(NamedTuple):
         mean = of_batches.mean(axis=-1)
         half = self.series.batches // 2
         drift = of_batches[..., half:].mean(axis=-1) - of_batches[..., :half].mean(axis=-1)
-        columns = mean, mean**2, drift, drift**2, (of_batches**2).sum(axis=-1)
         for f in range(len(self.functions)):
             ending = np.cumsum(last[f, ..., :0:-1], axis=-1)
             paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
             paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
-        values = np.array([[estimators.by_group(each, first, end) for each in column] for column in columns])
-        of_powers = np.stack([of_batches, paths.squares / (used // self.series.batches)], axis=-2)
-        by_batch = np.array([estimators.by_group(each, first, end).sum(axis=-1) for each in of_powers])
-        summed = {name: getattr(paths, name) for name in ("lagged", "ends", "cells")}
-        return {"values": values, "by_batch": by_batch, **summed}
+        of_paths = {
+            "mean": mean,
+            "mean_square": mean**2,
+            "drift": drift,
+            "drift_square": drift**2,
+            "batch_square": (of_batches**2).sum(axis=-1),
+        }
+        of_time = {"by_batch": of_batches, "square_by_batch": paths.squares / (used // self.series.batches)}
+        return (
+            {name: _summed(values, first, end) for name, values in of_paths.items()}
+            | {name: _summed(values, first, end).sum(axis=-1) for name, values in of_time.items()}
+            | {name: getattr(paths, name) for name in ("lagged", "ends", "cells")}
+        )
+
+
+def _summed(values: Array, first: int, end: int) -> Array:
+    """(F, ..., GROUPS): sums over groups of values (F, blocks, LANES, ...)."""
+    return np.array([estimators.by_group(each, first, end) for each in values])
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
@@ -225,16 +252,33 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Averages:
-    """The record of the functions of a case, from the sums over the paths of each step size."""
-    recorders = [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
+def with_bins(recorders: Sequence[Recorder], totals: Sequence[RecordedPaths]) -> list[Recorder]:
+    """Recorders with the bins of the sums over the paths of each step size."""
+    return [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
+
+
+def references_of(recorders: Sequence[Recorder], case: Any) -> Known:
+    """The references of the functions of a case, and of the bins of recorders."""
+    return known_laws(case, [recorder.edges for recorder in recorders])
+
+
+def averages(
+    recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths], known: Mapping[str, Any] | None
+) -> Averages:
+    """The record of the functions of a case, from the sums over the paths of each step size.
+
+    The fields of `known` are those of :func:`references_of`, None where no reference takes a computation.
+    """
+    recorders = with_bins(recorders, totals)
     each = [_estimates(recorder, paths, case) for recorder, paths in zip(recorders, totals, strict=True)]
     fields = {name: np.array([at_h[name] for at_h in each]) for name in each[0]}
     without, average = fields.pop("without"), fields["average"]
     stderr = np.where(np.isfinite(fields["stderr_paths"]), fields["stderr_paths"], fields["stderr_tau"])
-    references = known_laws(case, [recorder.edges for recorder in recorders])
+    references = Known(*(known[name] for name in Known._fields)) if known else references_of(recorders, case)
     own, series = references.at_finest, recorders[0].series
-    references.value[own], references.error[own] = average[-1, own], stderr[-1, own]
+    references = references._replace(
+        value=np.where(own, average[-1], references.value), error=np.where(own, stderr[-1], references.error)
+    )
     error = np.hypot(stderr, references.error)
     orders = [
         _order(case, bool(own[f]), float(references.value[f]), average[:, f], without[..., f].T, error[:, f])
@@ -258,28 +302,31 @@ def averages(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) 
     )
 
 
-def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
+def _estimates(recorder: Recorder, paths: RecordedPaths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
     samples, used, spacing, parted = case.samples, recorder.series.used, case.between, recorder.series.batches
     counts = estimators.group_counts(samples)
     with np.errstate(all="ignore"):
-        (mean, square, drift, drift_square, batches), without = estimators.mean_over_paths(paths.values, counts)
+        (mean, without), (square, square_without), (drift, _), (drift_square, _), (batches, _) = (
+            estimators.mean_over_paths(sums, counts)
+            for sums in (paths.mean, paths.mean_square, paths.drift, paths.drift_square, paths.batch_square)
+        )
         sizes = (used - np.arange(recorder.series.lags))[:, np.newaxis]
         products, each_product = estimators.mean_over_paths(paths.lagged / sizes, counts)
         ends, each_end = estimators.mean_over_paths(paths.ends / sizes, counts)
         covariance = products - mean[:, np.newaxis] * ends + mean[:, np.newaxis] ** 2
-        m = without[:, 0, :, np.newaxis]
+        m = without[:, :, np.newaxis]
         left_out = each_product - m * each_end + m**2
         of = np.sqrt(np.maximum(covariance[:, 0], 0)), *_sizes(recorder, mean, case)
         exact = is_rounding(*of)
-        independent = np.where(_are_equal(mean, without[:, 0], *of[1:]) & ~exact, 1, samples)  # number of paths
+        independent = np.where(_are_equal(mean, without, *of[1:]) & ~exact, 1, samples)  # number of paths
         total = independent * used
         covariance, integrated = correlation.of_means(covariance, total)
         time = correlation.resolved_times(integrated, total)
         enough = independent >= LEAST_PATHS
         of_tau = np.sqrt(2 * time.least * covariance[:, 0] / total)
         of_paths = np.where(enough, np.sqrt(np.maximum(square - mean**2, 0) / (samples - 1)), np.nan)
-        tails = estimators.kurtosis_of_groups(square - mean**2, without[:, 1] - without[:, 0] ** 2, counts)
+        tails = estimators.kurtosis_of_groups(square - mean**2, square_without - without**2, counts)
         freedom = np.where(enough, samples - 1, total / (2 * integrated.window + 1))
         of_drift = np.sqrt(np.maximum(drift_square - drift**2, 0) / (samples - 1))
         spread = np.where(enough, of_drift, 2 * of_tau)
@@ -296,7 +343,7 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         return {
             "average": mean + recorder.origins,
             "average_half": half,
-            "without": without[:, 0] + recorder.origins,
+            "without": without + recorder.origins,
             "stderr_paths": of_paths,
             "stderr_tau": of_tau,
             "stderr_batches": of_batches,
@@ -316,18 +363,21 @@ def _estimates(recorder: Recorder, paths: Paths, case: Any) -> dict[str, Array]:
         }
 
 
-def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: Paths, enough: Array) -> Array:
+def _stderr_of_variance(variance: Array, without: Array, counts: Array, paths: RecordedPaths, enough: Array) -> Array:
     """(F,) from the leave-one-out values of the groups of paths; of few paths from those of the batches of time."""
-    (mean, square), (without_mean, without_square) = _by_batch(paths, int(counts.sum()))
+    samples = int(counts.sum())
+    (mean, without_mean), (square, without_square) = (
+        _without_batches(sums, samples) for sums in (paths.by_batch, paths.square_by_batch)
+    )
     of_time = estimators.jackknife_stderr(
         square - mean**2, (without_square - without_mean**2).T, np.ones(without_mean.shape[-1])
     )
     return np.where(enough, estimators.jackknife_stderr(variance, without, counts), of_time)
 
 
-def _by_batch(paths: Paths, samples: int) -> tuple[Array, Array]:
-    """Means (powers, F) of functions and of their squares, and (powers, F, batches) without each batch of time."""
-    each = np.swapaxes(paths.by_batch, 0, 1) / samples
+def _without_batches(sums: Array, samples: int) -> tuple[Array, Array]:
+    """Means (F,) from sums over paths by batches of time (F, batches), and (F, batches) without each batch."""
+    each = sums / samples
     return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
@@ -347,16 +397,16 @@ def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable
     return lambda means: formula(means.T, case.temperature)
 
 
-def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Paths]) -> Derived:
+def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths]) -> Derived:
     """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
     formulas = [derived_quantity(text, names) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):
         counts = estimators.group_counts(case.samples)
-        mean, without = estimators.mean_over_paths(paths.values[0], counts)
+        mean, without = estimators.mean_over_paths(paths.mean, counts)
         sizes, steps = _sizes(recorder, mean, case)
         if case.samples < LEAST_PATHS or _are_equal(mean, without, sizes, steps).all():
-            (mean, _), (left_out, _) = _by_batch(paths, case.samples)
+            mean, left_out = _without_batches(paths.by_batch, case.samples)
             counts, without = np.ones(recorder.series.batches), left_out.T
         value, left_out = (
             np.array([formula(means + recorder.origins, case.temperature) for formula in formulas])

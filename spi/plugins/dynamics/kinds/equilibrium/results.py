@@ -1,22 +1,20 @@
-"""The records of long times."""
+"""The record of means over time."""
 
 import math
 from collections.abc import Iterator, Sequence
-from statistics import NormalDist
 
 import numpy as np
 
-from spi.kinds.blocks import Acceptance, Solver
+from spi.plugins.dynamics.kinds.long_paths.results import CASIMIRS, LongRecord, count
 from spi.plugins.dynamics.statistics.correlation import WINDOW
 from spi.printing.tables import Column, Table
-from spi.printing.text import HEAVY, decimal, interval_text, power_of_two, short
+from spi.printing.text import HEAVY, decimal, interval_text, short
 from spi.statistics.estimators import few_carry
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
-from spi.storage.stored import WIDEST, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import Array, Claimed, Described, array, axis, derived, fact, nested
 
-#: The panels of the figure: of functions, and all, those of Casimir functions and the uniform law first.
-OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "derived", "acceptance")
-PANELS = ("growth", "law", "distance", *OF_FUNCTIONS)
+#: The panels of the figure.
+PANELS = ("means", "histogram", "autocorrelation", "heat", "derived", "acceptance", "growth")
 
 #: Number of batches into which the time of a path after the burn-in is divided.
 BATCHES = 16
@@ -29,7 +27,7 @@ LONG_ENOUGH = 50
 #: Two standard errors may differ by this factor, beyond their own uncertainty.
 APART = 1.5
 #: Fields whose standard errors are those of independent paths, and of jackknife groups of any number of paths.
-_OF_PATHS, _OF_GROUPS = ("bias", "law_distance", "mean", "fraction"), ("correlation", "density")
+_OF_PATHS, _OF_GROUPS = ("bias",), ("correlation", "density")
 #: The probability by chance of the difference between both halves of the time from which on there is a warning.
 _SELDOM = 0.01
 
@@ -37,44 +35,6 @@ _SELDOM = 0.01
 def batches_of(values: int) -> int:
     """The number of batches of so many values of a path."""
     return BATCHES if values >= FEW else 4 if values >= 8 else 2
-
-
-class Law(Described):
-    """The law of the states beside the exact stationary one, from the snapshots of all paths.
-
-    Means of moments such as y_1^2, and distributions of variables such as y_1 in bins of equal probability.
-    """
-
-    variables: tuple[str, ...] = axis("variable", name="variable")
-    moments: tuple[str, ...] = axis("moment", name="moment")
-    mean: Array = array("h moment", "mean of the moment")
-    mean_stderr: Array = array("h moment", "standard error of the mean of the moment")
-    mean_exact: Array = array("moment", "exact mean of the moment")
-    fraction: Array = array("h variable bin", "fraction of the snapshots in the bin; exact: 1 / bins")
-    fraction_stderr: Array = array("h variable bin", "standard error of the fraction")
-    distance: Array = array(
-        "h variable",
-        "largest difference from the exact distribution function",
-        name="law_distance",
-        claim="at most",
-    )
-    distance_stderr: Array = array("h variable", "standard error of the difference", name="law_distance_stderr")
-
-    @property
-    def z(self) -> Array:
-        """(S, M) means less their exact values, in standard errors."""
-        return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
-
-    @property
-    def farthest(self) -> Array:
-        """(S,) the moments whose means are farthest from the exact ones; empty where these are not finite."""
-        farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
-        return np.where(np.isfinite(self.mean_z), farthest, "")
-
-    @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
-    def mean_z(self) -> Array:
-        """(S,) of all moments."""
-        return np.abs(self.z).max(axis=1)
 
 
 class Derived(Described):
@@ -235,41 +195,16 @@ def _time_text(value: float, low: float, high: float) -> str:
     return f"≤ {short(high)}" if low <= 0.0 < high else interval_text(value, (low, high))
 
 
-_WORST = Claimed("at most", infinite=True)
+class Equilibrium(LongRecord):
+    """Means over time of functions along the paths of one scheme, at several step sizes."""
 
-
-class Equilibrium(Stored):
-    """Paths of one scheme over very many steps at several step sizes, from large to small.
-
-    Errors of the Casimirs are C(y_n) / C(y_0) - 1, or absolute ones if C(y_0) = 0, after several numbers of steps.
-    """
-
-    headline = ("casimir_worst", "growth", "law_distance", "average")
+    headline = ("casimir_worst", "growth", "average")
     measures = (
         r"The bias of a mean is the mean of $f(y_n)$ over long paths less that under the stationary law; the growth of "
         r"a Casimir error is $p$ in $\mathrm{rms} = C n^p$ after $n$ steps."
     )
     tables = (
-        Table(
-            "h casimir",
-            [
-                Column("nonfinite", "di-\nverged", red=0),
-                Column("casimir_rms", "rms error\nat the end"),
-                Column("casimir_worst", "worst"),
-                Column("growth", "growth of rms,\nexponent (95 %)", form=".2f", interval="[]", missing="not fitted"),
-                Column("bias", "bias/step", interval=""),
-                Column("bias_deviation", "in std.\nerrors", form=decimal),
-            ],
-        ),
-        Table(
-            "h",
-            [
-                Column("law_distance", "distance of the\nlaw of {} (95 %)", over="variable", among=("y3", "H")),
-                Column("mean_z", "largest |z|\nof the means", form=".1f", missing="not finite"),
-                Column(lambda one, _: one.law and one.law.farthest, "of"),
-            ],
-            title="stationary law",
-        ),
+        CASIMIRS,
         Table(
             "function h",
             [
@@ -283,45 +218,10 @@ class Equilibrium(Stored):
         ),
         Table("quantity h", [Column("derived", "value (95 %)", form=".5g")], title="quantities that follow"),
     )
-    row_axes, row_columns, row_last = ("h", "n"), ("casimir", "moment", "variable", "function"), ("n",)
+    row_columns = ("casimir", "function")
 
-    h: Array = axis("step size", "time")
-    n: Array = axis("number of steps")
-    casimir_mean: Array = array("h n casimir", "mean error of the Casimir over the paths")
-    casimir_rms: Array = array("h n casimir", "root mean square error of the Casimir")
-    casimir_worst: Array = array("h n casimir", "largest modulus of the error of the Casimir", claim=_WORST)
-    casimir_one: Array = array("h n casimir", "error of the Casimir on path 0")
-    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim="at most")
-    growth: Array = array(
-        "h casimir",
-        "growth of the error; NaN where not fitted",
-        formula="p in rms = C n^p",
-        claim=Claimed("equal", widest=WIDEST),
-    )
-    growth_low: Array = array("h casimir", "lower end of the 95 % interval of the growth")
-    growth_high: Array = array("h casimir", "upper end of the 95 % interval of the growth")
-    bias: Array = array("h casimir", "mean error of the Casimir at the end, per step", claim="equal")
-    bias_stderr: Array = array("h casimir", "standard error of the bias")
-    rounding: Array | None = array(
-        "h casimir", "largest modulus of the error at the end where that is rounding; NaN elsewhere", default=None
-    )
-    solver: Solver | None = array("h", "what an implicit scheme reports", default=None)
-    acceptance: Acceptance | None = array("h", "how often flows were accepted", default=None)
-    largest_angle: Array | None = array("h", "largest angle of a rotation, where any exceeds pi/4", "rad", default=None)
-    law: Law | None = None  # where the stationary law is known
-    averages: Averages | None = None  # where functions are given
-    samples: int = fact("number of paths", column=True)
-    steps_each: int = fact("number of steps of each path, of functions at the largest step size")
-    snapshots: int = fact("snapshots of each path that count for the law")
+    averages: Averages
     accuracy: float | None = fact("bias and standard error that are wanted", default=None)
-    panels: tuple[str, ...] = fact("what the figure of the case shows")
-
-    @derived("h casimir", "mean error of the Casimir in standard errors")
-    def bias_deviation(self) -> Array:
-        """(S, C) the bias by its standard error; NaN where that is 0, and where the errors are rounding."""
-        known = self.bias_stderr > 0
-        known = known if self.rounding is None else known & np.isnan(self.rounding)
-        return in_standard_errors(self.bias, np.where(known, self.bias_stderr, np.nan))
 
     @property
     def times(self) -> Array | None:
@@ -332,26 +232,19 @@ class Equilibrium(Stored):
         return np.array([_time_text(*map(float, time)) for time in each]).reshape(found.value.shape[::-1])
 
     def freedom(self, name: str) -> float:
-        """That of the paths for errors of Casimirs and the law, else of the groups of paths, or of few paths batches.
+        """That of the paths for errors of Casimirs, else of the groups of paths, or of few paths batches.
 
         Autocorrelations and histograms have those of the groups of any number of paths.
         """
         if name in _OF_PATHS:
             return self.samples - 1
-        if self.averages is None or self.samples >= LEAST_PATHS or name in _OF_GROUPS:
+        if self.samples >= LEAST_PATHS or name in _OF_GROUPS:
             return super().freedom(name)
         return batches_of(self.averages.kept) - 1
 
-    @property
-    def largest_finite(self) -> int | None:
-        """The number of the largest step size at which all paths are finite; None if there is none."""
-        finite = np.flatnonzero(self.nonfinite == 0)
-        return int(finite[np.argmax(self.h[finite])]) if len(finite) else None
-
     def remarks(self) -> Iterator[str]:
         """Reasons to doubt the errors of the means, orders of their biases, and what to run for a wanted accuracy."""
-        if (averages := self.averages) is None:
-            return
+        averages = self.averages
         for f in np.flatnonzero(averages.is_constant).tolist():
             spread = short(float(np.sqrt(averages.variance[:, f].max())), ".0e")
             yield f"{self.about.label}: {averages.functions[f]} is constant up to rounding ({spread})"
@@ -368,7 +261,7 @@ class Equilibrium(Stored):
         if (wanted := readings[0].accuracy) is None:
             return
         each = []
-        for one, averages in ((one, one.averages) for one in readings if one.averages):
+        for one, averages in ((one, one.averages) for one in readings):
             steps = [(step_for(one, averages, f, wanted), name) for f, name in enumerate(averages.functions)]
             (step, why), name = min(steps)
             each.append(f"{short(step)} with {one.about.label} ({name}: {why})")
@@ -377,20 +270,13 @@ class Equilibrium(Stored):
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Equilibrium"]) -> Iterator[str]:
-        """Paths, times, the time of averaging, and how large |z| is by chance."""
+        """Paths, times, and the time of averaging."""
         first, averages = readings[0], readings[0].averages
-        snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
-        largest = f" at h = {first.h[0]:g}" if averages else ""
-        yield f"{first.samples} paths of {_count(first.steps_each)} steps each{largest}{snapshots}"
-        if first.law:
-            count = len(first.law.moments)
-            bound = f"is below {chance(count):.1f} in 95 % of cases"
-            yield f"by chance the largest |z| of {count} independent means {bound}"
-        if averages:
-            values = f"{averages.kept} values of each path {averages.spacing:g} apart"
-            yield f"means over the last {averages.kept * averages.spacing:.6g} of the time, {values}"
-            named = zip(averages.functions, averages.texts, strict=True)
-            yield from (f"{name}: {text}" for name, text in named if name != text)
+        yield f"{first.samples} paths of {count(first.steps_each)} steps each at h = {first.h[0]:g}"
+        values = f"{averages.kept} values of each path {averages.spacing:g} apart"
+        yield f"means over the last {averages.kept * averages.spacing:.6g} of the time, {values}"
+        named = zip(averages.functions, averages.texts, strict=True)
+        yield from (f"{name}: {text}" for name, text in named if name != text)
 
 
 Record = Equilibrium
@@ -401,22 +287,12 @@ Record = Equilibrium
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def chance(count: int) -> float:
-    """The bound of the largest |z| of `count` independent standard normals in 95 % of cases."""
-    return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
-
-
-def _count(steps: int) -> str:
-    """A number of steps, powers of two also as such."""
-    return f"{power_of_two(steps)} = {steps:,}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"
-
-
 def _warnings(reading: Equilibrium, averages: Averages) -> Iterator[str]:
     """A line for each reason to doubt the errors of the means, about the worst step size and function."""
-    count, paths = averages.average.size, reading.samples
+    size, paths = averages.average.size, reading.samples
     kurtosis = np.zeros_like(averages.tau) if averages.kurtosis is None else averages.kurtosis
     lengths = averages.kept * averages.spacing / np.maximum(averages.tau, 1e-300)
-    likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / count)))
+    likely = float(student(max(paths, BATCHES) - 1, (1 - _SELDOM) ** (1 / size)))
     burnt_in = "the second half of the kept time differs from the first by {} standard errors of that"
     lasting = np.isfinite(averages.tau) & ~np.isfinite(averages.window)
     longer = lasting & (lengths >= LONG_ENOUGH) & (len(averages.lag) > WINDOW)  # else there is none

@@ -5,11 +5,12 @@ from typing import Annotated, ClassVar, Literal, Self
 from annotated_types import Ge, Le
 
 from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, large
-from spi.ensemble.random_states import RandomState, Uniform
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import memory_size
 from spi.exact.surfaces import spheres
 from spi.models.delegation import undamped
 from spi.numerics.rng import STEPS_PER_TOSS
+from spi.plugins.dynamics.ensemble.laws import Uniform
 from spi.specs.cases import StepCase
 from spi.specs.checks import times_on_grid
 from spi.specs.keys import Keys, Samples, condition, entries_in, key_of, quantity, wrong

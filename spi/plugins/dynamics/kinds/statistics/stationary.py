@@ -136,7 +136,13 @@ def _by_part(values: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def estimates(case: Any, sums: Any, sizes: Array) -> TimeCorrelations:
+def waves_about(case: Any) -> dict[str, Array]:
+    """The frequencies of linear waves at the wave vectors of a case, and those of its steps."""
+    found = FURTHER[WAVES].frequencies(case, modes_of(case.time_correlations, geometry(case.model)))
+    return dict(zip(("waves", "waves_of_step"), found, strict=True))
+
+
+def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> TimeCorrelations:
     """The record of correlations in time, from sums by groups of paths.
 
     Functions that are constant up to rounding, relative to their `sizes` (F, T), have none.
@@ -185,12 +191,14 @@ def estimates(case: Any, sums: Any, sizes: Array) -> TimeCorrelations:
     return TimeCorrelations(
         lag=between * np.arange(lags),
         omega=np.pi / (between * (lags - 1)) * np.arange(lags),
-        structure=_structure(case, sums.waves, each, spectrum) if given.spins else None,
+        structure=_structure(case, sums.waves, each, spectrum, waves) if given.spins else None,
         **fields,
     )
 
 
-def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any) -> Structure:
+def _structure(
+    case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any, linear: Mapping[str, Any]
+) -> Structure:
     """The record of the modes of a lattice, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
     given, place = case.time_correlations, geometry(case.model)
     path = _path(given, place)
@@ -213,7 +221,7 @@ def _structure(case: Any, sums: Array, each: Callable[..., tuple[Array, Array]],
             lambda c: np.fft.irfft(complex_of(c), length, axis=-2)[..., : length // 2 + 1, :], sums
         )
     if given.about is not None:
-        fields["waves"], fields["waves_of_step"] = FURTHER[WAVES].frequencies(case, waves)
+        fields |= {name: linear[name] for name in ("waves", "waves_of_step")}
     if given.labels:
         fields["corners"], fields["corner_q"] = given.labels, along[np.cumsum([len(part) for part in path]) - 1]
     return Structure(

@@ -1,9 +1,10 @@
 """Statistics of functions of paths at many times: sums over paths, and what follows from them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,11 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
 from spi.kinds.functions import ns_to_evaluate
-from spi.kinds.plans import Cost, KernelCall, each_scheme
+from spi.kinds.plans import Cost, KernelCall, State, Task, each_scheme
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.ensemble.counting import add_moments, count_values, rank_values
 from spi.plugins.dynamics.kinds.maps import Cells, DensityMap
+from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY
 from spi.plugins.dynamics.statistics.cells import cells_around, count_places
 from spi.plugins.dynamics.statistics.quantiles import edges_around
 from spi.schemes import typical_ns
@@ -43,6 +45,7 @@ from .passages import Distances, Looks, corrected
 from .references import REFERENCES, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, Statistics
 
+_MEANS, _WAVES = "reference means", "linear waves"  # the names of tasks
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _SHORT = 2.0**-20  # of a step, in which noise alone moves a state
@@ -299,8 +302,29 @@ class StatisticsPlan(BlocksPlan):
             maps = np.ascontiguousarray(self.cells.places(states, pair))
             count_places(maps, first, end, sums.cells)
 
-    def estimates(self, sums: StatisticsSums) -> dict[str, Any]:
-        """The fields of :class:`Statistics` that follow from the sums."""
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """See :meth:`Plan.deciding`; the references are among the answers of the tasks."""
+        entries = super().deciding(number)
+        return entries | self.case.model_dump(include={"reference"}) if number is None else entries
+
+    def tasks(self, state: State) -> list[Task]:
+        """References that take a computation, and the frequencies of linear waves."""
+        tasks, case = [], self.case
+        if {EXACT, STATIONARY}.intersection(name for name in case.reference.values() if isinstance(name, str)):
+            tasks.append(
+                Task(_MEANS, lambda: dict(zip(("value", "error"), REFERENCES.means(case, case.t), strict=True)))
+            )
+        given = case.time_correlations
+        if given is not None and given.spins and given.about is not None:
+            tasks.append(Task(_WAVES, lambda: stationary.waves_about(case)))
+        return tasks
+
+    def results(self, state: State) -> Statistics:
+        """The results of one scheme of a case, from its final state."""
+        return Statistics(**(self.whole(state) | self.estimates(state.total(), state.answers)))
+
+    def estimates(self, sums: StatisticsSums, answers: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
+        """The fields of :class:`Statistics` that follow from the sums and the answers of the tasks."""
         case, functions = self.case, self.columns.functions
         names, count = tuple(case.functions), len(case.functions)
         estimated = Moments.of(sums.values, sums.products, self.samples)
@@ -341,8 +365,10 @@ class StatisticsPlan(BlocksPlan):
             **self._second_moments(seen, constant),
             **self._counted(sums, bins, of_values, constant, mean),
             "density_map": self._map(sums.cells, names),
-            "time": stationary.estimates(case, sums, constant.size) if case.time_correlations is not None else None,
-            **self._differences(mean, stderr, constant),
+            "time": stationary.estimates(case, sums, constant.size, answers.get(_WAVES, {}))
+            if case.time_correlations is not None
+            else None,
+            **self._differences(mean, stderr, constant, answers.get(_MEANS)),
             "acceptance": reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             "panels": case.panels or PANELS,
             "nonfinite": int(sums.nonfinite),
@@ -438,11 +464,13 @@ class StatisticsPlan(BlocksPlan):
             fields |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
         return fields
 
-    def _differences(self, mean: np.ndarray, stderr: np.ndarray, constant: Constant) -> dict[str, Any]:
+    def _differences(
+        self, mean: np.ndarray, stderr: np.ndarray, constant: Constant, known: Mapping[str, Any] | None
+    ) -> dict[str, Any]:
         """Reference means, the distances of the means (F, T) from them, and the standard errors of these."""
         if not self.case.reference:
             return {}
-        reference, error = REFERENCES.means(self.case, self.case.t)
+        reference, error = (known["value"], known["error"]) if known else REFERENCES.means(self.case, self.case.t)
         difference = mean - reference
         return {
             "reference": reference,

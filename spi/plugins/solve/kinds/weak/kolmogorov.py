@@ -1,10 +1,9 @@
 """Weak errors without sampling, from ``spi.exact.expectations``."""
 
 import json
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,36 +11,18 @@ from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.expectations import can_solve
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import Cost, Done, State, Task
 from spi.kinds.weak.plans import WeakPlan
-from spi.kinds.weak.results import Unsampled
+from spi.kinds.weak.results import Unsampled, WeakErrors
 from spi.kinds.weak.solved import check_demands, demands_of, demands_of_schemes, solution
 from spi.models import MODELS
 from spi.schemes.stages import has_loops, has_shared
 from spi.specs.keys import wrong
-from spi.statistics.tallies import Chunk, PathSet
+from spi.statistics.tallies import PathSet
 from spi.storage.records import Order
 
+_SOLUTION = "solution"  # the name of the task
 _CLEAR = 20.0  # multiples of its numerical error from which on a weak error counts as resolved
-
-
-class Solution(NamedTuple):
-    """Nothing (0 paths) or everything (1), for F test functions at S step sizes; bounds are of numerical errors."""
-
-    paths: int
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    value: np.ndarray  #: (F, S) E phi(y_N)
-    value_bound: np.ndarray  #: (F, S)
-    limit: np.ndarray  #: (F,) E phi(y(T))
-    limit_bound: np.ndarray  #: (F,)
-    error: np.ndarray  #: (F, S)
-    error_bound: np.ndarray  #: (F, S)
-    notes: str  #: JSON
-
-    def plus(self, later: "Solution") -> "Solution":
-        """There is only one."""
-        raise TypeError("a solution without sampling is computed at once")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,59 +80,54 @@ class KolmogorovPlan(WeakPlan):
         return Cost(0, need.seconds * thread_count() * first, int(need.bytes))
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """All in one piece, as if it were one path."""
-        return (PathSet(1, 1),)
+        """None."""
+        return ()
 
-    def empty(self, number: int) -> Solution:
-        """No solution."""
-        per_function = np.zeros(len(self.case.functions))
-        per_point = np.zeros((len(per_function), len(self.case.steps)))
-        return Solution(0, 0.0, 0.0, per_point, per_point, per_function, per_function, per_point, per_point, "")
+    def tasks(self, state: State) -> list[Task]:
+        """All in one piece."""
+        return [Task(_SOLUTION, self._solved)]
 
-    def advance(self, chunks: Sequence[Chunk], started: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
-        """Solve, at once."""
-        began = time.perf_counter()
+    def _solved(self) -> dict[str, Any]:
+        """Expectations of the F test functions at S step sizes, (F, S), and in the limit, (F,), with their bounds."""
         exact, cpu_seconds = solution(self.case, self.row.composition, self.case.steps)
-        solved = Solution(
-            paths=1,
-            seconds=time.perf_counter() - began,
-            cpu_seconds=cpu_seconds,
-            value=exact.value,
-            value_bound=exact.value_bound,
-            limit=exact.limit,
-            limit_bound=exact.limit_bound,
-            error=exact.weak_error,
-            error_bound=exact.weak_error_bound,
-            notes=json.dumps(exact.notes, default=lambda value: value.tolist()),
-        )
-        yield [(chunks[0], solved)]
+        return {
+            "value": exact.value,
+            "value_bound": exact.value_bound,
+            "limit": exact.limit,
+            "limit_bound": exact.limit_bound,
+            "error": exact.weak_error,
+            "error_bound": exact.weak_error_bound,
+            "notes": json.dumps(exact.notes, default=lambda value: value.tolist()),
+            "solver_seconds": cpu_seconds,  # of whoever solved first, which serves the other levels
+        }
 
     def progress(self, state: State) -> Done:
         """0 or 1 of 1; no standard error."""
-        return Done(state.tally().paths, 1, float("nan"))
+        return Done(len(state.answers), 1, float("nan"))
 
-    def estimates(self, solved: Solution) -> dict[str, Any]:
+    def results(self, state: State) -> WeakErrors:
         """The weak errors and expectations."""
-        combine = self.extrapolation
-        error, bound = combine.combined(solved.error), combine.combined_bounds(solved.error_bound)
+        combine, solved = self.extrapolation, state.answers[_SOLUTION]
+        error, bound = combine.combined(solved["error"]), combine.combined_bounds(solved["error_bound"])
         h, resolved = self.h, np.abs(error) >= _CLEAR * bound
         unsampled = Unsampled(
             error_bound=bound,
-            expectation_bound=combine.combined_bounds(solved.value_bound),
-            limit=solved.limit,
-            limit_bound=solved.limit_bound,
-            notes=solved.notes,
+            expectation_bound=combine.combined_bounds(solved["value_bound"]),
+            limit=solved["limit"],
+            limit_bound=solved["limit_bound"],
+            notes=solved["notes"],
         )
         each = zip(error, bound, resolved, strict=True)
-        return {
+        estimated = {
             "error": error,
             "resolved": resolved,
-            "expectation": combine.combined(solved.value),
+            "expectation": combine.combined(solved["value"]),
             "orders": tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
             "unsampled": unsampled,
             "accuracy": self.case.accuracy,
-            "cpu_seconds": solved.cpu_seconds,
+            "cpu_seconds": solved["solver_seconds"],
         }
+        return WeakErrors(**(self.whole(state) | estimated))
 
 
 def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:

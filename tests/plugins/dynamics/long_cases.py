@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
+from spec_files import load_text  # noqa: F401
 from states import finished
 
 from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.numerics.rng import BROWNIAN, LANES
-from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
-from spi.plugins.dynamics.kinds.equilibrium.growth import OF_PATHS
-from spi.running.run import load
+from spi.plugins.dynamics.kinds.growth import study as growth
 from spi.storage import Part
 
 RIGID = """\
 title: A title
-kind: equilibrium
+kind: growth
 model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
 initial: [cos(1.1), 0, sin(1.1)]
 steps: [1/8, 1/4]
@@ -26,25 +25,13 @@ seed: 3
 
 
 @pytest.fixture
-def load_text(tmp_path):
-    """Load a spec with overrides."""
-
-    def load_text(text, *overrides):
-        path = tmp_path / "s.yaml"
-        path.write_text(text, encoding="utf-8")
-        return load(path, overrides=overrides)
-
-    return load_text
-
-
-@pytest.fixture
-def case_of(load_text):
+def case_of(load_text):  # noqa: F811
     return lambda *overrides: load_text(RIGID, *overrides).cases[0]
 
 
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
-    plan = equilibrium.plan(case, Part(scheme))
+    plan = growth.plan(case, Part(scheme))
     group = plan.results(finished(plan) if state is None else state).group()
     return group.arrays, group
 
@@ -63,6 +50,6 @@ def rows_after(scheme, model, rows, h, first, steps, seed=3):
 def paths_done(plan, chunk, casimir=None):
     """The paths of a chunk as if all steps were done: no counts, and these errors of the Casimirs, or none known."""
     start = plan.empty(chunk.path_set, chunk.blocks)
-    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in OF_PATHS}
+    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in plan.by_path}
     done = start._replace(paths=chunk.paths, n=plan.case.step_count, y=start.y[:0], **of_paths)
     return done if casimir is None else done._replace(casimir=casimir)

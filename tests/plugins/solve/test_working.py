@@ -14,6 +14,8 @@ from spi import storage
 from spi.exact import work
 from spi.kinds.weak import solved as study
 from spi.plugins.answers.running import predictions
+from spi.plugins.clusters.command import verified
+from spi.plugins.clusters.running.verify import verify
 from spi.plugins.comparisons.kinds.stability import study as stability
 from spi.plugins.dynamics.kinds.statistics import references
 from spi.running import run as runner
@@ -116,6 +118,9 @@ def test_a_stop_while_it_solves_leaves_nothing_half_written(spec, tmp_path, kind
     assert {path.parent for path in out.rglob("*") if path.is_file()} == {out / "sums"}
     again, fresh = (runner.run(experiment, folder) for folder in (out, whole))
     assert numbers(again) == numbers(fresh)
+    found = verify(again, 1)
+    assert found.whole and found.sound and found.sums == out / "sums" and not found.chunks
+    assert next(verified(found)) == "all numbers but times were computed again, without paths"
 
 
 def test_a_limit_of_time_ends_what_is_solved_but_not_before_anything_is_known(spec, tmp_path):

@@ -2,23 +2,23 @@
 
 import math
 
-import equilibrium_cases
+import long_cases
 import numpy as np
 import pytest
-from equilibrium_cases import RIGID, initial_rows, paths_done, rows_after, study
 from helpers import RIGID_BODY, compiled_only
+from long_cases import RIGID, initial_rows, paths_done, rows_after, study
 
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.plans import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.exact.sphere_law import BINS, SphereLaw, obstacle
-from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
+from spi.plugins.dynamics.kinds.growth import study as growth
 from spi.schemes import scheme_entry
 from spi.storage import Part
 
 # fixtures
-load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
+load_text, case_of = long_cases.load_text, long_cases.case_of
 
 
 def fibonacci(n):
@@ -132,19 +132,19 @@ def test_without_noise_or_off_the_sphere_no_law_is_known(load_text, case_of):
         case_of("model.sigma=[0, 0, 0]"),
         load_text(RIGID, "model={name: maxwell_bloch}", "schemes=[splitting]").cases[0],
     ):
-        plan = equilibrium.plan(case, Part("splitting"))
+        plan = growth.plan(case, Part("splitting"))
         assert plan.law is None
         state = State(plan)
         for chunk in state.missing():
             state.put(chunk, paths_done(plan, chunk))
         found, _ = study(case, "splitting", state)
         assert "nonfinite" in found and "law_distance" not in found and "mean" not in found
-    assert isinstance(equilibrium.plan(case_of(), Part("splitting")).law, SphereLaw)
+    assert isinstance(growth.plan(case_of(), Part("splitting")).law, SphereLaw)
 
 
 def test_on_an_axis_nothing_moves_and_no_law_is_known(case_of):
     for initial in ("[1, 0, 0]", "[0, 0, -2]", "[0, 0, 0]"):
-        assert equilibrium.plan(case_of(f"initial={initial}"), Part("splitting")).law is None
+        assert growth.plan(case_of(f"initial={initial}"), Part("splitting")).law is None
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,23 @@
-"""Results of the kind ``equilibrium`` made by hand, with the features that views must not hide."""
+"""Results of the kinds ``growth`` and ``equilibrium`` made by hand, with the features that views must not hide."""
 
 import numpy as np
 from made_up import group_of
-from stability_results import LABELS
 
-from spi.plugins.dynamics.kinds.equilibrium.results import Averages, Equilibrium, Law
+from spi.plugins.dynamics.kinds.equilibrium.results import Averages, Equilibrium
+from spi.plugins.dynamics.kinds.growth.results import Growth, Law
 from spi.storage import Order, Results
 
+LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
 
 
-def equilibrium_group(scheme, case="free", panels=("growth", "law", "distance"), law=True, averages=None, **more):
+def growth_group(scheme, case="free", panels=("growth", "law", "distance"), law=True, **more):
     """Rounding walks of one Casimir function, and the law of the states, which is nearly the exact one."""
+    return _group(Growth, scheme, case, more, panels=panels, law=_law() if law else None, snapshots=4096)
+
+
+def _group(record, scheme, case, more, **own):
     h, n, each = 2.0 ** -np.array([2, 4, 6]), 2 ** np.arange(27), np.ones((3, 1))
     rms = 1e-16 * np.sqrt(n)[:, np.newaxis] * np.ones((3, 1, 1))
     fields = {
@@ -28,16 +33,13 @@ def equilibrium_group(scheme, case="free", panels=("growth", "law", "distance"),
         "bias": 1.5e-18 * each,
         "bias_stderr": 1e-18 * each,
         "nonfinite": np.zeros(3, int),
-        "law": _law() if law else None,
         "samples": 512,
         "steps_each": int(n[-1]),
-        "snapshots": 4096,
-        "panels": panels,
-        "averages": averages,
+        **own,
     }
     # the final time depends on the step size, so that this kind has none
     told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5", "final_time": None} | more
-    return group_of(Equilibrium, case, scheme, told, **fields)
+    return group_of(record, case, scheme, told, **fields)
 
 
 def _law():
@@ -57,7 +59,7 @@ def _law():
     )
 
 
-def averages_group(scheme, quantities=None, **more):
+def equilibrium_group(scheme, quantities=None, **more):
     """Means of H and of y3^2 at T = 1/4: a bias of order 2 and one that is not resolved."""
     h, lag = 2.0 ** -np.array([2, 4, 6]), 0.25 * np.arange(8.0)
     each, cells = np.ones((3, 2)), np.linspace(1.0, 0.2, 10) * np.ones((3, 2, 10))
@@ -94,8 +96,12 @@ def averages_group(scheme, quantities=None, **more):
         quantities=quantities,
     )
     panels = ("growth", "means", "histogram", "autocorrelation", "heat")
-    return equilibrium_group(scheme, "held", panels=panels, law=False, averages=averages, **more)
+    return _group(Equilibrium, scheme, "held", more, panels=panels, averages=averages)
+
+
+def growth(*groups):
+    return Results({"kind": "growth", "title": "Long times"}, groups)
 
 
 def equilibrium(*groups):
-    return Results({"kind": "equilibrium", "title": "Long times"}, groups)
+    return Results({"kind": "equilibrium", "title": "Means"}, groups)

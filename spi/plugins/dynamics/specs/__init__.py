@@ -1,0 +1,1 @@
+"""Keys of dynamics in specs."""

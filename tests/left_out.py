@@ -1,0 +1,41 @@
+"""Where plug-ins are left out, see without_plugins.py: tests that need one of them are skipped, not failed."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from spi import plugins
+
+_INDEX = Path(plugins.__file__).with_name(plugins.INDEX)
+
+
+def names():
+    """The plug-ins of the repository that are not here."""
+    owners = json.loads(_INDEX.read_text(encoding="utf-8")).values()
+    return {owner for of_registry in owners for owner in of_registry.values()} - plugins.installed().keys()
+
+
+class Skipping:
+    """Skips what fails because a plug-in is missing: by an import, or by a message that one is to be installed."""
+
+    def __init__(self, left_out):
+        either = "|".join(sorted(left_out))
+        said = rf"No module named 'spi\.plugins\.({either})\b|install the plug-in ({either})\b|no solver is installed"
+        self.words = re.compile(said)
+
+    def _judged(self, report):
+        if report.failed and (found := self.words.search(str(report.longrepr))):
+            report.outcome, report.longrepr = "skipped", (report.nodeid, 0, f"Skipped: {found[0]}")
+        return report
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(self):
+        """A file that cannot be imported."""
+        return self._judged((yield))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self):
+        """A test."""
+        return self._judged((yield))
