@@ -29,7 +29,7 @@ import numpy as np
 
 from spi import storage, views
 from spi.drawing import Figure, as_bytes, page
-from spi.models.zeitlin.fields import cell, ratios, vorticity
+from spi.plugins.fluids.models.fields import cell, ratios, vorticity
 
 POINTS = 256  # of the grid, a side
 LONGEST = 0.02  # step
@@ -158,7 +158,7 @@ def compared(paths, points):
 
 
 def _mode(one):
-    """The place of the mode (1, 0): the last of its row, see ``spi/models/zeitlin/tables.py``."""
+    """The place of the mode (1, 0): the last of its row, see ``spi/plugins/fluids/models/tables.py``."""
     return one.place.get("modes") // 2 - 1
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 import spi
-from spi.models.zeitlin.fields import size_of
-from spi.models.zeitlin.tables import modes
+from spi.plugins.fluids.models.fields import size_of
+from spi.plugins.fluids.models.tables import modes
 
 BATCHES = 8  # of the later half, each several correlation times long
 TEMPERATURES = {"positive": 1 / 500, "none": np.inf, "negative": -1 / 500}

@@ -58,7 +58,7 @@ def spec_of(kind, scheme, cells, steps):
 def clocked(path):
     """`spi run` of a spec in this process, with a clock around the kernel; a line of JSON about it."""
     from spi import cli
-    from spi.models.spins.whole import Whole
+    from spi.plugins.spins.models.whole import Whole
 
     spent, move = [0.0, 0.0], Whole.move
 

@@ -37,7 +37,7 @@ from machine import arithmetic_peak, best_time
 from through_spec import run, said
 
 import spi
-from spi.models.zeitlin.tables import lines, modes, row_order
+from spi.plugins.fluids.models.tables import lines, modes, row_order
 
 SIZES = (3, 5, 7, 15, 31, 63, 127)
 STEPS = (0.02, 0.1)  # h

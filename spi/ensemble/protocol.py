@@ -355,7 +355,9 @@ def state_fault(model, y):
 def geometry(model):
     """What the components of a state belong to: a mapping that JSON can hold, whose entry ``on`` says on what they are.
 
-    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``.
+    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``.  {"on": "lattice", ...}: three
+    components for each site; ``sites`` of a cell, the same as ``fractions`` of the ``vectors``, ``size`` in cells, and
+    whether it is ``periodic``.
     """
     return {}
 
@@ -632,7 +634,7 @@ def has_friction(model):
 def has_bath(model):
     """Whether friction and noise belong to one another, as at a temperature: together they keep exp(-H/T).
 
-    Friction may be there without noise, as that of spins with ``alpha`` alone.
+    Friction may be there without noise, as that of a lattice with ``alpha`` alone.
     """
     return has_friction(model) and bool(noise_indices(model))
 

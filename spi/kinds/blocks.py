@@ -196,7 +196,7 @@ class BlocksPlan(PathsPlan, Blockwise):
         return Done(sums.paths, self.samples, self.stderr(sums) if sums.paths else float("nan"))
 
 
-_SWEEP_NS = 20.0  # of a component of a spin
+_SWEEP_NS = 20.0  # of a component of a site
 
 
 def _ns_to_draw(initial: Any) -> float:

@@ -9,8 +9,6 @@ from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise
 from .sine_euler import SineEuler
-from .spins import Spins
-from .zeitlin import Zeitlin
 
 
 def check_model_class(name, cls):
@@ -47,5 +45,3 @@ register_model("maxwell_bloch", MaxwellBloch)
 register_model("rigid_body", RigidBody)
 register_model("rigid_body_shared_noise", RigidBodySharedNoise)
 register_model("sine_euler", SineEuler)
-register_model("spins", Spins)
-register_model("zeitlin", Zeitlin)

@@ -47,6 +47,7 @@ class Plugin(NamedTuple):
     ways: Mapping[str, str] = _NOTHING  #: option of `spi run` -> ``spi.cli.options.Way``, how experiments are computed
     offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
     templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with
+    further: Mapping[str, str] = _NOTHING  #: "plug-in.word" -> what that plug-in asks others for by this word
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text
 
 

@@ -71,7 +71,7 @@ class RenormalisedEulerMaruyama(NamedTuple):
 class RenormalisedHeun(NamedTuple):
     """Heun's z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k, scaled back to spheres.
 
-    That is |y| z / |z| where |y|^2 is a Casimir function, and each spin by itself of a lattice.
+    That is |y| z / |z| where |y|^2 is a Casimir function, and each site by itself of a lattice.
     """
 
     def advance(scheme, model, h, dW, coins, y, work, report):

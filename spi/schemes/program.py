@@ -1,7 +1,7 @@
 """Compositions of flows of array states as data, so that one compilation serves all of them.
 
 The flows of a program are those of the sweeps of paths in registers, in the same order; only who runs them differs.
-One large lattice runs the same programs, see ``models/spins/whole.py``.
+One large lattice, whose parts threads share, runs the same programs.
 """
 
 from typing import NamedTuple

@@ -130,7 +130,7 @@ SCHEMES: dict[str, Scheme] = {}
 
 
 def on_spheres(model):
-    """Whether states can be scaled back to spheres: that of |y|, or those of the spins of a lattice."""
+    """Whether states can be scaled back to spheres: that of |y|, or those of the sites of a lattice."""
     return sphere_size(model) > 0 or (squared_length_is_casimir(model) and not large(model))
 
 
@@ -277,7 +277,7 @@ register_scheme(
     "heun_renormalised",
     record=RenormalisedHeun(),
     label="Heun, renormalised",
-    formula="|y| z / |z|, z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k; of a lattice each spin",
+    formula="|y| z / |z|, z = y + (F(y) + F(y + F(y))) / 2, F = h f + sum_k sigma_k dW_k f_k; of a lattice each site",
     reference="doi:10.1007/978-3-662-12616-5",
     look=("P", "#E69F00"),
     preserves="|y|",

@@ -12,10 +12,9 @@ from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated, paths_of
 from spi.ensemble.protocol import dimension, in_kernels, noises
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, advance_large, report_row, work_size
-from spi.models import Spins, Zeitlin
 from spi.models.delegation import thermal
-from spi.models.spins import Terms, Transport
-from spi.models.zeitlin import Noise
+from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.midpoint import IsospectralMidpoint, Midpoint
 

@@ -6,7 +6,8 @@ from model_cases import MODELS_UNDER_TEST
 
 from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.protocol import area_pairs
-from spi.models import MODELS, Zeitlin, register_model
+from spi.models import MODELS, register_model
+from spi.plugins.fluids.models import Zeitlin
 from spi.running.load import plans
 from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError

@@ -39,10 +39,9 @@ from spi.ensemble.protocol import (
     pieces,
     strengths,
 )
-from spi.models import Zeitlin
 from spi.models.delegation import Thermal, thermal, undamped
-from spi.models.zeitlin import Noise
 from spi.numerics.angles import ANY_ANGLES
+from spi.plugins.fluids.models import Noise, Zeitlin
 from spi.running.remarks import remarks, warnings
 from spi.running.run import plans
 from spi.schemes import SCHEMES, of_model, weak_exponents

@@ -21,8 +21,9 @@ from scipy.integrate import solve_ivp
 
 from spi.ensemble.protocol import large, noises
 from spi.ensemble.scheme_protocol import judges, needs_areas, substeps
-from spi.models import MODELS, Zeitlin
+from spi.models import MODELS
 from spi.numerics.rng import LANES
+from spi.plugins.fluids.models import Zeitlin
 from spi.running import run as runner
 from spi.schemes import SCHEMES
 from spi.schemes.explicit import RenormalisedHeun

@@ -11,8 +11,7 @@ import pytest
 from trajectory_results import trajectories, trajectory_group
 
 from spi import storage
-from spi.models import Zeitlin
-from spi.models.zeitlin import fields
+from spi.plugins.fluids.models import Zeitlin, fields
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))  # no package: programs, and what they share
 euler = importlib.import_module("euler")

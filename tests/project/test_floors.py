@@ -49,7 +49,7 @@ THIRD_PARTY = {
     "xarray": ["api.*"],
     "pandas": ["api.*", "printing.*", "plugins.report.*"],
     "distributed": ["plugins.clusters.command"],
-    "numba": ["compiler.*", "ensemble.loop", "models.spins.*", "numerics.elementary"],  # prange and vectors
+    "numba": ["compiler.*", "ensemble.loop", "plugins.spins.models.*", "numerics.elementary"],  # prange and vectors
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],
 }

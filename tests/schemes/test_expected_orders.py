@@ -15,10 +15,9 @@ from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.protocol import dimension, in_kernels, noises
 from spi.ensemble.scheme_protocol import advance_large, memory_size, of_arrays, report_row, substeps, work_size
-from spi.models import Zeitlin
 from spi.models.delegation import thermal
-from spi.models.spins import Spins, Terms, Transport
-from spi.models.zeitlin import Noise
+from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import of_model, strong_order, weak_order
 

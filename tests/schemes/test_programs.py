@@ -12,10 +12,10 @@ from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, integrated, paths_of
 from spi.ensemble.protocol import in_kernels
 from spi.ensemble.scheme_protocol import DRIFT, FRICTION, NOISE
-from spi.models import RigidBody, Spins, Zeitlin
+from spi.models import RigidBody
 from spi.models.delegation import thermal
-from spi.models.spins import Terms, Transport
-from spi.models.zeitlin import Noise
+from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.program import program_of
 from spi.schemes.stages import ShareOfWhole, flows, has_shared, needs_coins, sweeps, with_friction

@@ -7,7 +7,7 @@ import pytest
 
 from spi.api.specs import experiment_of
 from spi.cli import starting
-from spi.models.zeitlin import fields
+from spi.plugins.fluids.models import fields
 from spi.running.load import Source, plans_of
 from spi.running.run import identity
 

@@ -4,6 +4,7 @@ from spi.plugins import Plugin
 
 PLUGIN = Plugin(
     "fluids",
+    models={"zeitlin": "spi.plugins.fluids.models:Zeitlin"},
     initial={
         "modes": "spi.plugins.fluids.specs.initial:Vorticity",
         "vorticity": "spi.plugins.fluids.specs.initial:Vorticity",

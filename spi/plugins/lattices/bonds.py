@@ -15,8 +15,8 @@ import numpy as np
 import sympy
 
 from spi.expressions.ranges import whole
-from spi.models.spins import Anisotropy, Spins, Terms, Transport, name_numbers
-from spi.models.spins.lattices import Cell
+from spi.plugins.spins.models import Anisotropy, Spins, Terms, Transport, name_numbers
+from spi.plugins.spins.models.lattices import Cell
 from spi.plugins.systems.brackets import shortened
 from spi.plugins.systems.definition import Reader, strengths
 from spi.plugins.systems.generated import numbers_of

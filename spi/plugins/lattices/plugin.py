@@ -2,4 +2,4 @@
 
 from spi.plugins import Plugin
 
-PLUGIN = Plugin("lattices", needs=("systems",), definitions={"lattice": "spi.plugins.lattices.bonds:model_of"})
+PLUGIN = Plugin("lattices", needs=("systems", "spins"), definitions={"lattice": "spi.plugins.lattices.bonds:model_of"})

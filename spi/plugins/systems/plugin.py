@@ -10,5 +10,5 @@ PLUGIN = Plugin(
         "bracket": "spi.plugins.systems.reading:SOURCE",
     },
     templates={"system": "spi.plugins.systems.template:TEXT"},
-    groups={"systems": "systems written in YAML, and lattices of spins"},
+    groups={"systems": "systems written in YAML, and lattices"},
 )

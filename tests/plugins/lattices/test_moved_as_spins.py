@@ -6,7 +6,7 @@ from states import finished
 from test_currents import RING
 
 from spi.kinds.trajectory import study as trajectory
-from spi.models.spins import Anisotropy, Spins, Terms
+from spi.plugins.spins.models import Anisotropy, Spins, Terms
 from spi.plugins.systems.currents import energy_current
 from spi.storage import Part
 

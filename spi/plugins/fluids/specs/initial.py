@@ -19,8 +19,8 @@ from annotated_types import MinLen
 from spi.ensemble.protocol import Positive
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError, parse
-from spi.models.zeitlin import fields
-from spi.models.zeitlin.tables import places
+from spi.plugins.fluids.models import fields
+from spi.plugins.fluids.models.tables import places
 from spi.specs.files import Files
 from spi.specs.keys import ABSENT, Keys, Seed, condition, key_of, shown, wrong
 

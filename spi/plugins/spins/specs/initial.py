@@ -13,7 +13,7 @@ import pydantic
 
 from spi.ensemble.long_states import state_of
 from spi.ensemble.protocol import dimension
-from spi.models.spins import Spins
+from spi.plugins.spins.models import Spins
 from spi.specs.files import Files
 from spi.specs.keys import Keys, Seed, State, entries_in, key_of, wrong
 

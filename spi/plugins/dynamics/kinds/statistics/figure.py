@@ -151,7 +151,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
 
 
 def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The correlations of spins over their distance at a few times, of the first scheme."""
+    """The correlations of sites over their distance at a few times, of the first scheme."""
     reading = readings[0]
     if reading.time is None or reading.time.structure is None or reading.time.structure.between is None:
         return

@@ -10,10 +10,9 @@ import pydantic
 from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
-from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.ensemble.protocol import NonNegative, Positive, dimension, geometry
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, function_of
-from spi.models.delegation import undamped
-from spi.models.spins import Spins
+from spi.plugins import lacking
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, curve
 from spi.plugins.dynamics.statistics.quantiles import EDGES
 from spi.specs.cases import StepCase, with_others
@@ -24,17 +23,15 @@ from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
 
-from . import waves
 from .estimates import SPHERE, on_sphere
 from .references import REFERENCES
-from .results import OF_SPINS, OF_TIMES, PANELS, Statistics
-from .stationary import WINDOWS, modes_of
-from .waves import MOST_WAVES
+from .results import OF_LATTICES, OF_TIMES, PANELS, Statistics
+from .stationary import FURTHER, WAVES, WINDOWS, modes_of
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
 _MOST_NUMBERS = 10**7  # of what is summed up
-_MOST_OF_WAVES = 5 * 10**7  # the same of modes of spins
+_MOST_OF_WAVES = 5 * 10**7  # the same of modes of lattices
 _NAMES = tuple(name for name in FUNCTIONALS if name != "first")
 _One = MinLen(1), Field(max_length=1)
 _Both = Annotated[dict[str, str], MinLen(2), Field(max_length=2)]
@@ -114,7 +111,7 @@ class Correlated(Keys):
     window: key_of(Literal[tuple(WINDOWS)], "w(t) of spectra; it ends, with hann at 0, at `until`") = "hann"
     spins: key_of(
         Annotated[tuple[Literal["x", "y", "z"], ...], MinLen(1)] | None,
-        "of the model spins the components that the structure factor S(q, omega) adds up, as in [x, y, z]",
+        "of a lattice the components that the structure factor S(q, omega) adds up, as in [x, y, z]",
     ) = None
     through: key_of(
         Annotated[tuple[Annotated[tuple[float, ...], Len(1, 3)], ...], MinLen(1)] | None,
@@ -123,7 +120,7 @@ class Correlated(Keys):
     ) = None
     about: key_of(
         _Direction | Annotated[tuple[_Direction, ...], MinLen(1)] | Literal["initial"] | None,
-        "directions of spins about which linear waves are computed and drawn: one, as in [0, 0, 1], one for each site "
+        "directions of sites about which linear waves are computed and drawn: one, as in [0, 0, 1], one for each site "
         "of a cell or sublattice, as in [[0, 0, 1], [0, 0, -1]], or those of `initial`",
     ) = None
     labels: key_of(
@@ -134,7 +131,7 @@ class Correlated(Keys):
     def _check_spins(self) -> Self:
         for key in ("through", "about", "labels"):
             if getattr(self, key) is not None and self.spins is None:
-                raise wrong("is for structure factors of spins", "add spins: [x, y, z]", key)
+                raise wrong("is for structure factors", "add spins: [x, y, z]", key)
         if self.labels is not None and len(self.labels) != len(self.through or ()):
             right = f"must have {len(self.through)}, one for each corner of through" if self.through else "add through"
             raise wrong(f"has {len(self.labels)} names", right, "labels")
@@ -148,18 +145,17 @@ class Correlated(Keys):
             raise wrong(f"is {quantity(self.until)}", right, "time_correlations", "until")
         if self.spins is None:
             return
-        model = undamped(case.model)
-        if not isinstance(model, Spins) or not model.is_periodic:
-            raise wrong("is for periodic lattices of spins", "leave it out", "time_correlations", "spins")
-        numbers = 2 * GROUPS * len(modes_of(self, model)) * (round(self.until / between) + 1)
+        place = geometry(case.model)
+        if place.get("on") != "lattice" or not place["periodic"]:
+            raise wrong("is for periodic lattices", "leave it out", "time_correlations", "spins")
+        numbers = 2 * GROUPS * len(modes_of(self, place)) * (round(self.until / between) + 1)
         if numbers > _MOST_OF_WAVES:
             right = f"must be at most {quantity(self.until * _MOST_OF_WAVES / numbers)}, or take fewer wave vectors"
             raise wrong(f"is {quantity(self.until)}, for {numbers:.2g} sums", right, "time_correlations", "until")
-        if self.about is not None and model.sites.sites > MOST_WAVES:
-            mistake = f"is for at most {MOST_WAVES} spins, and there are {model.sites.sites}"
-            raise wrong(mistake, "leave it out", "time_correlations", "about")
         if self.about is not None:
-            waves.check(case)
+            if advice := lacking("further", WAVES):
+                raise wrong("is for linear waves", advice, "time_correlations", "about")
+            FURTHER[WAVES].check(case)
 
 
 class Case(CodeKeys, StepCase):
@@ -290,7 +286,7 @@ class Case(CodeKeys, StepCase):
         for i, panel in enumerate(self.panels):
             if panel in OF_TIMES and given is None:
                 raise wrong(f"is '{panel}', which is of time_correlations", "add these, or leave it out", "panels", i)
-            if panel in OF_SPINS and given is not None and given.spins is None:
+            if panel in OF_LATTICES and given is not None and given.spins is None:
                 raise wrong(f"is '{panel}'", "add spins: [x, y, z] to time_correlations", "panels", i)
         return self
 

@@ -14,8 +14,8 @@ from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
-OF_SPINS = ("structure", "spreading")
-OF_TIMES = ("time_correlation", "integral", "spectrum", *OF_SPINS)
+OF_LATTICES = ("structure", "spreading")
+OF_TIMES = ("time_correlation", "integral", "spectrum", *OF_LATTICES)
 PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps", *OF_TIMES)
 
 
@@ -67,7 +67,7 @@ class Passages(Described):
 
 
 class Structure(Described):
-    """Correlations of the spins of a lattice in space and time, by wave vectors q; s_q = sum_j exp(-i q . x_j) s_j."""
+    """Correlations of the sites of a lattice in space and time, by wave vectors q; s_q = sum_j exp(-i q . x_j) s_j."""
 
     q: Array = axis("length of the path of wave vectors, in units of reciprocal vectors", name="q")
     wave_vector: Array = array("q vector", "wave vector, in units of reciprocal vectors")
@@ -81,9 +81,9 @@ class Structure(Described):
     waves_of_step: Array | None = array("q branch", "the same of the scheme at its step size", "1/time", default=None)
     corners: tuple[str, ...] | None = axis("name of a corner of the path", name="corner", default=None)
     corner_q: Array | None = array("corner", "place of the corner on the path", default=None)
-    distance: Array | None = axis("distance of two spins along the lattice", name="distance", default=None)
+    distance: Array | None = axis("distance of two sites along the lattice", name="distance", default=None)
     between: Array | None = array(
-        "distance lag", "correlation of two spins", formula="E s_0(s) . s_r(s + t)", default=None
+        "distance lag", "correlation of two sites", formula="E s_0(s) . s_r(s + t)", default=None
     )
     between_stderr: Array | None = array("distance lag", "standard error of this correlation", default=None)
 

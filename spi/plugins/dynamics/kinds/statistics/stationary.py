@@ -1,4 +1,4 @@
-"""Correlations in time of stationary paths, over all first times of each: of functions, and of Fourier modes of spins.
+"""Correlations in time of stationary paths, over all first times of each: of functions, and of modes of lattices.
 
     C(t) = Cov(f(y_s), f(y_(s+t))),    whose integral over t is the coefficient of Green and Kubo
     C(q, t) = E s_q(s)^* . s_q(s + t) / N,    s_q = sum_j exp(-i q . x_j) s_j
@@ -13,18 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from spi.models.delegation import undamped
-from spi.models.spins import Spins
+from spi.ensemble.protocol import geometry
 from spi.numerics.rng import LANES, PARTS
+from spi.plugins import Registry
 from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
 from spi.statistics.intervals import skewed_half_width
 from spi.statistics.rounding import is_rounding
 
 from .results import Structure, TimeCorrelations
-from .waves import linear_waves
 
 Array = np.ndarray
+
+#: What this plug-in asks others for: linear waves, a record of ``check(case)`` and ``frequencies(case, waves)``.
+FURTHER, WAVES = Registry("further"), "dynamics.waves"
 
 #: w as a function of t over the largest lag.
 WINDOWS: dict[str, Callable[[Array], Array]] = {
@@ -39,14 +41,14 @@ def lags_of(case: Any) -> int:
     return round(case.time_correlations.until / (case.stride * case.step)) + 1
 
 
-def modes_of(given: Any, model: Spins) -> Array:
-    """(Q, vectors) the wave vectors, as whole numbers of waves along the lattice."""
-    return np.concatenate(_path(given, model))
+def modes_of(given: Any, place: Mapping[str, Any]) -> Array:
+    """(Q, vectors) the wave vectors, as whole numbers of waves along a lattice, the ``geometry`` of its model."""
+    return np.concatenate(_path(given, place))
 
 
-def _path(given: Any, model: Spins) -> list[Array]:
+def _path(given: Any, place: Mapping[str, Any]) -> list[Array]:
     """The first wave vector, and those of each part of the path up to its corner."""
-    size = np.array(model.size)
+    size = np.array(place["size"])
     half = size[0] // 2 / size[0]  # of an odd length the last wave before
     corners = given.through or ((0.0,) * len(size), (half, *(0.0,) * (len(size) - 1)))
     if any(len(corner) != len(size) for corner in corners):
@@ -70,7 +72,7 @@ def lengths(case: Any) -> dict[str, int]:
     given = case.time_correlations
     if given is None:
         return {"stationary": 0, "wave": 0, "lag": 0, "complex": 2}
-    waves = 0 if given.spins is None else len(modes_of(given, undamped(case.model)))
+    waves = 0 if given.spins is None else len(modes_of(given, geometry(case.model)))
     return {"stationary": len(case.functions), "wave": waves, "lag": lags_of(case), "complex": 2}
 
 
@@ -97,20 +99,21 @@ def contributions(case: Any, functions: Array, y: Array, first: int, end: int) -
         "waves": np.zeros((0, lags, 2, PARTS)),
     }
     if case.time_correlations.spins is not None:
-        model = undamped(case.model)
-        waves = modes(model, modes_of(case.time_correlations, model), case.time_correlations.spins, y) * used
+        place = geometry(case.model)
+        waves = modes(place, modes_of(case.time_correlations, place), case.time_correlations.spins, y) * used
         total = sum(_lagged(wave, lags) for wave in waves)
-        sums["waves"] = np.stack([total.real, total.imag], axis=2) / model.sites.sites
+        sums["waves"] = np.stack([total.real, total.imag], axis=2) / (y.shape[1] // LANES // 3)
     return sums
 
 
-def modes(model: Spins, waves: Array, components: tuple[str, ...], y: Array) -> Array:
+def modes(place: Mapping[str, Any], waves: Array, components: tuple[str, ...], y: Array) -> Array:
     """(components, Q, T, LANES): s_q of states (T, d * LANES)."""
-    cells, (vectors, per_cell) = model.size, (len(model.size), len(model.cell.sites))
+    cells, fractions = place["size"], np.array(place["fractions"])
+    vectors, per_cell = len(cells), len(fractions)
     s = y.reshape(len(y), *cells, per_cell, 3, LANES)[..., ["xyz".index(c) for c in components], :]
     transformed = np.fft.fftn(s, axes=range(1, 1 + vectors))
     at = transformed[:, *(waves % cells).T] if vectors > 1 else transformed[:, waves[:, 0] % cells[0]]
-    phases = np.exp(-2j * np.pi * (waves / cells) @ model.cell.fractions.T)  # (Q, sites of a cell)
+    phases = np.exp(-2j * np.pi * (waves / cells) @ fractions.T)  # (Q, sites of a cell)
     return np.moveaxis((at * phases[:, :, np.newaxis, np.newaxis]).sum(axis=2), (0, 1, 2), (2, 1, 0))
 
 
@@ -135,8 +138,8 @@ def _by_part(values: Array) -> Array:
 
 def waves_about(case: Any) -> dict[str, Array]:
     """The frequencies of linear waves at the wave vectors of a case, and those of its steps."""
-    given, model = case.time_correlations, undamped(case.model)
-    return dict(zip(("waves", "waves_of_step"), linear_waves(case, np.concatenate(_path(given, model))), strict=True))
+    found = FURTHER[WAVES].frequencies(case, modes_of(case.time_correlations, geometry(case.model)))
+    return dict(zip(("waves", "waves_of_step"), found, strict=True))
 
 
 def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> TimeCorrelations:
@@ -196,11 +199,11 @@ def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> T
 def _structure(
     case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any, linear: Mapping[str, Any]
 ) -> Structure:
-    """The record of the modes of spins, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
-    given, model = case.time_correlations, undamped(case.model)
-    path = _path(given, model)
+    """The record of the modes of a lattice, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
+    given, place = case.time_correlations, geometry(case.model)
+    path = _path(given, place)
     waves = np.concatenate(path)
-    vectors = waves / np.array(model.size)
+    vectors = waves / np.array(place["size"])
     along = _along(vectors)
     unit = np.pi / (case.stride * case.step * (lags_of(case) - 1))
 
@@ -211,8 +214,8 @@ def _structure(
     peak, peak_stderr = each(lambda c: unit * _peaks(spectrum(complex_of(c))), sums)
     mode, mode_stderr = each(lambda c: c[..., 0], sums)
     fields: dict[str, Any] = {}
-    if given.through is None and len(model.size) == len(model.cell.sites) == 1:
-        length = model.size[0]
+    if given.through is None and len(place["size"]) == len(place["sites"]) == 1:
+        length = place["size"][0]
         fields["distance"] = np.arange(length // 2 + 1)
         fields["between"], fields["between_stderr"] = each(
             lambda c: np.fft.irfft(complex_of(c), length, axis=-2)[..., : length // 2 + 1, :], sums

@@ -68,7 +68,7 @@ class StatisticsSums(Sums):
     cells: Array = added("map one cell", int)  #: outside of all cells, in each, and NaN
     means: Array = by_group("stationary")  #: of each function over the times of a path
     lagged: Array = by_group("stationary lag")  #: of products of values at two times
-    waves: Array = by_group("wave lag complex")  #: the same of modes of spins
+    waves: Array = by_group("wave lag complex")  #: the same of modes of a lattice
     nonfinite: Array = counted()
     report: Array = added("report")  #: of what steps report that which is summed up
 

@@ -12,7 +12,7 @@ from spi.drawing import Figure, panels, plots, style
 from spi.kinds.trajectory.figure import Readings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
-from spi.models.zeitlin.fields import energy_spectrum, enstrophy, size_of, vorticity
+from spi.plugins.fluids.models.fields import energy_spectrum, enstrophy, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
 TIMES = "viridis"  #: colours of spectra, from early to late

@@ -1,0 +1,47 @@
+"""What is said of the resolution of fluids: the cell, and Casimirs beside means of powers of the vorticity."""
+
+import math
+
+import fluids
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from spi.cli import app
+from spi.plugins.fluids.models import Zeitlin, fields
+from spi.running.load import load
+from spi.running.remarks import reports
+
+
+def test_matrices_and_casimirs():
+    for n in (3, 7, 9):
+        y, w = np.random.default_rng(n).standard_normal((2, n * n - 1))
+        found = fields.matrix_of(y)
+        np.testing.assert_allclose(found, found.conj().T, atol=1e-13)
+        np.testing.assert_allclose(fields.matrix_of(y + 2 * w), found + 2 * fields.matrix_of(w), atol=1e-13)
+        known = fluids.casimirs(Zeitlin(n=n), y, range(2, min(n, 5) + 1))
+        np.testing.assert_allclose(fields.casimirs_of(y, min(n - 1, 4)), known, rtol=1e-11, atol=1e-11)
+
+
+def test_ratios_tend_to_one_where_cells_are_small():
+    """C_2 is the mean of omega^2 for every N; of a round vortex the others approach 1 as N^-2; odd means may be 0."""
+    points = 2 * np.pi * np.arange(256) / 256
+    x1, x2 = np.meshgrid(points, points, indexing="ij")
+    round_one = np.exp(2 * np.cos(x1) + 2 * np.cos(x2))
+    away = []
+    for n in (31, 63):
+        two, three, *_ = fields.ratios(fields.projected(round_one - round_one.mean(), n), 4)
+        assert two == pytest.approx(1, abs=1e-12)
+        away.append(1 - three)
+    assert 3.5 < away[0] / away[1] < 4.3 and away[1] > 0.001
+    assert math.isnan(fields.ratios(fields.projected(np.cos(x1 - 2 * x2), 9), 2)[1])
+    assert fields.cell(63) == pytest.approx(0.79, abs=0.005)
+
+
+def test_check_says_what_a_fluid_resolves():
+    found = CliRunner().invoke(app, ["check", "vortex_merger", "--set", "model={n: 63}"]).stdout
+    assert "N = 63 resolves cells of 2 pi/sqrt(N) = 0.79" in found
+    assert "C_2 1.00, C_3 0.95, C_4 0.88, C_5 0.78" in found
+    assert not reports(load("rigid_body_strong"))
+    (case, *_) = load("zeitlin_casimirs").cases
+    assert len(fields.report(case.model, case.initial)) == 2
