@@ -26,7 +26,7 @@ def results(plan):
     """The variables and the attributes of a whole study."""
     state = State(plan)
     workers.advance_here([state], lambda number: None)
-    workers.finalise([state], lambda number: None)
+    workers.perform_tasks([state], lambda number: None)
     group = plan.results(state).group()
     return group.arrays, group.attributes
 

@@ -15,7 +15,6 @@ from typing import Any
 
 from .. import storage
 from ..ensemble.loop import limited_threads
-from ..exact.work import Work, reporting_to
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
@@ -43,17 +42,12 @@ class WorkersLost(RuntimeError):
         return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
-#: The number of a plan, and work without paths in progress in it.
-News = tuple[int, Work]
-
-
 class Workers:
     """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
 
     size: int  #: the number of chunks that are computed at once
 
     def __init__(self) -> None:
-        self.reports: list[News] = []  #: of work without paths
         self.machines = set[str]()  #: the ``storage.machine`` of those that computed, where it may be another than here
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
@@ -63,11 +57,6 @@ class Workers:
     def result(self, future: Future) -> Any:
         """The result of a future that is done."""
         return future.result()
-
-    def news(self) -> list[News]:
-        """The reports of work without paths since the last call."""
-        reports, self.reports = self.reports, []
-        return reports
 
 
 class Processes(Workers):
@@ -88,16 +77,15 @@ class Processes(Workers):
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads, plan=number)
+        return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
 
-    def answer(self, *call: Any, plan: int = 0) -> Any:
+    def answer(self, *call: Any) -> Any:
         """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
                 connection = self._taken()
                 connection.send(call)
-                while isinstance(answer := connection.recv(), Work):
-                    self.reports.append((plan, answer))
+                answer = connection.recv()
             except (EOFError, OSError):
                 if self.closed:
                     break
@@ -135,19 +123,12 @@ class Processes(Workers):
 
 
 def _serve(connection: Connection) -> None:
-    """Make all calls that come, send reports of work without paths, and (result, None) or (None, error)."""
+    """Make all calls that come, and send (result, None) or (None, error)."""
     follow_the_parent()
-
-    def report(work: Work | None) -> None:
-        if work is not None:
-            connection.send(work)
-
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
         while True:
             function, *arguments = connection.recv()
-            with reporting_to(report):
-                answer = _answer(function, *arguments)
-            connection.send(answer)
+            connection.send(_answer(function, *arguments))
 
 
 def _answer(function: Callable[..., Any], *arguments: Any) -> tuple[Any, Exception | None]:
@@ -216,7 +197,7 @@ Piece = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-#: Seconds without a result after which reports are shown.
+#: Seconds after which waiting for a result begins anew, since it cannot be interrupted everywhere.
 _PATIENCE = 0.5
 
 
@@ -250,7 +231,6 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
             if not waiting:
                 return
             done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
-            _show(workers.news(), {number for number, _ in waiting.values()}, states, tick)
             for future in sorted(done, key=_has_failed):  # what is there is not lost with those that fail
                 number, chunk = waiting.pop(future)
                 states[number].put(chunk, workers.result(future))
@@ -262,18 +242,6 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
 
 def _has_failed(future: Future) -> bool:
     return future.cancelled() or future.exception() is not None
-
-
-def _show(news: Sequence[News], at_work: Collection[int], states: Sequence[State], tick: Tick) -> None:
-    """Report the last news of the first of the parts `at_work` that have any."""
-    last = {number: work for number, work in news if number in at_work}
-    if last:
-        state = states[min(last)]
-        state.work = last[min(last)]
-        try:
-            tick(min(last))
-        finally:
-            state.work = None
 
 
 def _next(

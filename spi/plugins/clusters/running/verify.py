@@ -46,7 +46,7 @@ class Verification(NamedTuple):
     checked: tuple[str, ...]  #: those that were computed again: "case/part, paths of chunk ... of path set ..."
     different: tuple[str, ...]  #: those among them that came out different
     wrong: tuple[str, ...]  #: all else that is not as it should be, in one line each
-    sums: Path | None  #: the file of sums over paths from which all numbers were derived again; None if there is none
+    sums: Path | None  #: the folder of the sums from which all numbers were derived again; None if some are missing
     causes: tuple[str, ...]  #: all that is not as it was when the results were computed
 
     @property
@@ -68,7 +68,7 @@ def verify(
 ) -> Verification:
     """Compute chunks of stored results again and compare their sums to the last bit: so many at random, None for all.
 
-    All numbers are derived again and compared, from the sums over paths if their file lies beside the results, and but
+    All numbers are derived again and compared, from the sums over paths if these lie beside the results, and but
     for times from the paths if all of them are computed.  `report` is called with the chunk that comes next.
 
     Raises StorageError if the file is no results file, or if its spec now means something else.  Python code in the
