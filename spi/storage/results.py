@@ -289,7 +289,7 @@ def reason(error: OSError) -> str:
 
 
 #: The root attribute that marks a results file, and the version of its layout.
-MARK, VERSION = "spi_results", 3
+MARK, VERSION = "spi_results", 4
 
 #: The attributes of an array.
 _NOTES = ("long_name", "formula", "units")

@@ -215,7 +215,7 @@ def test_files_that_are_not_ours(tmp_path):
         foreign: "not of ours",
         sums: "an HDF5 file, but not of ours",
         newer: "a later version of spi (layout 99",
-        older: "an earlier version of spi (layout 2, this one reads 3); run the experiment again with --fresh",
+        older: "an earlier version of spi (layout 2, this one reads 4); run the experiment again with --fresh",
     }
     for path, words in expected.items():
         text = message(storage.read, path)
