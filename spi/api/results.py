@@ -250,16 +250,19 @@ class Results:
     def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
         """The figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
+        `look` is that of the figure: `style`, `width`, `height`, `font` and `font_size`, as in :func:`views.figure`.
+
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
-        against time; `look` is handed on to matplotlib.  Returns the figure, or the axes.
+        against time; `look` is then handed on to matplotlib.  Returns the figure, or the axes.
 
         ValueError if there is nothing to draw, or if a quantity or a look are given without axes.
         """
         if ax is not None:
             return draw_into(ax, self, quantity, look)
-        if ignored := [*("quantity",) * (quantity is not None), *look]:
+        of_figure = {name: look.pop(name) for name in ("style", "width", "height", "font", "font_size") if name in look}
+        if ignored := [*([] if quantity is None else ["quantity"]), *look]:
             raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
-        figure = views.figure(self.stored)
+        figure = views.figure(self.stored, **of_figure)
         figure.__dict__["_repr_png_"] = partial(as_bytes, figure, "png")  # for notebooks that know not matplotlib
         return figure
 

@@ -71,10 +71,12 @@ def plot(
         typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
     ] = "screen",
     width: Annotated[
-        str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
+        str | None, typer.Option(help="Width of a figure: one or two (columns of a paper), or e.g. 5.125in, 130mm.")
     ] = None,
-    font: Annotated[
-        str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
+    height: Annotated[str | None, typer.Option(help="Height of a figure, e.g. 4.5in, 110mm.")] = None,
+    font: Annotated[str | None, typer.Option(help="Font: serif, sans or an installed TrueType family.")] = None,
+    font_size: Annotated[
+        float | None, typer.Option(help="Points of text (default: 9, in a paper 8); other letters in proportion.")
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
     *,
@@ -85,15 +87,16 @@ def plot(
     from ..drawing import page
     from ..drawing.style import caption
 
+    look: dict[str, Any] = {"style": style, "width": width, "height": height, "font": font, "font_size": font_size}
     try:
-        page.named(style, width, font)
+        page.named(**look)
     except ValueError as error:
         end(INVALID, f"--{error}")
 
     def draw(path: Path) -> None:
         stored_results = storage.read(path)
         with _about(path):
-            figure = views.figure(stored_results, style, width, font)
+            figure = views.figure(stored_results, **look)
         folder = out or path.parent
         for written in views.save(figure, folder, path.stem if style == "screen" else f"{path.stem}_paper"):
             tell(f"wrote {written}")

@@ -17,12 +17,8 @@ from . import page, plots
 _WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is one word
 _BREAKS = re.compile(r"(?<=,\\,)|(?= [+-] )")  # within a formula: behind a comma, before a sign
 
-_SHAPE = 0.7  # height of a panel over its width
-_TALLEST = 2.9  # inches of a panel
 _ROUNDS = 4  # of changes of the height, of which each moves all panels a little
 _EXACT = 0.03  # inches of the height
-_SAFE = 0.94  # of the room for a legend, since letters on pixels are wider than their outlines
-_GAP = 2.0  # points between two labels of ticks
 
 _SETTLED: WeakSet[Figure] = WeakSet()  #: figures whose panels have their places for good
 
@@ -30,7 +26,8 @@ _SETTLED: WeakSet[Figure] = WeakSet()  #: figures whose panels have their places
 def settle(fig: Figure) -> None:
     """Give all panels their places, and break titles that are too long there.
 
-    In a paper also break other long texts, leave out labels of ticks, choose the height.
+    In a figure of a given width also break other long texts and leave out labels of ticks; in a paper choose the
+    height.
     """
     engine = fig.get_layout_engine()
     if engine is None or fig in _SETTLED:
@@ -38,7 +35,7 @@ def settle(fig: Figure) -> None:
     engine.execute(fig)
     for ax in fig.axes:
         _break_titles(ax)
-    if page.current().width is None:
+    if page.current().layout.width is None:
         return
     _break_legends(fig)
     engine.execute(fig)
@@ -48,7 +45,7 @@ def settle(fig: Figure) -> None:
         engine.execute(fig)
         for ax in fig.axes:
             _break_titles(ax)  # again, since panels move when the labels beside them change
-        if not _fit_height(fig):
+        if not page.current().is_paper or not _fit_height(fig):
             break
     for ax in fig.axes:
         for axis in (ax.xaxis, ax.yaxis):
@@ -84,7 +81,7 @@ def _break_legends(fig: Figure) -> None:
         texts = legend.get_texts()
         beside = legend.get_window_extent().width - max(text.get_window_extent().width for text in texts)
         for text in texts:
-            _break(text, _SAFE * fig.bbox.width - beside)
+            _break(text, page.current().layout.legend_fill * fig.bbox.width - beside)
 
 
 def _break_labels(ax: Axes) -> None:
@@ -131,6 +128,8 @@ def _parts(word: str) -> list[str]:
 
 def _fit_height(fig: Figure) -> bool:
     """Give every row of panels the height that it should have; returns whether that changed anything."""
+    if page.current().layout.height is not None:
+        return False
     rows: dict[int, list[Axes]] = {}
     grid: Any = None
     for ax in fig.axes:
@@ -163,7 +162,8 @@ def _wanted(ax: Axes) -> float:
         box = ax.get_window_extent()
         return width * box.height / box.width
     label = ax.yaxis.label.get_window_extent().height / ax.figure.dpi if ax.get_ylabel() else 0.0
-    return max(min(_SHAPE * width, _TALLEST), label)
+    layout = page.current().layout
+    return max(min(layout.paper_shape * width, layout.tallest), label)
 
 
 def _thin(axis: Any) -> None:
@@ -188,7 +188,7 @@ def _labels(axis: Any) -> list[tuple[float, Text]]:
 
 
 def _touch(axis: Any, labels: list[Text]) -> bool:
-    gap = _GAP / 72 * axis.figure.dpi
+    gap = page.current().layout.tick_gap / 72 * axis.figure.dpi
     boxes = [label.get_window_extent() for label in labels]
     if axis.axis_name == "x":
         return any(one.x1 + gap > other.x0 for one, other in pairwise(sorted(boxes, key=lambda box: box.x0)))

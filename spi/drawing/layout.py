@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from itertools import zip_longest
-from typing import Any
+from itertools import cycle, zip_longest
+from string import ascii_lowercase
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,92 +14,121 @@ from matplotlib.transforms import ScaledTranslation
 
 from . import fitting, page, plots, style
 
-WIDTHS = {1: 5.0, 2: 4.1, 3: 3.6, 4: 3.2}  #: inches of a panel, by the number side by side
-NARROW = 2.8  # of more than four side by side
-LEAST = 2.1  #: inches of a panel in a paper, where as many stand side by side as fit
-ENTRIES = 8  #: of a legend at most; lines are named at their ends where there are more schemes
-
-_COLUMNS = 4  # panels side by side, unless the figure would be too high
-_TALL = 1.25  # height over width of all panels at most, so that with titles it is 1.4
-_FLAT, _LOW = 0.6, 0.88  # height over width of panels of curves and of fields in a figure with many rows of fields
-_FULL = 0.75  # share of the places in rows of groups that are to be filled
-_WIDE = 5.0  # inches of a figure that has room for names of lines
-_NAMES = 1.6  # inches for the names of lines at their ends
-_AROUND = 0.8  # inches above and below the frame of a panel
-_MARGIN = 0.5  # inches to the left of a panel, for its vertical axis
-_WIDER = 0.6  # inches more, where the label of that axis has two lines
-_HIGHER = 1.25  # height of a line with formulas, in lines
-_BESIDE = 0.45  # inches of a handle of the legend and the room around it
-
 Case = tuple[list[str], list[list[plots.Plot]]]  #: the heading of a case, and groups of panels
+
+
+class _Drawn(NamedTuple):
+    """A panel that is drawn."""
+
+    ax: plots.Axes
+    entries: list[plots.Entry]  #: of the legend
+    ends: list[plots.End]  #: of its lines
+
+
+class _Legend(NamedTuple):
+    """The legend of a figure, and where its lines are named."""
+
+    entries: list[plots.Entry]
+    named: bool  #: whether the lines of schemes are named at their ends instead
+    beside_slopes: bool  #: whether the names of reference lines stand beside them instead
 
 
 @np.errstate(all="ignore")
 def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
-    """The figure of the panels of each case; ValueError if there are none."""
-    rows = _rows([groups for _, groups in cases])
+    """The figure of the panels of each case; ValueError if there are none, or no room for them in its height."""
+    rows, layout = _rows([groups for _, groups in cases]), page.current().layout
     if not rows:
         raise ValueError("the results name no panel that could be drawn")
     columns = max(map(len, rows))
-    width = page.current().width or columns * WIDTHS.get(columns, NARROW)
+    width = layout.width or columns * layout.panel_width(columns)
     heights = [aspect * width / columns for aspect in _aspects(rows)]
     fig = Figure(layout="constrained")  # which colour bars are to know beforehand
-    grid = fig.add_gridspec(len(rows), columns, height_ratios=heights)
-    titles = _Titles(cases if len(cases) > 1 else [], rows, width)
-    axes: list[plots.Axes] = []
-    entries, ends, lines = [], [], 0
+    drawn, lines = _draw(fig, rows, heights, _Titles(cases if len(cases) > 1 else [], rows, width))
+    legend = _legend_of(drawn)
+    if legend.beside_slopes:
+        for one in drawn:
+            plots.write_slopes(one.ax)
+    legend_rows = _legend_rows(legend.entries, width)
+    height = sum(heights) + layout.panel_line * (lines + len(legend_rows)) + layout.below
+    _check_height(len(rows), height - sum(heights))
+    beside = layout.names if legend.named and layout.width is None else 0.0
+    style.dress(fig, width + beside, height, title, facts)
+    _name_lines(drawn, legend)
+    if legend_rows:
+        _write_legend(fig, legend_rows)
+    return fig
+
+
+def _draw(
+    fig: Figure, rows: Sequence[Sequence[plots.Plot | None]], heights: Sequence[float], titles: "_Titles"
+) -> tuple[list[_Drawn], int]:
+    """Draw all panels with their titles; returns them, and the number of lines above the rows together."""
+    grid = fig.add_gridspec(len(rows), max(map(len, rows)), height_ratios=heights)
+    drawn, lines = [], 0
     for i, row in enumerate(rows):
         above = [1]
         for j, plot in enumerate(row):
             if plot is None:
                 continue
             ax = fig.add_subplot(grid[i, j], projection=plot.projection)
-            own, of_lines = plot.draw(ax)
-            axes.append(ax)
-            entries += own
-            ends.append(of_lines)
+            drawn.append(_Drawn(ax, *plot.draw(ax)))
             above.append(titles.write(ax, plot))
             if plot.shared and j:
                 ax.set_ylabel("")
                 ax.tick_params(labelleft=False)
         lines += max(above)
+    return drawn, lines
+
+
+def _legend_of(drawn: Sequence[_Drawn]) -> _Legend:
+    """The legend of some panels; of many entries those of reference lines leave first, then those of schemes."""
+    ends, layout = [one.ends for one in drawn], page.current().layout
     schemes = {end.label for of_lines in ends for end in of_lines}
-    handles, room = _merged(entries, schemes), page.current().width or _WIDE
+    handles = _merged([entry for one in drawn for entry in one.entries], schemes)
     explained = len(_with_notes([], ends))  # what is added to the legend
-    many = len(handles) + explained > ENTRIES and room >= _WIDE
+    room = layout.width or layout.names_from
+    if len(handles) + explained <= layout.entries or room < layout.names_from:
+        return _Legend(_with_notes(handles, ends), named=False, beside_slopes=False)
     fewer = [(handle, text) for handle, text in handles if not text.startswith(plots.SLOPE)]
-    named = many and len(fewer) + explained > ENTRIES
-    if many and not named:
-        handles = fewer
-        for ax in axes:
-            plots.write_slopes(ax)
-    if named:
-        handles = [(handle, text) for handle, text in handles if text not in schemes]
-    else:
-        handles = _with_notes(handles, ends)
-    legend = _legend_rows(handles, width)
-    beside = _NAMES * named if page.current().width is None else 0.0
-    style.dress(fig, width + beside, sum(heights) + 0.17 * (lines + len(legend)) + 0.1, title, facts)
-    looks = {(text, str(getattr(handle, "get_color", str)())) for handle, text in handles}
-    lacking = {(end.label, end.colour) for of_lines in ends for end in of_lines} - looks
-    unnamed = lacking if named or len(axes) > 1 else set()  # a look that the legend does not show is named at its line
-    for ax, of_lines in sorted(zip(axes, ends, strict=True), key=lambda pair: -len(pair[1])):
-        plots.write_ends(ax, of_lines, unnamed, noted=len(axes) > 1 or named)
-        unnamed = unnamed - {(end.label, end.colour) for end in of_lines}
-    if legend:
-        artists, texts = zip(*(entry for column in zip(*legend, strict=True) for entry in column), strict=True)
-        look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
-        fig.legend(artists, texts, loc="outside lower center", ncols=len(legend[0]), **look)
-    return fig
+    if len(fewer) + explained <= layout.entries:
+        return _Legend(_with_notes(fewer, ends), named=False, beside_slopes=True)
+    return _Legend([entry for entry in handles if entry[1] not in schemes], named=True, beside_slopes=False)
+
+
+def _check_height(rows: int, around: float) -> None:
+    """Raise ValueError if a figure of a given height has no room for its rows of panels; its titles may take more."""
+    layout = page.current().layout
+    least = rows * layout.lowest + around
+    if layout.height is not None and layout.height < least:
+        panels = "its panels" if rows == 1 else f"{rows} rows of panels"
+        raise ValueError(f"height: is {layout.height:.3g} inches; {panels} need at least {least:.1f}")
+
+
+def _name_lines(drawn: Sequence[_Drawn], legend: _Legend) -> None:
+    """Write the names of lines that the legend does not show, and their notes, at their ends."""
+    looks = {(text, str(getattr(handle, "get_color", str)())) for handle, text in legend.entries}
+    lacking = {(end.label, end.colour) for one in drawn for end in one.ends} - looks
+    unnamed = lacking if legend.named or len(drawn) > 1 else set()
+    for one in sorted(drawn, key=lambda one: -len(one.ends)):
+        plots.write_ends(one.ax, one.ends, unnamed, noted=len(drawn) > 1 or legend.named)
+        unnamed = unnamed - {(end.label, end.colour) for end in one.ends}
+
+
+def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.Entry]]) -> None:
+    layout = page.current().layout
+    artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
+    look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
+    fig.legend(artists, texts, loc="outside lower center", ncols=len(rows[0]), **look)
 
 
 def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Plot | None]]:
     """The panels of all cases in rows, at most as high together as a figure may be."""
     count = sum(len(group) for groups in cases for group in groups)
-    if page.current().width is not None:
-        return _in_rows(cases, page.current().columns(_COLUMNS, LEAST))
-    each = (_in_rows(cases, most) for most in range(_COLUMNS, max(_COLUMNS, count) + 1))
-    return next((rows for rows in each if not rows or _shape(rows) <= _TALL), [])
+    layout, most = page.current().layout, page.current().columns()
+    if layout.width is not None:
+        return _in_rows(cases, most)
+    each = (_in_rows(cases, number) for number in range(most, max(most, count) + 1))
+    return next((rows for rows in each if not rows or _shape(rows) <= layout.tall), [])
 
 
 def _aspects(rows: Sequence[Sequence[plots.Plot | None]]) -> list[float]:
@@ -106,9 +136,10 @@ def _aspects(rows: Sequence[Sequence[plots.Plot | None]]) -> list[float]:
     whole = [max(plot.aspect for plot in row if plot) for row in rows]
     curves = [all(plot is None or plot.series for plot in row) for row in rows]
     fields = any(plot and plot.shared and not plot.series for row in rows for plot in row)
-    if not fields or sum(whole) <= _TALL * max(map(len, rows)):
+    layout = page.current().layout
+    if not fields or sum(whole) <= layout.tall * max(map(len, rows)):
         return whole
-    return [min(aspect, _FLAT if low else _LOW) for aspect, low in zip(whole, curves, strict=True)]
+    return [min(aspect, layout.flat if low else layout.low) for aspect, low in zip(whole, curves, strict=True)]
 
 
 def _in_rows(cases: Sequence[list[list[plots.Plot]]], most: int) -> Sequence[Sequence[plots.Plot | None]]:
@@ -153,8 +184,9 @@ def _matrix(groups: list[list[plots.Plot]], most: int, wide: bool = False) -> li
         rows += _even(single, most) + ([group] if len(group) <= most else _even(group, most))
         single = []
     rows += _even(single, most)
-    full = len(everything) > _FULL * len(rows) * max(map(len, rows))
-    return rows if full and _shape(rows) <= _TALL else _even(everything, most, wide)
+    layout = page.current().layout
+    full = len(everything) > layout.full * len(rows) * max(map(len, rows))
+    return rows if full and _shape(rows) <= layout.tall else _even(everything, most, wide)
 
 
 def _even(plots: Sequence[plots.Plot], most: int, wide: bool = False) -> list[list[plots.Plot]]:
@@ -169,7 +201,7 @@ class _Titles:
 
     def __init__(self, cases: Sequence[Case], rows: Sequence[Sequence[plots.Plot | None]], width: float) -> None:
         self.headings = {id(groups[0][0]): heading for heading, groups in cases if groups}
-        self.letters = iter("abcdefghijklmnopqrstuvwxyz" * 9) if sum(map(len, rows)) > 1 else None
+        self.letters = cycle(ascii_lowercase) if sum(map(len, rows)) > 1 else None
         self.width = width / max(map(len, rows))
         self.reach: dict[int, float] = {}  # inches of the panels that belong to a heading, by the first of them
         for row in rows:
@@ -181,31 +213,34 @@ class _Titles:
         """Write the title of a panel, and break its label if it is too long; returns the number of lines above."""
         heading, own = self.headings.get(id(plot), []), plot.title.split("\n") if plot.title else []
         letter = f"({next(self.letters)})  " if self.letters else ""
-        label, room = ax.get_ylabel(), plot.aspect * self.width - _AROUND
+        layout = page.current().layout
+        pad = layout.panel_pad if ax.axison else layout.bare_pad
+        label, room = ax.get_ylabel(), plot.aspect * self.width - layout.around
         is_long = style.inches(label, "axes.labelsize") > room
-        above = _wrapped(heading, self.reach.get(id(plot), self.width) - _MARGIN - _WIDER * is_long)
-        under = _wrapped(own, self.width - _MARGIN) or [""]
+        above = _wrapped(
+            heading, self.reach.get(id(plot), self.width) - layout.margin - (layout.wider if is_long else 0.0)
+        )
+        under = _wrapped(own, self.width - layout.margin) or [""]
         # empty lines make room for the heading, which may reach over other panels and so takes no part in the layout;
         # lines with formulas are higher
-        ax.set_title(
-            "\n" * round(_HIGHER * len(above)) + letter + "\n".join(under), loc="left", pad=6 if ax.axison else 15
-        )
+        higher = round(layout.higher * len(above))
+        ax.set_title("\n".join([""] * higher + [letter + "\n".join(under)]), loc="left", pad=pad)
         size = page.points("axes.titlesize")
-        rise = ((6 if ax.axison else 15) + 1.3 * size * len(under)) / 72
+        rise = (pad + layout.heading_spacing * size * len(under)) / 72
         place: Any = ax.transAxes + ScaledTranslation(0, rise, ax.figure.dpi_scale_trans)
         draw: Any = ax.text2D if ax.name == "3d" else ax.text  # type: ignore[attr-defined]
         if above:
             draw(0, 1, "\n".join(above), transform=place, va="bottom", fontsize=size, in_layout=False)
         if is_long:
             ax.set_ylabel(label.replace("  ", "\n"))
-        return round(_HIGHER * len(above)) + len(under)
+        return higher + len(under)
 
 
 def _wrapped(texts: Sequence[str], width: float) -> list[str]:
     """Texts in lines as wide as a panel, long ones broken."""
     font = FontProperties(size=page.points("axes.titlesize"))
     lines = style.wrapped(texts, ",  ", "axes.titlesize", width)
-    return [part for line in lines for part in fitting.broken(line, font, 0.95 * width)]
+    return [part for line in lines for part in fitting.broken(line, font, page.current().layout.fill * width)]
 
 
 def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]]) -> list[plots.Entry]:
@@ -232,6 +267,7 @@ def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plot
     """The entries in as few rows as a figure of some inches has room for, all filled up to one length."""
     if not entries:
         return []
+    layout = page.current().layout
     blank: plots.Entry = Line2D([], [], linestyle="none"), " "
     for columns in range(len(entries), 0, -1):
         rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
@@ -239,6 +275,6 @@ def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plot
         widths = [
             max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
         ]
-        if sum(widths) + (_BESIDE + 0.2) * columns < width - 0.2:
+        if sum(widths) + (layout.beside + layout.gap) * columns < width - layout.side:
             break
     return rows

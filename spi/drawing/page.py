@@ -16,9 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.textpath import text_to_path
 
-#: Inches of a column, and of the two columns of a page, as in most journals (84 to 90 mm, 174 to 190 mm).
-COLUMNS = {"one": 3.35, "two": 7.0}
-NARROWEST, WIDEST = 2.5, 20.0  # inches
+from . import measures
+from .measures import COLUMNS, Layout
+
+NARROWEST, WIDEST = 2.5, 20.0  # inches of a figure
+LOWEST, HIGHEST = 1.0, 40.0  # inches
+SMALLEST, LARGEST = 4.0, 24.0  # points of letters
 _UNITS = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4}
 
 #: Short names of families that come with matplotlib, so that they look the same everywhere.
@@ -27,11 +30,6 @@ _MATHS = {"STIXGeneral": "stix", "DejaVu Sans": "dejavusans", "DejaVu Serif": "d
 
 _SCREEN: dict[str, Any] = {
     "font.family": FAMILIES["sans"],
-    "font.size": 9,
-    "figure.titlesize": 11,
-    "axes.titlesize": 9,
-    "axes.labelsize": 10,
-    "legend.fontsize": 8,
     "lines.linewidth": 1.1,
     "lines.markersize": 6,
     "agg.path.chunksize": 10_000,  # long paths are drawn in parts
@@ -41,12 +39,6 @@ _SCREEN: dict[str, Any] = {
 }
 
 _PAPER: dict[str, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 7,
     "axes.linewidth": 0.6,
     "lines.linewidth": 0.9,
     "lines.markersize": 4.5,
@@ -59,23 +51,39 @@ _PAPER: dict[str, Any] = {
 class Page(NamedTuple):
     """The page that a figure is drawn for."""
 
-    width: float | None = None  #: inches of every figure; None: as wide as its panels want to be
-    family: str = FAMILIES["sans"]
+    layout: Layout = measures.SCREEN
+    is_paper: bool = False  #: whether title and parameters are left to a caption
+    family: str | None = None  #: of letters; None: that of a screen
 
     @property
     def settings(self) -> dict[str, Any]:
         """The settings of matplotlib that make its look."""
-        if self.width is None:
-            return _SCREEN
+        look = _SCREEN | _letters(self.layout) | (_PAPER if self.is_paper else {})
+        if self.family is None:
+            return look
         math_fonts = {"mathtext.fontset": _MATHS.get(self.family, "custom"), "mathtext.fallback": "stix"}
         styles = {"rm": "", "it": ":italic", "bf": ":bold"}
         math_fonts |= {f"mathtext.{style}": f"{self.family}{word}" for style, word in styles.items()}
         # Letters that the family lacks are taken from one that has them.
-        return _SCREEN | _PAPER | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
+        return look | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
 
-    def columns(self, wanted: int, least: float) -> int:
-        """The number of panels side by side: `wanted`, or as many as are `least` inches wide in a column."""
-        return wanted if self.width is None else min(wanted, max(1, int(self.width / least)))
+    def columns(self) -> int:
+        """The number of panels side by side at most: of those that a figure of a given width has room for."""
+        wanted, width = self.layout.columns, self.layout.width
+        return wanted if width is None else min(wanted, max(1, int(width / self.layout.least)))
+
+
+def _letters(layout: Layout) -> dict[str, Any]:
+    """The sizes of letters by matplotlib's names."""
+    return {
+        "font.size": layout.text,
+        "figure.titlesize": layout.title,
+        "axes.titlesize": layout.panel_title,
+        "axes.labelsize": layout.label,
+        "legend.fontsize": layout.legend,
+        "xtick.labelsize": layout.ticks,
+        "ytick.labelsize": layout.ticks,
+    }
 
 
 SCREEN = Page()
@@ -122,37 +130,62 @@ def applied(page: Page = SCREEN) -> Iterator[None]:
         _CURRENT.reset(token)
 
 
-def named(style: str = "screen", width: str | float | None = None, font: str | None = None) -> Page:
-    """The page of a style, "screen" or "paper", of a paper with its width and font.
+def named(
+    style: str = "screen",
+    width: str | float | None = None,
+    height: str | float | None = None,
+    font: str | None = None,
+    font_size: float | None = None,
+) -> Page:
+    """The page of a style, "screen" or "paper", with its width and height, and the font and size of its letters.
 
-    ``width`` is "one" or "two" columns, inches, or a text such as "130mm"; ``font`` is "serif", "sans" or the name of
-    an installed TrueType family.  Raises ValueError, with the reason, if they are none of these.
+    ``width`` and ``height`` are inches or a text such as "130mm", ``width`` also "one" or "two" columns; ``font`` is
+    "serif", "sans" or the name of an installed TrueType family, ``font_size`` points of its text, to which the letters
+    of titles, labels, numbers and legends are in proportion.  Raises ValueError, with the reason, if they are none of
+    these.
     """
-    if style == "paper":
-        return Page(inches("one" if width is None else width), family(font or "serif"))
-    if style != "screen":
+    if style not in ("screen", "paper"):
         raise ValueError(f"style: is {style!r}; must be screen or paper")
-    if width is not None or font is not None:
-        given = "font" if width is None else "width"
-        raise ValueError(f"{given}: is for figures in the style paper only; ask for that style as well")
-    return SCREEN
+    is_paper = style == "paper"
+    layout = measures.PAPER if is_paper else measures.SCREEN
+    if width is not None:
+        layout = layout._replace(width=inches(width))
+    if height is not None:
+        layout = layout._replace(height=_inches_high(height))
+    if font_size is not None:
+        if not SMALLEST <= font_size <= LARGEST:
+            raise ValueError(f"font-size: is {font_size:g}; must be {SMALLEST:g} to {LARGEST:g} points")
+        layout = layout.with_letters(font_size)
+    chosen = font or ("serif" if is_paper else None)
+    return Page(layout, is_paper, family(chosen) if chosen else None)
 
 
 def inches(width: str | float) -> float:
     """A width in inches; ValueError if it is no length, or too small or too large."""
-    match = re.fullmatch(r"([0-9]*\.?[0-9]+) *(in|cm|mm)", str(width).strip())
-    if width in COLUMNS:
-        value = COLUMNS[str(width)]
-    elif match:
-        value = float(match[1]) * _UNITS[match[2]]
-    else:
-        value = math.nan if isinstance(width, str) else float(width)
+    value = COLUMNS[str(width)] if width in COLUMNS else _length(width)
     if not NARROWEST <= value <= WIDEST:
         raise ValueError(
             f"width: is {width!r}; must be one or two (columns), or a length of {NARROWEST:g} to {WIDEST:g} inches, "
             "as in 5.125in or 130mm"
         )
     return value
+
+
+def _inches_high(height: str | float) -> float:
+    """A height in inches; ValueError if it is no length, or too small or too large."""
+    value = _length(height)
+    if not LOWEST <= value <= HIGHEST:
+        raise ValueError(
+            f"height: is {height!r}; must be a length of {LOWEST:g} to {HIGHEST:g} inches, as in 4.5in or 110mm"
+        )
+    return value
+
+
+def _length(given: str | float) -> float:
+    """Inches of a number or of a text with its unit; NaN if it is no length."""
+    if match := re.fullmatch(r"([0-9]*\.?[0-9]+) *(in|cm|mm)", str(given).strip()):
+        return float(match[1]) * _UNITS[match[2]]
+    return math.nan if isinstance(given, str) else float(given)
 
 
 def family(name: str) -> str:

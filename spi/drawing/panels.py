@@ -119,7 +119,7 @@ class CurvePanel(NamedTuple):
             drawn, scale = [line._replace(x=at.of(line.x)) for line in drawn], at.scale
             own = at.dress
         across, theory = self._theory(pairs, place)
-        text = style.plain(meaning.text) + f" ({meaning.unit})" * (meaning.unit in _UNITS)
+        text = style.plain(meaning.text) + (f" ({meaning.unit})" if meaning.unit in _UNITS else "")
         return plots.Plot(
             [*drawn, *theory],
             style.long_title(first, self.facet, place),
@@ -138,6 +138,20 @@ class CurvePanel(NamedTuple):
     def _lines(self, record: Any, numbers: Estimate, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
         """The lines of one scheme."""
         x = record.get(self.over) if self.along is None else self.along(record, place)
+        value, ends, poor = self._values(record, numbers, place)
+        in_time = self.over in ("t", "lag")
+        alone = schemes == 1 and in_time  # a single curve needs no markers, which look like data
+        look = scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look
+        text = style.label(record.about)
+        rows = plots.spread(len(value), _LINES) if self.lines else [0]
+        for i, row in enumerate(rows):
+            mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
+            more = dict(zip(("low", "high"), mine[2:], strict=False)) | {"note": self.note(record, place, row)}
+            own = look | ({"color": style.shade(str(look["color"]), i, len(rows))} if i else {})
+            yield plots.series(x, mine[0], own, "" if i else text, poor=mine[1], band=in_time and bool(ends), **more)
+
+    def _values(self, record: Any, numbers: Estimate, place: int) -> tuple[plots.Array, list[plots.Array], plots.Array]:
+        """The values at one place along the facet, the ends of their intervals, and whether they are not resolved."""
         if self.half is not None:
             half = self.half(record)
             numbers = numbers._replace(low=numbers.value - half, high=numbers.value + half)
@@ -154,16 +168,7 @@ class CurvePanel(NamedTuple):
             poor = ~self._taken(record, resolved, numbers.axes, place)
         if self.nan_diverged:
             value = np.where(np.isnan(value), np.inf, value)
-        in_time = self.over in ("t", "lag")
-        alone = schemes == 1 and in_time  # a single curve needs no markers, which look like data
-        look = scheme_look(record, looks, **{"marker": ""} if alone else {}) | self.look
-        text = style.label(record.about)
-        rows = plots.spread(len(value), _LINES) if self.lines else [0]
-        for i, row in enumerate(rows):
-            mine = [part[row] if self.lines else part for part in (value, poor, *ends)]
-            more = dict(zip(("low", "high"), mine[2:], strict=False)) | {"note": self.note(record, place, row)}
-            own = look | ({"color": style.shade(str(look["color"]), i, len(rows))} if i else {})
-            yield plots.series(x, mine[0], own, text * (i == 0), poor=mine[1], band=in_time and bool(ends), **more)
+        return value, ends, poor
 
     def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
         """The part of an array at one place along the facet: (lines, over), or (over,), or a number."""
@@ -259,17 +264,22 @@ class Figures(NamedTuple):
 
     def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
         """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
-        words = getattr(records[0], "panels", None) or tuple(self.panels)
-        if unknown := [word for word in words if word not in self.panels]:
-            raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
         groups: list[list[plots.Plot]] = []
         same: list[list[plots.Plot]] = []
-        for word in words:
+        for word in self._words(records[0]):
             for panel in self.panels[word]:
                 drawn = list(panel.expand(records, looks))
-                facts |= {text: text for text in drawn if isinstance(text, str)}
-                facts |= {one.text: one.text for one in drawn if isinstance(one, Same)}
-                same += [one.panels for one in drawn if isinstance(one, Same)]
-                groups += [plot for plot in drawn if isinstance(plot, list)]
-                groups.append([plot for plot in drawn if isinstance(plot, plots.Plot)])
+                single = [plot for plot in drawn if isinstance(plot, plots.Plot)]
+                groups += [*(plot for plot in drawn if isinstance(plot, list)), single]
+                equal = [one for one in drawn if isinstance(one, Same)]
+                same += [one.panels for one in equal]
+                texts = [*(text for text in drawn if isinstance(text, str)), *(one.text for one in equal)]
+                facts |= dict(zip(texts, texts, strict=True))
         return [group for group in groups if group] or same
+
+    def _words(self, record: Any) -> Sequence[str]:
+        """The words of the panels that a record asks for, by default all; ValueError for an unknown one."""
+        words = getattr(record, "panels", None) or tuple(self.panels)
+        if unknown := [word for word in words if word not in self.panels]:
+            raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
+        return words

@@ -16,7 +16,7 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
 from matplotlib.text import Text
 
-from . import page, style
+from . import measures, page, style
 
 Array = np.ndarray
 Entry = tuple[Artist, str]  #: of a legend: a handle and a text
@@ -32,7 +32,6 @@ _MARKS = 12  # along a dense line
 _DENSE = 24  # points from which on a line is dense
 _FAR = 1e3  # an interval that is so many times wider than all resolved values does not widen the axis
 _NEAR = 30.0  # an interval that ends so many times above them is shown whole
-_LINE = 1.35  # distance of texts at the ends of lines, in their heights
 _OUT = 100.0  # heights of a panel by which lines may leave it
 _SHORT = 30.0  # ratio of the ends of a logarithmic axis on which powers of ten are too few ticks
 _TINY = 1e-3  # values below are written as powers of ten, which are longer
@@ -94,7 +93,7 @@ class Plot(NamedTuple):
     top: float = HUGE  #: values beyond do not widen the axis
     own: Draw | None = None
     entries: Sequence[Entry] = ()  #: further ones of the legend
-    aspect: float = 0.74  #: height over width, with labels
+    aspect: float = measures.SCREEN.shape  #: height over width, with labels
     projection: str | None = None
     shared: bool = False  #: whether its vertical axis is that of the panel to the left
 
@@ -388,7 +387,7 @@ def places(values: Array) -> Places:
     return Places(values, np.arange(len(values), dtype=float), "linear")
 
 
-def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int = 9) -> None:
+def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int = measures.SCREEN.ticks_most) -> None:
     """Ticks at some places, labelled by the values there, at most `room` of them."""
     order = np.argsort(at)[:: -1 if steps else 1][:: math.ceil(len(at) / room)]
     shown = values[order].tolist()
@@ -402,7 +401,7 @@ def ticks(axis: Axis, at: Array, values: Array, steps: bool = False, room: int =
 def write_slopes(ax: Axes) -> None:
     """Write the names of reference lines beside them, away from the points."""
     lines = [line for line in ax.lines if str(line.get_label()).startswith(SLOPE)]
-    size = 0.85 * page.points("legend.fontsize")
+    size = page.current().layout.note * page.points("legend.fontsize")
     for i, line in enumerate(lines):
         x, y = (np.geomspace(float(ends[0]), float(ends[1]), 41) for ends in np.asarray(line.get_data(), float))
         seen = np.flatnonzero((y > ax.get_ylim()[0]) & (y < ax.get_ylim()[1]))
@@ -419,15 +418,16 @@ def write_ends(ax: Axes, ends: Sequence[End], named: set[tuple[str, str]], noted
 
     None stands on another, and what lines of one colour have in common stands there once.
     """
-    texts = [
-        (end, ": ".join(filter(None, (end.label * ((end.label, end.colour) in named), _short(end.note) * noted))))
-        for end in ends
-    ]
+    texts = []
+    for end in ends:
+        name = end.label if (end.label, end.colour) in named else ""
+        texts.append((end, ": ".join(filter(None, (name, _short(end.note) if noted else "")))))
     texts = list({(text, end.colour): (end, text) for end, text in texts}.values())
     texts = sorted((pair for pair in texts if pair[1]), key=lambda pair: pair[0].height)
-    size = 0.85 * page.points("legend.fontsize")
+    layout = page.current().layout
+    size = layout.note * page.points("legend.fontsize")
     place: dict[str, Any] = {"transform": ax.transAxes, "va": "center", "fontsize": size}
-    _ENDS[ax] = [(ax.text(1.02, 0.5, text, color=end.colour, **place), end.height) for end, text in texts]
+    _ENDS[ax] = [(ax.text(layout.names_place, 0.5, text, color=end.colour, **place), end.height) for end, text in texts]
     part_ends(ax)
 
 
@@ -442,7 +442,7 @@ def part_ends(ax: Axes) -> None:
     heights = [float(to_axes.transform((x, height))[1]) for _, height in texts]
     inches = ax.get_position().height * ax.figure.bbox.height / ax.figure.dpi
     if texts:
-        gap = _LINE * float(texts[0][0].get_fontsize()) / 72 / max(inches, 0.5)
+        gap = page.current().layout.names_spacing * float(texts[0][0].get_fontsize()) / 72 / max(inches, 0.5)
         for (text, _), height in zip(texts, _apart(heights, gap), strict=True):
             text.set_y(height)
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -130,21 +130,22 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     FigureCanvasAgg(fig)  # which remembers the sizes of texts, unlike the canvas that a figure begins with
     parameters = list(parameters)
     fig.set_label(". ".join(filter(None, [plain(title), ", ".join(parameters)])) + ".")
-    column = page.current().width
-    if column is not None:
-        fig.set_size_inches(column, 1.3 * height)  # which is fitted when all is drawn
-        fig.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
+    layout = page.current().layout
+    pads: dict[str, Any] = {"w_pad": layout.w_pad, "h_pad": layout.h_pad}
+    if page.current().is_paper:
+        fig.set_size_inches(width, layout.height or 1.3 * height)  # which is fitted when all is drawn
+        fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
         return
     titles = wrapped(plain(title).split(), " ", "figure.titlesize", width)
     lines = wrapped(parameters, ",  ", "legend.fontsize", width)
-    top = 0.16 + 0.22 * len(titles) + 0.18 * len(lines)
-    height += top
+    top = layout.heading + layout.title_line * len(titles) + layout.facts_line * len(lines)
+    height = layout.height or height + top
     fig.set_size_inches(width, height)
-    fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top / height), w_pad=0.08, h_pad=0.06))
-    middle: dict[str, Any] = {"x": 0.5, "ha": "center", "va": "top", "linespacing": 1.3}
-    fig.text(y=1 - 0.1 / height, s="\n".join(titles), fontsize=11, **middle)
-    under = 0.12 + 0.22 * len(titles)
-    fig.text(y=1 - under / height, s="\n".join(lines), fontsize=8, color="#444444", **middle)
+    fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top / height), **pads))
+    middle: dict[str, Any] = {"x": 0.5, "ha": "center", "va": "top", "linespacing": layout.heading_spacing}
+    fig.text(y=1 - layout.above / height, s="\n".join(titles), fontsize=layout.title, **middle)
+    under = layout.facts_above + layout.title_line * len(titles)
+    fig.text(y=1 - under / height, s="\n".join(lines), fontsize=layout.facts, color="#444444", **middle)
 
 
 def caption(fig: Figure) -> str:
@@ -157,10 +158,10 @@ def wrapped(items: Iterable[str], separator: str, size: str | float, width: floa
 
     ``size`` is that of the letters in points, or the name of a setting of matplotlib such as "axes.titlesize".
     """
-    lines: list[str] = []
+    layout, lines = page.current().layout, list[str]()
     for item in items:
         longer = separator.join([*lines[-1:], item])
-        if lines and inches(longer, size) < 0.95 * width - 0.2:  # letters on pixels are wider than their outlines
+        if lines and inches(longer, size) < layout.fill * width - layout.side:
             lines[-1] = longer
         else:
             lines.append(item)
@@ -199,7 +200,23 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     Besides those of its description they are the fields of the reading in `names`, and `others`: ``step``,
     ``reference_step``, ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
     """
-    texts, about, own = {}, reading.about, {name: getattr(reading, name) for name in names} | others
+    about, own = reading.about, {name: getattr(reading, name) for name in names} | others
+    texts = _of_model(about) | _of_start(about) | _of_reference(own)
+    if own.get("samples") is not None:
+        texts["samples"] = f"{count(own['samples'])} samples"
+    texts |= _of_noise(about)
+    if own.get("estimator"):
+        texts["estimator"] = own["estimator"]
+    if len(own.get("functions") or ()) == 1:
+        texts["function"] = rf"$\varphi(y)={formula(own['functions'][0], about.variables)}$"
+    if own.get("path") is not None:
+        texts["path"] = f"path {own['path']} of seed {about.seed}"
+    return texts
+
+
+def _of_model(about: Description) -> dict[str, str]:
+    """The parameters of the model that are numbers, and its noise if that is a text."""
+    texts = {}
     of_model = symbols(MODELS[about.model]) if about.model in MODELS else {}
     for name, value in about.parameters.items():
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
@@ -207,32 +224,42 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
         elif _is_shown(value) and of_model.get(name) != "":
             named = of_model.get(name) or symbol(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
             texts[f"model_{name}"] = f"${named}={number(value)}$"
+    return texts
+
+
+def _of_start(about: Description) -> dict[str, str]:
+    """Where paths start, and their final time."""
+    texts = {}
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         texts["initial"] = f"${initial_value(about)}$"
     if about.initial_law is not None:
         texts["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
         texts["final_time"] = f"$T={number(about.final_time)}$"
+    return texts
+
+
+def _of_reference(own: Mapping[str, Any]) -> dict[str, str]:
+    """The steps, and the scheme of the reference."""
+    texts = {}
     for name, named in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
         if own.get(name) is not None:
             texts[name] = f"${named}={number(own[name], steps=True)}$"
     if own.get("reference_scheme"):
         name = own["reference_scheme"]
         texts["reference_scheme"] = plain(f"reference: {SCHEMES[name].label if name in SCHEMES else name}")
-    if own.get("samples") is not None:
-        texts["samples"] = f"{count(own['samples'])} samples"
+    return texts
+
+
+def _of_noise(about: Description) -> dict[str, str]:
+    """What is special about the noise."""
+    texts = {}
     if about.truncate_noise:
         texts["truncate_noise"] = "truncated noise"
     if about.driver:
         texts["driver"] = plain(f"driver: {about.driver}")
     if about.areas != "exact":
         texts["areas"] = "Gaussian areas"
-    if own.get("estimator"):
-        texts["estimator"] = own["estimator"]
-    if len(own.get("functions") or ()) == 1:
-        texts["function"] = rf"$\varphi(y)={formula(own['functions'][0], about.variables)}$"
-    if own.get("path") is not None:
-        texts["path"] = f"path {own['path']} of seed {about.seed}"
     return texts
 
 

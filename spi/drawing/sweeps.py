@@ -13,7 +13,7 @@ from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..statistics.claims import AT_MOST, Sort
 from ..statistics.curves import Curve
-from . import layout, plots, style
+from . import layout, page, plots, style
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
 
@@ -201,14 +201,14 @@ def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
     """A cell for each pair of values; where both signs occur also the line of zero, and marks where none is certain."""
     values = curve.grid().of("value")
     sign = "minus " if (values <= 0).all() else ""
-    title = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
+    title = [style.plain(f"{sign}{curve.label}" + (f" of {curve.function}" if curve.function else ""))]
     title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
         whose = r"the orders of theory as $h\to0$" if curve.name == "order" else "theory"
         title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against {whose}")
     words = [style.word(word) for word in curve.grid().words]
     own = partial(_cells, curve, _is_error(curve, sorts))
-    return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=0.82)
+    return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=page.current().layout.map_shape)
 
 
 def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.Entry]:
@@ -221,8 +221,8 @@ def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.Entry]:
     mesh = ax.pcolormesh(cell_borders(x), cell_borders(y), shown.T, rasterized=True, **look)
     for scale, axis, at in ((ax.set_xscale, ax.xaxis, x), (ax.set_yscale, ax.yaxis, y)):
         scale("linear" if at.scale == "linear" else "log")
-        plots.ticks(axis, at.at, at.values, room=7)
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+        plots.ticks(axis, at.at, at.values, room=page.current().layout.map_ticks_most)
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=page.current().layout.bar_pad)
     bar.outline.set_linewidth(0.4)
     if not signed:
         return []

@@ -151,15 +151,21 @@ def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.
 
 
 def figure(
-    results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
+    results: Results,
+    style: str = "screen",
+    width: str | float | None = None,
+    height: str | float | None = None,
+    font: str | None = None,
+    font_size: float | None = None,
 ) -> "Figure":
     """The matplotlib figure of results.
 
-    In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
-    says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
-    "sans" or an installed TrueType family.  Its title and parameters are then left to the caption,
-    see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
-    style, width or font.
+    It is as wide and high as its panels want to be, or as ``width`` and ``height`` say, in inches or as in "130mm";
+    ``width`` may be "one" (3.35 inches) or "two" (7 inches) columns of a paper.  Its text has ``font_size`` points (by
+    default 9), other letters in proportion, of the ``font`` "serif", "sans" (by default) or an installed TrueType
+    family.  In the style "paper" it is one column wide and its text has 8 points of "serif" by default; title and
+    parameters are then left to the caption, see ``spi.drawing.style.caption``.  ValueError if there is no figure for
+    their kind, nothing to draw, no room for the panels, or no such style, width, height, font or size.
     """
     from ..drawing import fitting, page
 
@@ -169,7 +175,7 @@ def figure(
     read = readings(results)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    with page.applied(page.named(style, width, font)):
+    with page.applied(page.named(style, width, height, font, font_size)):
         heading = title(results, read)
         over = wholes(read)
         drawn = (

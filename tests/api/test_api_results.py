@@ -157,6 +157,7 @@ def test_curves_in_axes_of_ones_own(results):
     assert ax.containers[0].lines[0].get_color() == "k"
     with pytest.raises(ValueError, match="one/splitting has no speed against h or t; give quantity= one of error, "):
         results["one/splitting"].plot(ax, "speed")
+    assert results.plot(width="12cm", height=4, font_size=7).get_size_inches().tolist() == pytest.approx([12 / 2.54, 4])
     with pytest.raises(ValueError, match="quantity, color: only for curves in given axes"):
         results.plot(quantity="error", color="k")
     weak_ax = spi.Results(weak(weak_group("splitting", "plain"))).plot(Figure().subplots())

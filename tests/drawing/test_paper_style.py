@@ -117,7 +117,9 @@ def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
+        (["--height", "0.2in"], "--height: is '0.2in'; must be a length of 1 to 40 inches, as in 4.5in or 110mm"),
+        (["--height", "high"], "--height: is 'high'; must be a length of 1 to 40 inches, as in 4.5in or 110mm"),
+        (["--font-size", "40"], "--font-size: is 40; must be 4 to 24 points"),
         (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is not an installed TrueType family"),
         (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
         (["--style", "paper", "--width", "1in"], "--width: is '1in'; must be one or two (columns), or a length of 2.5"),
@@ -129,3 +131,21 @@ def test_a_wrong_option_is_refused_in_one_line(options, message, tmp_path, monke
     code, out, err = call("plot", "r.h5", *options)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith(f"spi: {message}")
     assert [path.name for path in Path().iterdir()] == ["r.h5"]
+
+
+def test_a_height_without_room_for_the_panels_is_refused_with_what_they_need(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    storage.write("r.h5", errors(4))
+    code, out, err = call("plot", "r.h5", "--height", "2in")
+    assert (code, out) == (1, "") and err.startswith("spi: ") and err.count("\n") == 1
+    assert "height: is 2 inches; 2 rows of panels need at least" in err
+
+
+@pytest.mark.parametrize("style", ["screen", "paper"])
+def test_a_figure_has_the_size_and_the_letters_asked_for(style):
+    fig = views.figure(errors(4), style, width="15cm", height=6.0, font="serif", font_size=7)
+    assert fig.get_size_inches().tolist() == pytest.approx([15 / 2.54, 6.0])
+    assert fig.axes[0].xaxis.label.get_fontsize() == pytest.approx(70 / 9 if style == "screen" else 7)
+    assert fig.axes[0].xaxis.label.get_fontname() == "STIXGeneral"
+    with page.applied(page.of(fig)):
+        assert collisions(fig) == []

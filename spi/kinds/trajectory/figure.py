@@ -161,7 +161,7 @@ def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[An
         ax.view_init(ELEVATION, azimuth)
         ax.set_proj_type("ortho")  # so that the outline of the sphere is a circle
         ax.computed_zorder = False
-        on_screen = page.current().width is None
+        on_screen = not page.current().is_paper
         ax.set_box_aspect((1, 1, 1), zoom=1.05 if on_screen else 0.83)
         ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
         eye = _eye(azimuth)

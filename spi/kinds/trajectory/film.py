@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.drawing import Figure, plots, style
+from spi.drawing import Figure, page, plots, style
 from spi.drawing.film import Film
 from spi.plugins import Registry
 
@@ -16,8 +16,6 @@ from .results import Trajectory
 Readings = Sequence[Trajectory]
 
 MOST_FRAMES = 200
-LARGE, SMALL = 3.0, 2.0  # inches of a field, where they are few and where they are many
-_FEW = 4
 
 #: Axes of a path, the function that shows its state of a number, the path, and the states that are shown.
 Screen = tuple[plots.Axes, Callable[[int], None], Trajectory, list[int]]
@@ -47,7 +45,8 @@ def film(title: str, cases: Sequence[Readings]) -> Film:
     if not rows:
         raise ValueError("the results hold no states that are seen in two dimensions; leave out --film")
     columns = max(map(len, rows))
-    side = LARGE if len(rows) * columns <= _FEW else SMALL
+    layout = page.current().layout
+    side = layout.film_large if len(rows) * columns <= layout.film_few else layout.film_small
     fig = Figure()
     axes = fig.subplots(len(rows), columns, squeeze=False)
     screens = [
@@ -64,7 +63,8 @@ def film(title: str, cases: Sequence[Readings]) -> Film:
         for ax in axes[-1]:
             ax.set_xlabel(name)
     frames = max(len(states) for *_, states in screens)
-    style.dress(fig, 1.0 + columns * side + 0.8 * len(rows), len(rows) * (side + 0.5), title, [])
+    width = layout.film_left + columns * side + layout.film_bar * len(rows)
+    style.dress(fig, width, len(rows) * (side + layout.film_row), title, [])
     _show(screens, frames, 0)
     fig.draw_without_rendering()
     fig.set_layout_engine("none")  # so that nothing moves from frame to frame

@@ -118,7 +118,7 @@ def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | st
             lines = _stages(one, f)
             same = [other for other in readings if other.unsampled and other.about.variant == one.about.variant]
             lines += [_series(other, f, plots.THEORY, label_of(other.about.estimator)) for other in same[:1]]
-            titles = [_title(one, f), style.label(one.about) * several, "plain Monte Carlo by number of paths"]
+            titles = [_title(one, f), style.label(one.about) if several else "", "plain Monte Carlo by number of paths"]
             yield _panel(lines, ": ".join(filter(None, titles)))
             yield "dashed: half the 95 % interval"  # which stands among the facts
 

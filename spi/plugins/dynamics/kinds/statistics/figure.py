@@ -57,7 +57,8 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
             look = {"color": colour, "linestyle": ":", "linewidth": 0.8}
             each = reading.quantiles.quantile[f].T
             lines += [
-                plots.series(reading.t, values, look, f"quantiles {levels}" * (i == 0)) for i, values in enumerate(each)
+                plots.series(reading.t, values, look, "" if i else f"quantiles {levels}")
+                for i, values in enumerate(each)
             ]
     return plot._replace(series=[*plot.series, *lines])
 
