@@ -9,6 +9,7 @@ import pytest
 
 from spi.plugins.answers.kinds.answer import study
 from spi.plugins.answers.kinds.answer.decisions import Decisions, Stage, Way
+from spi.plugins.answers.kinds.answer.sets import LEVELS, SETS, Role, SetOf, all_sets, no_samples
 from spi.plugins.answers.kinds.answer.solving import SURE, why
 from spi.printing import short
 
@@ -141,3 +142,17 @@ def test_seconds_hold_for_what_is_solved_and_what_it_leaves_for_samples(monkeypa
     plan = study.AnswerPlan(case=SimpleNamespace(seconds=seconds), part=None)
     assert plan.solved_seconds(extra) == pytest.approx(solved)  # not what is usual
     assert plan.seconds_left(extra) == pytest.approx(max(seconds - solved, 0.02 * seconds))
+
+
+def test_numbers_and_streams_of_path_sets_stay():
+    """They decide random numbers and the keys of stored sums; arrays of samples are laid out like the numbers."""
+    sets = all_sets(3)
+    assert [path_set.number for path_set in sets] == list(range(3 * SETS))
+    wanted = no_samples(3)
+    for path_set in sets:
+        wanted[path_set] = path_set.number
+    assert wanted.shape == (3, len(Role), LEVELS) and np.array_equal(wanted.ravel(), np.arange(3 * SETS))
+    examples = [SetOf(0, Role.DIFFERENCES, 1), SetOf(1, Role.VALUES, 0), SetOf(2, Role.POINTS, 3)]
+    examples.append(SetOf(0, Role.REFERENCE, 16))
+    assert [path_set.number for path_set in examples] == [1, 85, 173, 67]
+    assert [path_set.stream for path_set in examples] == [514, 682, 858, 646]

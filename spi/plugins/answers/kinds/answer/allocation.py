@@ -86,7 +86,7 @@ class AllocatingPlan(EstimatingPlan):
         worth = min(best.work, self.seconds_left(extra)) if np.isfinite(best.work) else 0.0
         followed = not isinstance(case.initial, RandomState) and not large(self.model)
         if followed and not extra.quasi_pilot_done and worth > QUASI_WORTH:
-            return extra._replace(wanted=extra.wanted + self._pilot_along(chosen, best.base), quasi_pilot_done=True)
+            return extra._replace(wanted=extra.wanted + self._quasi_pilot(chosen, best.base), quasi_pilot_done=True)
         if extra.schemes_piloted < len(case.schemes) and worth > _SCHEME_WORTH:
             more = extra.wanted + pilot_of(extra.schemes_piloted, len(extra.wanted))
             return extra._replace(wanted=more, schemes_piloted=extra.schemes_piloted + 1)
@@ -102,8 +102,8 @@ class AllocatingPlan(EstimatingPlan):
         """
         wanted = state.extra.wanted
         each = [
-            self.spread(state.so_far(place.number), DIFFERENCE if place.role == Role.DIFFERENCES else OF_VALUES)
-            for place in all_sets(len(self.case.schemes))
+            self.spread(state.so_far(path_set.number), DIFFERENCE if path_set.role == Role.DIFFERENCES else OF_VALUES)
+            for path_set in all_sets(len(self.case.schemes))
         ]
         equal = np.reshape([spread.equal.any() for spread in each], wanted.shape) & (wanted > 0)
         unknown = np.reshape([(spread.unknown | (few & np.asarray(spread.few))).any() for spread in each], wanted.shape)
@@ -115,7 +115,7 @@ class AllocatingPlan(EstimatingPlan):
                 return more
         return None
 
-    def _pilot_along(self, scheme: int, base: int) -> np.ndarray:
+    def _quasi_pilot(self, scheme: int, base: int) -> np.ndarray:
         """(schemes, roles, levels) the samples of the pilot along points, at steps about the `base` chosen without."""
         wanted = no_samples(len(self.case.schemes))
         record = self.of_schemes[scheme].row.record
@@ -244,7 +244,7 @@ class AllocatingPlan(EstimatingPlan):
         """(2, levels) the samples of differences and values that there are, of the largest step also along points."""
         roles = Role.DIFFERENCES, Role.VALUES
         each = [[SetOf(extra.scheme, role, level) for level in range(LEVELS)] for role in roles]
-        there = np.array([[state.tally(place.number).paths for place in row] for row in each], float)
+        there = np.array([[state.tally(path_set.number).paths for path_set in row] for row in each], float)
         there[Role.VALUES, extra.base] = state.tally(extra.base_set.number).paths
         return there
 
@@ -252,14 +252,14 @@ class AllocatingPlan(EstimatingPlan):
         """The end, or samples of the difference from the reference scheme: first a few, then by their variance."""
         extra: Decisions = state.extra
         level = extra.compared_level or min(max(extra.finest, PILOT_LEVELS - 1), LEVELS - 2)
-        place = SetOf(extra.scheme, Role.REFERENCE, level)
-        if not self.reference or extra.wanted[place] > PILOT_SAMPLES:
+        path_set = SetOf(extra.scheme, Role.REFERENCE, level)
+        if not self.reference or extra.wanted[path_set] > PILOT_SAMPLES:
             return extra._replace(stage=Stage.DONE)
         wanted = extra.wanted.copy()
-        wanted[place] = PILOT_SAMPLES
+        wanted[path_set] = PILOT_SAMPLES
         if extra.compared_level:
             stderr = float(np.nan_to_num(self.compared(state).stderr.max()))  # of as many paths as in a pilot
-            most = max(self.seconds_left(extra) - self.seconds_of(wanted), 0.0) / self.cost_of(place)
+            most = max(self.seconds_left(extra) - self.seconds_of(wanted), 0.0) / self.cost_of(path_set)
             needed = PILOT_SAMPLES * (stderr / (planner.CHECK_SHARE * extra.aim)) ** 2
-            wanted[place] = max(whole_blocks(np.array(min(needed, most))), 2 * PILOT_SAMPLES)
+            wanted[path_set] = max(whole_blocks(np.array(min(needed, most))), 2 * PILOT_SAMPLES)
         return extra._replace(wanted=wanted, compared_level=level)

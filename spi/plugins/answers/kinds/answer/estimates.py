@@ -85,50 +85,50 @@ class EstimatingPlan(SolvingPlan):
         """The paths of a sample of all path sets, in the order of their numbers."""
         return tuple(map(self._sample, all_sets(len(self.case.schemes))))
 
-    def _sample(self, place: SetOf) -> Sample:
+    def _sample(self, path_set: SetOf) -> Sample:
         """The paths of a sample of a path set.
 
         VALUE is that of one path, of a level alone the only quantity.  Against a reference scheme DIFFERENCE is that at
         the fine step, VALUE that at the fine step less that at the coarse one.
         """
-        case, records = self.case, [plan.row.record for plan in self.schemes_of(place)]
-        level, paths, weights = place.level, {"doublings": (0,)}, [[1.0]]
-        if place.role == Role.REFERENCE:
+        case, records = self.case, [plan.row.record for plan in self.schemes_of(path_set)]
+        level, paths, weights = path_set.level, {"doublings": (0,)}, [[1.0]]
+        if path_set.role == Role.REFERENCE:
             paths, weights = two_steps(False)[0], [[0.0, 1.0, 0.0, -1.0], [-1.0, 1.0, 1.0, -1.0]]
-        elif place.role == Role.DIFFERENCES:
+        elif path_set.role == Role.DIFFERENCES:
             paths, difference = two_steps(has_antithetic_path(records[0]))
             weights = [difference, [1.0 * (i == len(difference) // 2) for i in range(len(difference))]]
         h = case.final_time / 2.0**level
         terms = fourier_terms(case.model, records, h, areas=case.areas)
         times = grid(h, 2**level, by_reference=(0,) * len(paths["doublings"]), area_terms=terms, **paths)
-        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(place.stream)), weights)
+        return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(path_set.stream)), weights)
 
-    def schemes_of(self, place: SetOf) -> tuple[Self, ...]:
+    def schemes_of(self, path_set: SetOf) -> tuple[Self, ...]:
         """The plans of the schemes that a path set has paths of."""
-        own = (self.of_schemes[place.scheme],)
-        return (*own, self.reference) if self.reference and place.role == Role.REFERENCE else own
+        own = (self.of_schemes[path_set.scheme],)
+        return (*own, self.reference) if self.reference and path_set.role == Role.REFERENCE else own
 
     def noise(self, number: int) -> Any:
         """The random numbers of a path set, or its points."""
-        sample, place = self.sets[number], SetOf.of(number)
-        if place.role != Role.POINTS:
+        sample, path_set = self.sets[number], SetOf.of(number)
+        if path_set.role != Role.POINTS:
             return sample.stream
-        scheme = self.of_schemes[place.scheme].scheme
+        scheme = self.of_schemes[path_set.scheme].scheme
         return points_of(self.case.seed, int(sample.stream.stream), scheme, self.model, sample.grid)
 
-    def cost_of(self, place: SetOf) -> float:
+    def cost_of(self, path_set: SetOf) -> float:
         """Seconds of typical speed of a sample of a path set."""
-        sample = self.sets[place.number]
+        sample = self.sets[path_set.number]
         quantities, paths = sample.weights.shape
         besides = PATH_NS * paths + SUM_NS * quantities * len(self.phis)
-        rates = (typical_ns(plan.row, self.case.model) for plan in self.schemes_of(place))
+        rates = (typical_ns(plan.row, self.case.model) for plan in self.schemes_of(path_set))
         return sum(1e-9 * (rate * sample.steps + besides) for rate in rates)
 
     @cached_property
     def costs(self) -> np.ndarray:
         """(schemes, roles, levels) :meth:`cost_of` all path sets."""
         schemes = len(self.case.schemes)
-        return np.reshape([self.cost_of(place) for place in all_sets(schemes)], (schemes, len(Role), LEVELS))
+        return np.reshape([self.cost_of(path_set) for path_set in all_sets(schemes)], (schemes, len(Role), LEVELS))
 
     def seconds_of(self, samples: np.ndarray) -> float:
         """Seconds of typical speed of samples (schemes, roles, levels)."""
@@ -146,10 +146,10 @@ class EstimatingPlan(SolvingPlan):
             return keys | {"schemes": self.case.schemes, "samples": self.case.samples}
         for key in ("accuracy", "seconds", "sampling", "extrapolate", "steps"):
             keys.pop(key, None)
-        place = SetOf.of(number)
-        if place.role != Role.REFERENCE:
+        path_set = SetOf.of(number)
+        if path_set.role != Role.REFERENCE:
             keys.pop("reference_scheme", None)
-        return keys | {"part": None, "scheme": self.case.schemes[place.scheme]}
+        return keys | {"part": None, "scheme": self.case.schemes[path_set.scheme]}
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block of the scheme; the others are rarely needed."""
