@@ -1,4 +1,4 @@
-"""Estimates of an answer from the sums over its path sets: those of each level, and of all together.
+"""The path sets of an answer, and the estimates from their sums: those of each level, and of all together.
 
 The value of the chosen levels has an interval, with the bound of its bias.  Two checks stand beside it: one step finer,
 and the difference from a reference scheme on the same noise.
