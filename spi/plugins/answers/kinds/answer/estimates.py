@@ -191,12 +191,14 @@ class EstimatingPlan(SolvingPlan):
         the range of the values so far.
         """
         sums, span, paths = totals.sums[:, quantity], self.spans, totals.paths
+        with np.errstate(all="ignore"):  # there may be no paths yet
+            mean = sums[0].sum(axis=-1) / paths
         if quantity == DIFFERENCE:
             seen = planner.Spread.of(totals.sums[:, OF_VALUES], paths, span).range_seen(paths)
             with np.errstate(all="ignore"):
-                span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
+                span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(mean), 0.0)
             return planner.Spread.of(sums, paths, span, along, bounded=np.isfinite(self.spans))
-        bounds = self.ranges if self.is_random else np.repeat(sums[0].sum(axis=-1)[:, np.newaxis] / paths, 2, axis=1)
+        bounds = self.ranges if self.is_random else np.repeat(mean[:, np.newaxis], 2, axis=1)
         steep = self.steep & ~np.bool_(along)  # along points variances of smooth functions fall faster
         return planner.Spread.of(sums, paths, span, along, bounds, steep, np.isfinite(self.spans))
 
