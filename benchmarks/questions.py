@@ -26,9 +26,10 @@ import numpy as np
 
 from spi.kinds.plans import State
 from spi.plugins.answers.kinds.answer import study
+from spi.plugins.answers.kinds.answer.allocation import QUASI_PILOT_SAMPLES
+from spi.plugins.answers.kinds.answer.decisions import pilot_of
 from spi.plugins.answers.kinds.answer.planner import bound, choose
-from spi.plugins.answers.kinds.answer.study import ALONG, LEVELS, SETS, pilot_of
-from spi.plugins.answers.kinds.answer.study import ALONG_PILOT as PILOT_ALONG
+from spi.plugins.answers.kinds.answer.sets import LEVELS, Role
 from spi.running import workers
 from spi.running.compiling import compile_missing
 from spi.running.run import kernel_calls, load
@@ -110,18 +111,16 @@ def truth_of(name: str, keys: dict[str, Any], finer: float) -> tuple[float, floa
 
 def counted(plan: Any, state: State) -> tuple[float, float]:
     """Seconds of typical speed of all paths, and of those of the pilots, which no load of the machine moves."""
-    cost = np.array([plan.cost_of(i) for i in range(len(plan.sets))])
-    paths = np.array([state.tally(i).paths for i in range(len(plan.sets))])
-    piloted = sum(np.minimum(pilot_of(s, len(paths)), paths) for s in range(state.extra.piloted))
-    along = np.arange(len(paths)) % SETS >= ALONG
-    piloted += np.where(along, np.minimum(paths, PILOT_ALONG), 0)
-    return float(cost @ paths), float(cost @ piloted)
+    paths = np.reshape([state.tally(i).paths for i in range(len(plan.sets))], plan.costs.shape)
+    pilots = [np.minimum(pilot_of(s, len(paths)), paths) for s in range(state.extra.schemes_piloted)]
+    piloted = np.sum(pilots, axis=0)
+    piloted[:, Role.POINTS :] += np.minimum(paths[:, Role.POINTS :], QUASI_PILOT_SAMPLES)
+    return plan.seconds_of(paths), plan.seconds_of(piloted)
 
 
 def best_fixed(plan: Any, state: State, accuracy: float) -> float:
     """Seconds of typical speed of the best fixed choice, of the scheme that was chosen, by what was measured."""
     scheme = state.extra.scheme
-    rate = np.array([plan.cost_of(scheme * SETS + i) for i in range(SETS)])
     known = plan.measured(state, scheme)
     exponents = plan.exponents(scheme)
     levels = [n for n in plan.case.extrapolate if not n or len(exponents) > n]
@@ -132,7 +131,7 @@ def best_fixed(plan: Any, state: State, accuracy: float) -> float:
         finest = next((k for k in range(n + 1, LEVELS - 1) if _bias(known, exponents, n, k) <= 0.5 * accuracy), None)
         if finest is not None:
             variance = known.value_variance[min(finest, known.last)].max()
-            cost = sum(rate[LEVELS + finest - i] for i in range(len(w)))
+            cost = sum(plan.costs[scheme, Role.VALUES, finest - i] for i in range(len(w)))
             works.append(variance * cost * (INTERVAL / (accuracy - _bias(known, exponents, n, finest))) ** 2)
     return float(min(works))
 

@@ -33,7 +33,7 @@ from spi.numerics.rng import (
     read_coins,
     toss,
 )
-from spi.plugins.answers.kinds.answer.study import SETS
+from spi.plugins.answers.kinds.answer.sets import SETS, all_sets
 
 COMPILED = not numba.config.DISABLE_JIT
 BLOCKS = 128 if COMPILED else 8
@@ -304,7 +304,7 @@ def test_streams_do_not_overlap():
     added = {"COINS", "BRIDGES", "AREAS", "INITIAL", "UNIFORMS", "DRIVERS", "TANGENTS"}
     registry = {name for name in vars(rng) if name.isupper() and not name.startswith("_")}
     assert registry == others | of_increments | added | {"SITES"}  # a new one has its place below, too
-    of_answers = {first + 2 * j for first in PATH_SETS for j in range(SETS)}
+    of_answers = {path_set.stream for path_set in all_sets(len(PATH_SETS))}
     of_levels, of_differences = ({first + 2 * j for j in range(64)} for first in (LEVELS, DIFFERENCES))
     increments = [BROWNIAN, *of_levels, *of_differences, *of_answers, POINTS]
     assert len(of_answers) == SETS * len(PATH_SETS) and len(set(increments)) == len(increments) == 1 + 128 + 680 + 1

@@ -11,8 +11,8 @@ from spi.running.load import load_about
 from spi.running.run import Watch, kernel_calls, plans, progress_of_part
 from spi.running.workers import advance_some_here, allocate
 
+from .kinds.answer.decisions import Prediction
 from .kinds.answer.keys import question
-from .kinds.answer.study import Prediction
 
 
 def load_answer(

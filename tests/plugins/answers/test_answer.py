@@ -15,12 +15,14 @@ import spi
 from spi import views
 from spi.api.specs import of_mapping
 from spi.numerics.rng import LANES
+from spi.plugins.answers.kinds.answer import allocation as allocating
 from spi.plugins.answers.kinds.answer import planner, study
+from spi.plugins.answers.kinds.answer.decisions import pilot_of
 from spi.plugins.answers.kinds.answer.planner import (
     BIAS_SHARE,
+    MeanTerm,
     Measured,
     Spread,
-    Term,
     allocation,
     bound,
     changed,
@@ -29,7 +31,7 @@ from spi.plugins.answers.kinds.answer.planner import (
     sampling_error,
     shares,
 )
-from spi.plugins.answers.kinds.answer.study import LEVELS
+from spi.plugins.answers.kinds.answer.sets import LEVELS, SetOf
 from spi.printing import short
 from spi.running.run import load, results_path, run
 from spi.statistics.estimators import GROUPS, weights, with_powers
@@ -133,6 +135,11 @@ def test_where_rare_values_decide_no_more_is_asked_than_matters():
 
 
 @compiled_only
+def sampled_seconds(state):
+    """Seconds of typical speed of all paths."""
+    return sum(state.plan.costs[SetOf.of(number)] * tally.paths for number, tally in state.tallies.items())
+
+
 def test_a_rare_value_makes_no_answer_many_times_dearer():
     """Of 1,024 paths of each level of this pilot one differs, at a small step; the answer took 170 times the usual."""
     rare = "(1 + (y3 - 0.3)/abs(y3 - 0.3))/2"
@@ -140,7 +147,7 @@ def test_a_rare_value_makes_no_answer_many_times_dearer():
     spent = []
     for seed in (11, 12):
         state = answered(model, rare, [1, 0.5, -0.3], 0.3, accuracy=1e-3, seed=seed)
-        spent.append(sum(state.plan.costs[number] * tally.paths for number, tally in state.tallies.items()))
+        spent.append(sampled_seconds(state))
     assert spent[1] < 4 * spent[0]
 
 
@@ -198,7 +205,7 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
     def blind(p, state, extra, stage):
         calls.append(stage)
         found = allocated(p, state, extra, stage)
-        return found._replace(base=0, finest=1, wanted=np.maximum(found.wanted, study.pilot_of(0, len(found.wanted))))
+        return found._replace(base=0, finest=1, wanted=np.maximum(found.wanted, pilot_of(0, len(found.wanted))))
 
     monkeypatch.setattr(study.AnswerPlan, "_allocated", blind)
     found = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
@@ -213,7 +220,7 @@ def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     (told,) = found.warnings
     assert told.startswith("heavy tails: the kurtosis of a level is ")
-    monkeypatch.setattr(study.planner, "contradicted", lambda *what: 0.75)
+    monkeypatch.setattr(planner, "contradicted", lambda *what: 0.75)
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     assert found.warnings[0].startswith("the order found is 0.75, not 2 as assumed")
     assert (found.chosen.extrapolated, found.chosen.order) == (0, 0.75)
@@ -288,8 +295,8 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     exact = spi.answer(MODEL, functions, **ASKED, accuracy=1e-4)
     ask = {**ASKED, "accuracy": 4e-3, "sampling": True, "schemes": ["splitting_order2"], "seed": 4}
     paths = spi.answer(MODEL, functions, **ask)
-    monkeypatch.setattr(study, "_POINTS", 0.0)
-    monkeypatch.setattr(study, "ALONG_PILOT", 2**12)
+    monkeypatch.setattr(allocating, "QUASI_WORTH", 0.0)
+    monkeypatch.setattr(allocating, "QUASI_PILOT_SAMPLES", 2**12)
     points = spi.answer(MODEL, functions, **ask)
     assert points.chosen.points and not paths.chosen.points and "quasi-random points" in str(points)
     assert points.reached and points.chosen.samples < paths.chosen.samples / 2
@@ -317,7 +324,7 @@ def test_equal_values_have_the_bound_of_the_rule_of_three():
     found = Spread.of(sums_of(one), paths, np.array([1.0, 1.0, np.inf, 0.0]))
     assert found.equal.tolist() == [True, False, True, False] and found.unknown.tolist() == [False, False, True, False]
     assert found.variance == pytest.approx([1 - 0.05 ** (1 / paths), one[1].var(), 0.0, 0.0], rel=0.02)
-    stderr, half, _ = sampling_error([Term(1.0, found, paths)])
+    stderr, half, _ = sampling_error([MeanTerm(1.0, found, paths)])
     assert half[0] > 3 / paths and half[1] == pytest.approx(clopper_end(1, paths), rel=0.3) and half[3] == 0.0
     assert half[1] > 2 * INTERVAL * stderr[1]
 
@@ -332,7 +339,7 @@ def test_intervals_of_rare_events_end_where_those_of_shares_do(count, off):
     paths = 64 * LANES
     values = np.zeros((1, paths))
     values[0, np.random.default_rng(count).choice(paths, count, replace=False)] = 1.0
-    _, half, _ = sampling_error([Term(1.0, Spread.of(sums_of(values), paths, np.ones(1)), paths)])
+    _, half, _ = sampling_error([MeanTerm(1.0, Spread.of(sums_of(values), paths, np.ones(1)), paths)])
     assert half[0] == pytest.approx(clopper_end(count, paths), rel=off)
 
 
@@ -341,7 +348,7 @@ def test_intervals_of_symmetric_means_are_those_of_student():
     paths = 8 * LANES
     values = np.tile([[1.0, -1.0, 2.0, -2.0]], paths // 4)
     spread = Spread.of(sums_of(values), paths, np.array([np.inf]))
-    stderr, half, _ = sampling_error([Term(1.0, spread, paths)])
+    stderr, half, _ = sampling_error([MeanTerm(1.0, spread, paths)])
     tails = np.mean(values**4) / np.mean(values**2) ** 2
     assert half[0] / stderr[0] == pytest.approx(t.ppf(0.975, 2 * paths / (tails - 1)), rel=1e-6)
 
@@ -378,7 +385,7 @@ def test_seconds_are_kept_whatever_the_tails_are():
     """Parametric noise: pilots know a hundredth of the variance of q^2 p^2."""
     for seed in (1, 2, 3):
         state = answered(PARAMETRIC, "q^2*p^2", [1, 0], 4, seconds=0.3, seed=seed)
-        spent = sum(state.plan.costs[number] * tally.paths for number, tally in state.tallies.items())
+        spent = sampled_seconds(state)
         assert 0.1 < spent <= 1.5 * 0.3
         found = state.plan.results(state)
         (told,) = [line for line in found.warnings if "to each side" in line]

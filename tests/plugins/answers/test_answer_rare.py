@@ -13,7 +13,7 @@ from spi.expressions import canonical, parse_expression
 from spi.expressions.summands import hidden_summands
 from spi.numerics.rng import LANES
 from spi.plugins.answers.kinds.answer import study
-from spi.plugins.answers.kinds.answer.planner import Term, sampling_error
+from spi.plugins.answers.kinds.answer.planner import MeanTerm, sampling_error
 from spi.statistics.estimators import GROUPS, with_powers
 
 MODEL = {"variables": ["q", "p"], "bracket": {"q p": 1}, "hamiltonian": "(q^2 + p^2)/2", "noises": ["q"], "sigma": [1]}
@@ -44,7 +44,7 @@ def answers(function, paths, seeds=40):
         blocks = values.reshape(len(values), -1, LANES).transpose(1, 0, 2)
         sums = with_powers(np.zeros((4, len(values), GROUPS)), blocks, 0, paths)
         totals = plan.empty(0)._replace(sums=sums[:, np.newaxis], paths=paths)
-        of_all = Term(1.0, plan._spread_of_all(totals, -1), paths)
+        of_all = MeanTerm(1.0, plan._spread_of_all(totals, -1), paths)
         own = of_all._replace(spread=of_all.spread.with_hidden(plan.owners))
         _, half, _ = sampling_error([own])
         unresolved = own.spread.unknown | plan._few([of_all])

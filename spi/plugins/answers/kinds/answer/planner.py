@@ -129,7 +129,7 @@ class Spread(NamedTuple):
         return cls(*(np.array(values) for values in zip(*each, strict=True)))
 
 
-class Term(NamedTuple):
+class MeanTerm(NamedTuple):
     """A mean that is part of a sum of independent means."""
 
     share: float
@@ -138,7 +138,7 @@ class Term(NamedTuple):
     scrambles: bool = False  #: whether the variance is that over scrambles of points
 
 
-def sampling_error(terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sampling_error(terms: Sequence[MeanTerm]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(F,) the standard error of a sum of means, half the width of its 95 % interval, and its degrees of freedom.
 
     These are those of Welch and Satterthwaite: the variance of a variance is (kurtosis - 1) / n.

@@ -9,7 +9,7 @@ from spi.printing.text import human_time, power_of_two, readable, short, with_in
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 
-class Levels(Described):
+class SampledDifferences(Described):
     """The differences between neighbouring steps that were sampled, from large to small steps."""
 
     h: Array = axis("smaller step size of the level", "time", name="level")
@@ -34,7 +34,7 @@ class Chosen(Described):
     check: Array = array("function", "by how much one step finer differs", "value")
     check_stderr: Array = array("function", "standard error of that difference", "value")
     passed: bool = fact("whether one step finer differs by no more than the bias that is stated")
-    levels: Levels = nested(prefix="level_")
+    levels: SampledDifferences = nested(prefix="level_")
 
 
 class Compared(Described):

@@ -16,6 +16,7 @@ Damping leaves the surface, and that measure shrinks; lengths are Euclidean ther
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property, partial
 from typing import Any
 
@@ -279,6 +280,13 @@ _LEAST_NS = 1e5  # of work of a thread in a call
 _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
+class Role(IntEnum):
+    """What the paths of a set are for, by its number."""
+
+    EXPONENTS = 0
+    PICTURES = 1  #: many states on one path of noise
+
+
 class LyapunovSums(Sums):
     """Sums over some paths of the exponents, their sum, H, and the change of H at T times."""
 
@@ -301,17 +309,23 @@ class LyapunovPlan(BlocksPlan):
 
     @cached_property
     def pulled(self) -> Pulled | None:
-        """Path set number 1, if there are pictures."""
+        """The pull-back pictures, if there are any."""
         return Pulled(self) if self.case.pullback else None
 
+    def _pictures_of(self, number: int | None) -> Pulled | None:
+        """The pictures, where the number is that of their path set."""
+        return self.pulled if number == Role.PICTURES else None
+
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths of the exponents, and the states of the pictures."""
+        """The paths of the exponents, and the states of the pictures, in the order of :class:`Role`."""
         return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; for the states of the pictures also their times and axes."""
         entries = super().deciding(number)
-        return entries | {"pullback": self.case.pullback.model_dump(exclude={"points"})} if number else entries
+        if not self._pictures_of(number):
+            return entries
+        return entries | {"pullback": self.case.pullback.model_dump(exclude={"points"})}
 
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of the exponents and of the pictures."""
@@ -370,13 +384,13 @@ class LyapunovPlan(BlocksPlan):
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums over paths, or over states of pictures."""
-        if number and self.pulled:
-            return self.pulled.lengths
+        if pictures := self._pictures_of(number):
+            return pictures.lengths
         return {"time": len(self.stored), "column": self.case.count + _FURTHER}
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths, or no states of pictures."""
-        return (Counts if number else self.sums).empty(self.lengths(number))
+        return (Counts if number == Role.PICTURES else self.sums).empty(self.lengths(number))
 
     def most_blocks(self, number: int) -> int:
         """The largest number of blocks in a batch, because of memory."""
@@ -389,8 +403,8 @@ class LyapunovPlan(BlocksPlan):
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
         """The exponents of some blocks of paths, or the pictures of some blocks of states."""
-        if number and self.pulled:
-            return self.pulled.observe(first, blocks, end)
+        if pictures := self._pictures_of(number):
+            return pictures.observe(first, blocks, end)
         m, d = self.case.count, len(self.initial)
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
@@ -492,7 +506,7 @@ class LyapunovPlan(BlocksPlan):
 
     def whole(self, state: State) -> dict[str, Any]:
         """Also the pictures."""
-        pictures = self.pulled.results(state.total(1)) if self.pulled else None
+        pictures = self.pulled.results(state.total(Role.PICTURES)) if self.pulled else None
         return super().whole(state) | {"pictures": pictures}
 
     def estimates(self, sums: LyapunovSums) -> dict[str, Any]:
