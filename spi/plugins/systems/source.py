@@ -407,16 +407,23 @@ class _Generator:
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
     def facts(self, lacking: Mapping[str, Mapping[int, str]]) -> list[str]:
-        system, lines = self.system, [f'"""{self.description()}"""', ""]
-        lines += [f"{field}: float" for field in self.fields.values()]
+        """The docstring of the class, its fields, and the facts about the system."""
+        return [f'"""{self.description()}"""', "", *self.declarations(), "", *self.traits(lacking)]
+
+    def declarations(self) -> list[str]:
+        lines = [f"{field}: float" for field in self.fields.values()]
         if self.numbers.constants:
             lines.append(f"constants: tuple[{', '.join(['float'] * len(self.numbers.constants))}]")
         if self.coefficients:
             lines += ["time: float", f"driving: tuple[{', '.join(['float'] * len(self.coefficients.entries)) or '()'}]"]
-        m = len(system.noises)
+        m = len(self.system.noises)
         kind, strengths = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]", as_tuple(["1.0"] * m)
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
-        lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
+        return lines
+
+    def traits(self, lacking: Mapping[str, Mapping[int, str]]) -> list[str]:
+        system, dimension = self.system, self.bracket.dimension
+        lines = [f"dimension = {dimension}", f"pieces = {len(system.flows)}", f"noises = {len(system.noises)}"]
         lines += [f"inexact_{part} = {as_tuple(list(map(str, ks)))}" for part, ks in lacking.items() if ks]
         if any(lacking.values()):
             lines += [f'inner = "{system.inner}"', f"structure_is_kept = {self.bracket.is_kept}"]
@@ -428,13 +435,12 @@ class _Generator:
         if commuting := [(k, other) for (k, a), (other, b) in pairs if self.commuting(a, b)]:
             lines.append(f"commuting_noises = {tuple(commuting)}")
         squares = sympy.Add(*(y**2 for y in self.world.variables))
-        if system.casimirs and system.casimirs[0].expression == squares:
-            lines.append("squared_length_is_casimir = True")
-        if len(self.bracket.logarithmic) == self.bracket.dimension:
-            lines.append("populations = True")
-        if self.bracket.is_cross_product:
-            lines.append("structure_is_cross_product = True")
-        return lines
+        facts = {
+            "squared_length_is_casimir": system.casimirs and system.casimirs[0].expression == squares,
+            "populations": len(self.bracket.logarithmic) == dimension,
+            "structure_is_cross_product": self.bracket.is_cross_product,
+        }
+        return lines + [f"{name} = True" for name, holds in facts.items() if holds]
 
     def commuting(self, first: Flow, second: Flow) -> bool:
         """Whether two flows are known to commute."""
