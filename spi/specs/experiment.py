@@ -243,8 +243,7 @@ def load(
     document = _document(path, text, kinds, place)
     named = Files(path, files, trusts, added)
     file: Any = _valid(kinds.read, document.data, [(document, ())])
-    stem = title or Path(path).stem  # which need not be Unicode
-    title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
+    title = file.title or _printable(title or Path(path).stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
@@ -258,9 +257,7 @@ def load(
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
-    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
-    deciding = {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
-    effective = json.loads(_canonical({"kind": file.kind, "cases": deciding}))
+    effective = json.loads(_canonical({"kind": file.kind, "cases": _deciding(cases)}))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
@@ -278,6 +275,17 @@ def load(
         files=tuple(sorted(named.texts.items())),
         called=called,
     )
+
+
+def _printable(stem: str) -> str:
+    """The stem of a file name, which need not be Unicode."""
+    return "".join(c if c.isprintable() else "?" for c in stem)
+
+
+def _deciding(cases: Sequence[BaseCase]) -> dict[str, Any]:
+    """The keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
+    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    return {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
 
 
 def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:

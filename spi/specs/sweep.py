@@ -214,9 +214,8 @@ def _with(data: dict[str, Any], place: tuple[str, ...], value: str) -> dict[str,
     if isinstance(old, list):
         parts = [str(entry).partition(" for ") for entry in old]
         if len({first.strip() for first, *_ in parts}) > 1:
-            right = (
-                f"write the parameter in them, as in {name}: [s, {'0, ' * (len(old) > 2)}s/2] with sweep: {{s: [...]}}"
-            )
+            entries = "s, 0, s/2" if len(old) > 2 else "s, s/2"
+            right = f"write the parameter in them, as in {name}: [{entries}] with sweep: {{s: [...]}}"
             raise wrong(f"has '{name}', whose entries differ", right)
         return data | {key: model | {name: [value + "".join(rest) for _, *rest in parts]}}
     return data | {key: model | {name: value}}
