@@ -88,7 +88,8 @@ def unit_vectors(d):
 
 def shown(y):
     """A state in a message."""
-    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"
+    more = ", ..." if len(y) > 8 else ""
+    return f"({', '.join(f'{x:.6g}' for x in y[:8])}{more})"
 
 
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
