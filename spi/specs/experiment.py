@@ -324,13 +324,8 @@ def _cases(
 ) -> tuple[BaseCase, ...]:
     """The records of all cases of a file, with the layers `above`."""
     built: list[BaseCase] = []
-    for name, (owner, title) in owners.items():
-        layers: list[Layer] = [(file, ()), (file, owner)]
-        for document, loc in above:
-            by_name = document.at(loc).get("cases", {})
-            if other := next((other for other in by_name if other not in owners), None):
-                document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
-            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+    for name, (_, title) in owners.items():
+        layers = _layers_of(name, file, owners, above)
         merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
         try:
             check_overrides(layers, merged, files)
@@ -344,6 +339,17 @@ def _cases(
         name = next(case.name for case in built if case.sweep is None)
         file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
+
+
+def _layers_of(name: str, file: Document, owners: dict[str, Owner], above: Sequence[Layer]) -> list[Layer]:
+    """The layers of a case, from low to high: the file, its own keys, and the same of those `above`."""
+    layers: list[Layer] = [(file, ()), (file, owners[name][0])]
+    for document, loc in above:
+        by_name = document.at(loc).get("cases", {})
+        if other := next((other for other in by_name if other not in owners), None):
+            document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
+        layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+    return layers
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:

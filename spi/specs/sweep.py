@@ -124,10 +124,7 @@ def _putting(
     data: Mapping[str, Any], word: str, keys: Sequence[str], files: Files
 ) -> Callable[[dict[str, Any], str], dict[str, Any]]:
     """The function that puts a value, as text, in place of a parameter in the keys of a case, such as `data`."""
-    if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
-        raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
-    if word in _LISTS:
-        raise wrong(f"'{word}' cannot be swept", f"write {word}: [...] without sweep, {_LISTS[word]}")
+    _check_word(word)
     model = data.get("model")
     declared = _declared(model, files)
     place = _place(data, word, declared, keys)
@@ -142,6 +139,14 @@ def _putting(
         return _with(replaced, place, text) if place else replaced
 
     return put
+
+
+def _check_word(word: str) -> None:
+    """A parameter to be swept has a name of its own."""
+    if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
+        raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
+    if word in _LISTS:
+        raise wrong(f"'{word}' cannot be swept", f"write {word}: [...] without sweep, {_LISTS[word]}")
 
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
