@@ -502,7 +502,12 @@ def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
     if e.is_Add:
         low = [part for part in parts if degree(part, world) <= 2]
         return [sympy.Add(*low), *(part for part in parts if part not in low)]
-    powers = [part.as_base_exp() for part in parts] if e.is_Mul else []
+    return _paired(parts, world) if e.is_Mul else parts
+
+
+def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
+    """The factors of a product, with the same power of two linear functions as one of their product."""
+    powers = [part.as_base_exp() for part in parts]
     for n in dict.fromkeys(n for _, n in powers):
         pair = [base for base, m in powers if m == n and degree(base, world) == 1]
         if len(pair) == 2:
