@@ -143,4 +143,6 @@ def in_python() -> Iterator[None]:
 def _translated(message: str) -> str:
     for option, argument in _AS_ARGUMENT.items():
         message = message.replace(option, argument)
-    return re.sub(r"`spi run ([^ `]+)( [^`]*)?`", lambda run: f"spi.run('{run[1]}'{', ...' * bool(run[2])})", message)
+    return re.sub(
+        r"`spi run ([^ `]+)( [^`]*)?`", lambda run: f"spi.run('{run[1]}'{', ...' if run[2] else ''})", message
+    )

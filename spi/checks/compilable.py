@@ -55,7 +55,8 @@ def _wrong_type(record, name, declared):
     if is_float(result) if length is None else is_tuple_of_floats(result, length):
         return None
     right = "a float" if length is None else f"a tuple of {length} floats"
-    right += ", as many as conserved says" * (name == "casimirs")
+    if name == "casimirs":
+        right += ", as many as conserved says"
     return (
         f"{name}, line {method.__code__.co_firstlineno}, returns {result}; must return {right} (0.0 is one, 0 is not)"
     )

@@ -88,7 +88,8 @@ def unit_vectors(d):
 
 def shown(y):
     """A state in a message."""
-    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"
+    more = ", ..." if len(y) > 8 else ""
+    return f"({', '.join(f'{x:.6g}' for x in y[:8])}{more})"
 
 
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
@@ -469,27 +470,34 @@ def check_brackets(model, y):
     """Yield complaints about the brackets of a model at a state, where it has methods for them."""
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
     if answers(protocol.lie_bracket, model):
-        moved = np.array([protocol.structure(model, e, v) for e in unit_vectors(len(y))])
-        if not lie_poisson(model) or differ(protocol.lie_bracket(model, v, y), moved @ y, 1e-9, moved):
-            yield "lie_bracket is not the gradient of w . structure(y, v), a function that is linear in y"
-    for k, j in (
-        itertools.combinations(range(protocol.noises(model)), 2)
-        if answers(protocol.noise_bracket_gradient, model)
-        else ()
-    ):
+        yield from _lie_bracket(model, y, v)
+    if answers(protocol.noise_bracket_gradient, model):
+        yield from _bracket_gradients(model, y, v)
+    if answers(protocol.bracket_factors, model):
+        yield from _bracket_factors(model, y)
+
+
+def _lie_bracket(model, y, v):
+    moved = np.array([protocol.structure(model, e, v) for e in unit_vectors(len(y))])
+    if not lie_poisson(model) or differ(protocol.lie_bracket(model, v, y), moved @ y, 1e-9, moved):
+        yield "lie_bracket is not the gradient of w . structure(y, v), a function that is linear in y"
+
+
+def _bracket_gradients(model, y, v):
+    for k, j in itertools.combinations(range(protocol.noises(model)), 2):
         slope = np.dot(v, protocol.noise_bracket_gradient(model, j, k, y))
         if differ_from_derivative(slope, partial(_bracket, model, j, k), y, v, *_sizes(model, j, k, y)):
             yield f"noise_bracket_gradient, j = {j}, k = {k}, is not the gradient of grad Ĥ_j . B grad Ĥ_k"
 
-    if answers(protocol.bracket_factors, model):
-        numbers = dict(
-            zip(itertools.combinations(range(protocol.noises(model)), 2), protocol.bracket_factors(model), strict=True)
-        )
-        for first, second in itertools.combinations(numbers, 2):
-            a, b = (_bracket(model, j, k, y) for k, j in (first, second))
-            sizes = (np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y))
-            if differ(a * numbers[second], b * numbers[first], 1e-9, *(n * x for n in numbers.values() for x in sizes)):
-                yield f"bracket_factors: the brackets of the pairs {first} and {second} are no such multiples"
+
+def _bracket_factors(model, y):
+    pairs = itertools.combinations(range(protocol.noises(model)), 2)
+    numbers = dict(zip(pairs, protocol.bracket_factors(model), strict=True))
+    for first, second in itertools.combinations(numbers, 2):
+        a, b = (_bracket(model, j, k, y) for k, j in (first, second))
+        sizes = (np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y))
+        if differ(a * numbers[second], b * numbers[first], 1e-9, *(n * x for n in numbers.values() for x in sizes)):
+            yield f"bracket_factors: the brackets of the pairs {first} and {second} are no such multiples"
 
 
 def _bracket(model, j, k, y):

@@ -64,8 +64,8 @@ class ProgressLine:
     def report_beginning(self, title: str, cost: "Cost") -> None:
         """Show the title of the run and its time, where that is not open."""
         STOP.check()
-        long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
-        self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
+        long = f"; {'at most ' if cost.at_most else ''}about {human_time(cost.seconds)} once compiled"
+        self.tell(f"{self.name}: {printable(title)}{long if math.isfinite(cost.seconds) else ''}")
 
     def report_compiling(self, news: "Compiling") -> None:
         STOP.check()

@@ -4,6 +4,7 @@ import contextlib
 import re
 import shlex
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -89,18 +90,23 @@ def new(
     written = _write(files, target)
     for file in written:
         tell(f"wrote {file}")
-    if stored:  # whose Python code nobody here had before
-        from ..running.load import code_of
-
-        code = [file for name in code_of(stored) if (file := target.parent / name) in written]
-        names, it = ", ".join(map(str, code)), "it" if len(code) == 1 else "them"
-        if code:
-            tell(
-                f"spi: {names}: Python code that {source} held; whatever reads {target} runs {it} from now on, with "
-                f"your rights: read {it} first"
-            )
+    if stored:
+        _warn_of_code(source, stored, target, written)
     quoted = shlex.quote(target.as_posix())
     tell(f"spi: edit it as you like; `spi check {quoted}` estimates the cost, `spi run {quoted}` runs it")
+
+
+def _warn_of_code(source: str | None, stored: "StoredSpec", target: Path, written: Collection[Path]) -> None:
+    """Say which files hold Python code of results, which nobody here had before."""
+    from ..running.load import code_of
+
+    code = [file for name in code_of(stored) if (file := target.parent / name) in written]
+    names, it = ", ".join(map(str, code)), "it" if len(code) == 1 else "them"
+    if code:
+        tell(
+            f"spi: {names}: Python code that {source} held; whatever reads {target} runs {it} from now on, with "
+            f"your rights: read {it} first"
+        )
 
 
 def _copies(source: str, stored: "StoredSpec | None", target: Path) -> dict[Path, bytes]:

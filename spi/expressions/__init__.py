@@ -405,9 +405,6 @@ def _written(expression, binds):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-_OF_DIFFERENCES = (Maximum, Minimum, Less, Greater, AtMost, AtLeast)
-
-
 def singular_parts(expression):
     """[(u, p)] of a tree: parts u at whose zeros it may have no derivatives but behaves like |u|^p.
 
@@ -420,24 +417,34 @@ def singular_parts(expression):
         return singular_parts(expression.a)
     if isinstance(expression, Total):
         return [part for term in terms_of(expression) for part in singular_parts(term)]
-    own, power = None, 0.0
-    if isinstance(expression, Absolute | SquareRoot | Logarithm):
-        own, power = expression.a, {Absolute: 1.0, SquareRoot: 0.5}.get(type(expression), 0.0)
-    elif isinstance(expression, Tangent):
-        own = Cosine(expression.a)
-    elif isinstance(expression, _OF_DIFFERENCES):
-        own, power = Difference(*expression), float(isinstance(expression, Maximum | Minimum))
-    elif isinstance(expression, Quotient):
-        own = expression.b
-    elif isinstance(expression, Power):
-        constant = isinstance(expression.b, Constant)
-        power = max(expression.b.value, 0.0) if constant else 0.0
-        own = None if constant and expression.b.value >= 0 and power % 1 == 0 else expression.a
+    own, power = _singular_part(expression)
     parts = [] if own is None or is_constant(own) else [(own, power)]
     for operand in expression:
         share = 1.0 if own is None or operand is not own else min(power, 1.0)
         parts += [(u, share * p) for u, p in singular_parts(operand)]
     return parts
+
+
+def _singular_part(operation):
+    """(u, p) of an operation, whatever its operands are of; u is None where it has derivatives everywhere."""
+    match operation:
+        case Absolute():
+            return operation.a, 1.0
+        case SquareRoot():
+            return operation.a, 0.5
+        case Tangent():
+            return Cosine(operation.a), 0.0
+        case Maximum() | Minimum():
+            return Difference(*operation), 1.0
+        case Less() | Greater() | AtMost() | AtLeast():
+            return Difference(*operation), 0.0
+        case Quotient():
+            return operation.b, 0.0
+        case Power(b=Constant(value=p)) if p >= 0:
+            return None if p % 1 == 0 else operation.a, p
+        case Power() | Logarithm():
+            return operation.a, 0.0
+    return None, 0.0
 
 
 def _added(terms):
@@ -541,7 +548,12 @@ def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:
     return [(a, b.a), (a, Difference(b.a.b, b.a.a))] if isinstance(b.a, Difference) else [(a, b.a)]
 
 
+_INCREASING = {HyperbolicSine: math.sinh, ArcTangent: math.atan, Exponential: math.exp, HyperbolicTangent: math.tanh}
+
+
 def _of_operation(expression: Any, a: Range, b: Range = _ALL) -> Range:
+    if increasing := _INCREASING.get(type(expression)):
+        return _increasing(increasing, a)
     match expression:
         case Sum():
             return a[0] + b[0], a[1] + b[1]
@@ -561,16 +573,8 @@ def _of_operation(expression: Any, a: Range, b: Range = _ALL) -> Range:
             return min(a[0], b[0]), min(a[1], b[1])
         case Less() | Greater() | AtMost() | AtLeast():
             return 0.0, 1.0
-        case HyperbolicSine():
-            return _increasing(math.sinh, a)
         case HyperbolicCosine():
             return _increasing(math.cosh, _absolute(a))
-        case ArcTangent():
-            return _increasing(math.atan, a)
-        case Exponential():
-            return _increasing(math.exp, a)
-        case HyperbolicTangent():
-            return _increasing(math.tanh, a)
         case Logarithm():
             return _increasing(math.log, a) if a[0] > 0.0 else (-math.inf, _increasing(math.log, a)[1])
         case SquareRoot():

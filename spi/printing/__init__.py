@@ -40,12 +40,12 @@ def print_safely(lines: Iterable[str]) -> None:
 def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
     """That an experiment is valid and what it would cost: a ``spi.running.run.Cost``, and what is to be compiled."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
-    seconds = f"{'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
+    seconds = f"{'at most ' if cost.at_most else ''}about {human_time(cost.seconds)} once compiled"
     takes = f"{short(cost.path_steps)} steps of paths, {seconds}"
     return (
         f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
         f"{'time not known before' if math.isnan(cost.seconds) else takes}"
-        f"{f' (to be compiled: {to_compile})' * bool(to_compile)}, {cost.megabytes:.0f} MB"
+        f"{f' (to be compiled: {to_compile})' if to_compile else ''}, {cost.megabytes:.0f} MB"
     )
 
 

@@ -17,20 +17,8 @@ def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str
     each place; what has others is left out, as are nested records that are apart.  What is not over an axis of
     ``row_last`` stands in the row of its last place only.  `further` are columns that follow from several records.
     """
-    about, places = record.about, {axis: record.get(axis) for axis in record.row_axes}
-    head = {"case": about.case, "scheme": about.scheme, "eps": about.eps, "extrapolate": about.extrapolate or None}
-    head["estimator"] = about.estimator or record.get("estimator") or None
-    head |= about.swept.places if about.swept else {}
-    tail: dict[str, Any] = {}
-    columns: Columns = {}
-    for entry in record.entries:
-        value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
-        if value is None:
-            continue
-        if not entry.is_fact and (entry.field or entry.meaning.column):
-            columns |= _columns(record, entry, np.asarray(value))
-        elif entry.is_fact and entry.meaning.column:
-            tail[entry.name] = value
+    places = {axis: record.get(axis) for axis in record.row_axes}
+    head, (columns, tail) = _head(record), _entries(record)
     columns |= further or {}
     for place in np.ndindex(*map(len, places.values())):
         at = dict(zip(places, place, strict=True))
@@ -44,21 +32,49 @@ def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str
         yield {name: value for name, value in (row | tail).items() if value is not None}
 
 
+def _head(record: Stored) -> dict[str, Any]:
+    """The columns that say what the record is of, None where they are empty."""
+    about = record.about
+    head = {"case": about.case, "scheme": about.scheme, "eps": about.eps, "extrapolate": about.extrapolate or None}
+    head["estimator"] = about.estimator or record.get("estimator") or None
+    return head | (about.swept.places if about.swept else {})
+
+
+def _entries(record: Stored) -> tuple[Columns, dict[str, Any]]:
+    """The columns of the arrays, and the facts that are the same in all rows."""
+    columns: Columns = {}
+    facts: dict[str, Any] = {}
+    for entry in record.entries:
+        value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
+        if value is None:
+            continue
+        if entry.is_fact:
+            facts |= {entry.name: value} if entry.meaning.column else {}
+        elif entry.field or entry.meaning.column:
+            columns |= _columns(record, entry, np.asarray(value))
+    return columns, facts
+
+
 def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
-    """The columns of an array: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ... along an axis that is spread."""
-    over, name, template = entry.axes, entry.name, entry.meaning.column
+    """The columns of an array: one, or by :func:`_names` some along an axis that is spread; none if it has others."""
+    over = entry.axes
     for axis in [axis for axis in over if axis in record.row_largest and values.size]:
         values, over = values.max(over.index(axis)), tuple(other for other in over if other != axis)
     further = [axis for axis in over if axis not in record.row_axes]
     if not further:
-        return {name: (over, values)}
+        return {entry.name: (over, values)}
     (axis, *others) = further
     if others or axis not in record.row_columns:
         return {}
     rest = tuple(other for other in over if other != axis)
     parts = np.moveaxis(values, over.index(axis), 0)
+    return {name: (rest, part) for name, part in zip(_names(record, entry, axis, len(parts)), parts, strict=True)}
+
+
+def _names(record: Stored, entry: Entry, axis: str, count: int) -> list[str]:
+    """The names of the columns along an axis: ``rms_1``, ``rms_2``, ..., where it has texts ``mean[y1]``, ..."""
     labels = record.about.variables if axis == "component" else record.get(axis)
     if labels is not None and len(labels) and isinstance(labels[0], str):
-        return {f"{name}[{label}]": (rest, part) for label, part in zip(labels, parts, strict=True)}
-    template = template or (f"{name}_{{}}" if len(parts) > 1 else name)
-    return {template.format(number): (rest, part) for number, part in enumerate(parts, 1)}
+        return [f"{entry.name}[{label}]" for label in labels]
+    template = entry.meaning.column or (f"{entry.name}_{{}}" if count > 1 else entry.name)
+    return [template.format(number) for number in range(1, count + 1)]

@@ -98,7 +98,7 @@ def headline(curves: Sequence[Curve]) -> str:
     resolved = [curve for curve in curves if curve.is_known or curve.name != "growth"]
     for name in dict.fromkeys(curve.name for curve in resolved):
         first, *_ = of_name = [curve for curve in resolved if curve.name == name]
-        of = f" of {first.function}" * bool(first.function)
+        of = f" of {first.function}" if first.function else ""
         members = "; ".join(_ends(curve) for curve in of_name if curve.function == first.function)
         parts.append(f"{first.label[0].upper()}{first.label[1:]}{of}{_at(curves, name)}: {members}.".replace("\n", " "))
     return " ".join(parts)
@@ -115,6 +115,7 @@ def _ends(curve: Curve) -> str:
     zeros = "".join(
         f", zero at {curve.word} = {with_interval(*zero)} on a line between values" for zero in curve.zeros()
     )
-    theory = f" (theory {fraction(ends[0].expected)})" * (curve.name == "order" and math.isfinite(ends[0].expected))
+    stated = curve.name == "order" and math.isfinite(ends[0].expected)
+    theory = f" (theory {fraction(ends[0].expected)})" if stated else ""
     whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
     return f"{' to '.join(values)}{theory}{zeros} with {whose}"

@@ -87,15 +87,15 @@ class Grid(NamedTuple):
         shown = [*range(self.keys)]
         whole, title = math.isinf(room(console)), self.title
         for i in range(self.keys, len(self.headings)):
-            more = self._of([*shown, i])
+            more = self.of([*shown, i])
             if not whole and len(shown) > self.keys and narrowed(console, more.as_rich()) > room(console):
-                yield self._of(shown)._replace(title=title)
+                yield self.of(shown)._replace(title=title)
                 shown, title = [*range(self.keys)], ""
             shown.append(i)
-        yield self._of(shown)._replace(title=title)
+        yield self.of(shown)._replace(title=title)
 
-    def _of(self, columns: Sequence[int]) -> "Grid":
-        """These columns of it."""
+    def of(self, columns: Sequence[int]) -> "Grid":
+        """The grid of these of its columns."""
         sections = [[[row[i] for i in columns] for row in section] for section in self.sections]
         return self._replace(headings=[self.headings[i] for i in columns], sections=sections)
 
@@ -184,25 +184,30 @@ class Table(NamedTuple):
     def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
         """The table of the records of a case, without columns in which there is nothing; None if none is left."""
         axes = self.axes.split()
+        columns, parts = self._parts(readings, axes)
+        sections = [
+            list(self._section(record, own, axes, columns)) for record, own in zip(readings, parts, strict=True) if own
+        ]
+        headings = ["scheme", *(_heading(axis, readings) for axis in axes), *columns]
+        may_be_dashes = [False] * (1 + len(axes)) + [column.always for column in columns.values()]
+        shown = _with_contents(sections, may_be_dashes)
+        if shown[-1] <= len(axes):
+            return None
+        left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
+        counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
+        return Grid(self.title or title, headings, sections, *counts).of(shown)
+
+    def _parts(
+        self, readings: Sequence[Stored], axes: Sequence[str]
+    ) -> tuple[dict[str, Column], list[dict[str, Estimate]]]:
+        """The columns by heading, and for each record its numbers by heading."""
         columns: dict[str, Column] = {}
         parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:
             for record, own in zip(readings, parts, strict=True):
                 own |= (more := column.parts(record, readings, axes))
                 columns |= dict.fromkeys(more, column)
-        sections = [
-            list(self._section(record, own, axes, columns)) for record, own in zip(readings, parts, strict=True) if own
-        ]
-        rows = [row for section in sections for row in section]
-        headings = ["scheme", *(_heading(axis, readings) for axis in axes), *columns]
-        nothing = [("", "-")] * (1 + len(axes)) + [("",) if column.always else ("", "-") for column in columns.values()]
-        shown = [i for i, empty in enumerate(nothing) if not i or any(row[i].text not in empty for row in rows)]
-        if shown[-1] <= len(axes):
-            return None
-        sections = [[[row[i] for i in shown] for row in section] for section in sections]
-        left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
-        counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
-        return Grid(self.title or title, [headings[i] for i in shown], sections, *counts)
+        return columns, parts
 
     def _section(
         self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
@@ -221,6 +226,13 @@ class Table(NamedTuple):
             before = labels
             cells = [columns[name].cell(record, parts[name], at) if name in parts else Cell("") for name in columns]
             yield [Cell(scheme), *[Cell("")] * same, *map(Cell, labels[same:]), *cells]
+
+
+def _with_contents(sections: Sequence[Sequence[Sequence[Cell]]], may_be_dashes: Sequence[bool]) -> list[int]:
+    """The numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
+    rows = [row for section in sections for row in section]
+    empty = [("",) if may else ("", "-") for may in may_be_dashes]
+    return [i for i, texts in enumerate(empty) if not i or any(row[i].text not in texts for row in rows)]
 
 
 class Own(NamedTuple):
@@ -278,7 +290,7 @@ def _clipped(readings: Sequence[Any]) -> Iterator[str]:
     sizes = [one.get(name) for one in readings for name in ("h", "step")]
     h = max((float(np.max(size)) for size in sizes if size is not None and np.size(size)), default=0.0)
     if h > 0.0 and (left := clipped_variance(h)) < _WHOLE:
-        then = ", by the root of which they are divided" * ("temperature" in about.parameters)
+        then = ", by the root of which they are divided" if "temperature" in about.parameters else ""
         yield f"truncate_noise: clipped increments over h = {power_of_two(h)} have {left:.2%} of their variance{then}"
 
 
@@ -308,35 +320,50 @@ def _common(record: Stored) -> Iterator[str]:
 
     A kind of one's own has any of them, and each is said without the others.
     """
-    note, step, samples = (record.get(name) for name in ("note", "step", "samples"))
-    low = record.get("order_low")
-    if low is not None and not np.ndim(low) and not all_exact(note or ""):
-        order, high, expected, points = map(record.get, ("order", "order_high", "expected_order", "points_in_fit"))
-        fitted = np.size(record.get("h"))
-        few = math.isfinite(order) and points < fitted
-        yield order_text(order, low, high, expected) + f", through the finest {points} of {fitted}" * few
-    if note:
+    yield from _order(record)
+    if note := record.get("note"):
         yield note
-    if step is not None and samples is not None:
-        times, nonfinite, ns = map(record.get, ("t", "nonfinite", "ns_per_step"))
-        until = "" if times is None else f" until t = {times[-1]:g}"
-        lost = f", {nonfinite} of them diverged" if nonfinite else ""
-        took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
-        yield f"{samples} paths{until} with h = {step:g}{lost}{took}"
+    yield from _paths(record)
     if count := record.get("reference_nonfinite"):
         yield f"{count} reference paths diverged (NaN or infinity)"
     angle = record.get("largest_angle")
     if angle is not None and np.ndim(angle) < 2 and (remark := angle_note(float(np.max(angle)))):
         yield remark
     yield from _accepted(record)
-    solves, iterations, failures, residuals = map(record.get, _SOLVER)
-    if solves is not None and np.ndim(solves) < 2:
-        mean = iterations.sum() / solves.sum() if solves.any() else 0.0
-        residual = short(residuals.max(initial=0))
-        yield f"solver: {mean:.1f} iterations a step, {failures.sum():g} failures, largest residual {residual}"
+    yield from _solver(record)
 
 
-_SOLVER = "solves", "iterations", "failures", "largest_residual"
+def _order(record: Stored) -> Iterator[str]:
+    """A single fitted order, unless all errors are exact."""
+    low = record.get("order_low")
+    if low is None or np.ndim(low) or all_exact(record.get("note") or ""):
+        return
+    order, high, expected, points = map(record.get, ("order", "order_high", "expected_order", "points_in_fit"))
+    size = np.size(record.get("h"))
+    few = math.isfinite(order) and points < size
+    yield order_text(order, low, high, expected) + (f", through the finest {points} of {size}" if few else "")
+
+
+def _paths(record: Stored) -> Iterator[str]:
+    """The number of paths of one step size, and the time of a step."""
+    step, samples, times, nonfinite, ns = map(record.get, ("step", "samples", "t", "nonfinite", "ns_per_step"))
+    if step is None or samples is None:
+        return
+    until = "" if times is None else f" until t = {times[-1]:g}"
+    lost = f", {nonfinite} of them diverged" if nonfinite else ""
+    took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
+    yield f"{samples} paths{until} with h = {step:g}{lost}{took}"
+
+
+def _solver(record: Stored) -> Iterator[str]:
+    """The iterations of a solver of equations and its failures, perhaps over step sizes."""
+    names = "solves", "iterations", "failures", "largest_residual"
+    solves, iterations, failures, residuals = map(record.get, names)
+    if solves is None or np.ndim(solves) > 1:
+        return
+    mean = iterations.sum() / solves.sum() if solves.any() else 0.0
+    residual = short(residuals.max(initial=0))
+    yield f"solver: {mean:.1f} iterations a step, {failures.sum():g} failures, largest residual {residual}"
 
 
 def _accepted(record: Stored) -> Iterator[str]:
@@ -394,7 +421,7 @@ def came_out(one: Verdict) -> str:
         return "not computed"
     if math.isnan(one.found.value):
         return one.found.lost or "not resolved"
-    return _number(one.found) + f" ({one.found.lost})" * bool(one.found.lost)
+    return _number(one.found) + (f" ({one.found.lost})" if one.found.lost else "")
 
 
 def _number(quantity: Quantity) -> str:

@@ -234,7 +234,7 @@ def interval_text(
     low, high = (float(end) for end in ends)
     down, up = float(value) - low, high - float(value)
     if not math.isfinite(down + up):
-        return short(float(value), ".3e") + " ± ?" * math.isfinite(value)
+        return short(float(value), ".3e") + (" ± ?" if math.isfinite(value) else "")
     uneven = abs(up - down) > max(1e-6 * (up + down), _ROUNDED * abs(float(value)))  # by more than rounding
     if by_ends or uneven:
         return (
@@ -248,7 +248,8 @@ def order_text(order: float, low: float, high: float, expected: float | None = N
     fitted = f"order {interval_text(order, (low, high), '.3f', True) if math.isfinite(order) else 'not resolved'}"
     if expected is None or math.isnan(expected):
         return f"{fitted} (measured; theory states none)"
-    later = ", perhaps at smaller steps" * (low > expected)  # where a term of higher order is still the larger one
+    # where a term of higher order is still the larger one
+    later = ", perhaps at smaller steps" if low > expected else ""
     return f"{fitted} (expected {fraction(expected)}{later})"
 
 

@@ -182,10 +182,13 @@ def described(jobs, processes):
     seconds: dict[str, list[float]] = {}
     for job in jobs:
         seconds.setdefault(job.title, []).append(job.seconds)
-    several = [f"{title} ({f'{len(s)} kernels, ' * (len(s) > 1)}{_rounded(sum(s))})" for title, s in seconds.items()]
+    each = [
+        f"{title} ({f'{len(s)} kernels, ' if len(s) > 1 else ''}{_rounded(sum(s))})" for title, s in seconds.items()
+    ]
     longest, together = max(job.seconds for job in jobs), sum(job.seconds for job in jobs) / processes
-    about = f"about {_rounded(STARTING + max(longest, together))}{f' on {processes} processors' * (processes > 1)}"
-    return f"{len(jobs)} kernel{'s' * (len(jobs) > 1)}, {about}: {', '.join(several)}"
+    where = f" on {processes} processors" if processes > 1 else ""
+    kernels = f"{len(jobs)} kernel{'s' if len(jobs) > 1 else ''}"
+    return f"{kernels}, about {_rounded(STARTING + max(longest, together))}{where}: {', '.join(each)}"
 
 
 def _rounded(seconds):

@@ -150,6 +150,6 @@ def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
             f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
         )
     if others:
-        verb, more = "is" if len(others) == 1 else "are", ", ..." * (len(others) > 5)
+        verb, more = "is" if len(others) == 1 else "are", ", ..." if len(others) > 5 else ""
         remedies.append(f"there {verb} {', '.join(others[:5])}{more}, see `spi list results`")
     raise StorageError(f"{path}: no such file; {'; '.join(remedies)}")

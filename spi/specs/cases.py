@@ -348,27 +348,37 @@ class BaseCase(Keys):
             )
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
-            needs = self.row(name).needs
-            if large(self.model) and not self.row(name).for_large_models:
-                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-                raise wrong_scheme(self, name, f"which is not for {self.model_name}", right)
-            if has_friction(self.model) and self.row(name).multiscale:
-                fault = f"has '{name}', whose noise is a fast process, for which no friction is known"
-                raise wrong(fault, "leave out the scheme or temperature", "schemes")
-            if judges(self.row(name).record) and flows_lacking(self.model):
-                fault = f"has '{name}', which is made of exact flows, and not all are known of {self.model_name}"
-                raise wrong(fault, "use another", "schemes")
-            if needs is has_bath and not needs(self.model):
-                raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
-            if needs is lie_poisson and not needs(undamped(self.model)):
-                raise wrong_scheme(self, name, "which needs a bracket that is linear", "use another")
-            if needs and not needs(self.model):
-                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
-                able += " without damping" if self.damping else ""
-                raise wrong_scheme(self, name, f"which is for {able}", "use another")
+            self._check_scheme(name)
+            self._check_facts(name)
         if self.noise:
             self.check_driven()
             self.noise.check(self)
+
+    def _check_scheme(self, name: str) -> None:
+        """The step of a scheme is one for the size, the friction and the flows of the model."""
+        scheme = self.row(name)
+        if large(self.model) and not scheme.for_large_models:
+            right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
+            raise wrong_scheme(self, name, f"which is not for {self.model_name}", right)
+        if has_friction(self.model) and scheme.multiscale:
+            fault = f"has '{name}', whose noise is a fast process, for which no friction is known"
+            raise wrong(fault, "leave out the scheme or temperature", "schemes")
+        if judges(scheme.record) and flows_lacking(self.model):
+            fault = f"has '{name}', which is made of exact flows, and not all are known of {self.model_name}"
+            raise wrong(fault, "use another", "schemes")
+
+    def _check_facts(self, name: str) -> None:
+        """The fact that a scheme ``needs``, if any, holds for the model."""
+        if not (needs := self.row(name).needs):
+            return
+        if needs is has_bath and not needs(self.model):
+            raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
+        if needs is lie_poisson and not needs(undamped(self.model)):
+            raise wrong_scheme(self, name, "which needs a bracket that is linear", "use another")
+        if not needs(self.model):
+            able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
+            able += " without damping" if self.damping else ""
+            raise wrong_scheme(self, name, f"which is for {able}", "use another")
 
     @condition
     def _check_lists(self) -> None:

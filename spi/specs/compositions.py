@@ -122,17 +122,10 @@ def _stage(n: int, text: Any) -> Flows:
         return flows(part)
     if part not in PARTS or part in _SUPPLYING or not words:
         raise wrong(f"is {shown(text)}", _RIGHT, n)
-    last = len(words)
-    while last > 1 and words[last - 1].isalpha():
-        last -= 1
-    further = words[last:]
-    if unknown := next((word for word in further if word not in _WORDS), None):
-        raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), n)
-    orders = [word for word in further if word in ORDERS] or ["forwards"]
-    if len(orders) > 1 or further.count(_COIN) > 1 or further.count(_SHARED) > 1:
-        raise wrong(f"is {shown(text)} with several orders", _RIGHT, n)
+    number, further = _divided(words)
+    order = _order(n, text, further)
     try:
-        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in further, _SHARED in further)
+        stage = flows(part, order, _fraction(" ".join(number)), _COIN in further, _SHARED in further)
     except NumberError as error:
         raise wrong(f"is {shown(text)} ({error})", _RIGHT, n) from None
     except ValueError as error:
@@ -140,6 +133,24 @@ def _stage(n: int, text: Any) -> Flows:
     if stage.fraction == 0:
         raise wrong(f"is {shown(text)}, which does nothing", "leave it out", n)
     return stage
+
+
+def _divided(words: list[str]) -> tuple[list[str], list[str]]:
+    """The words of the fraction, which has one at least, and those after it."""
+    last = len(words)
+    while last > 1 and words[last - 1].isalpha():
+        last -= 1
+    return words[:last], words[last:]
+
+
+def _order(n: int, text: str, further: list[str]) -> str:
+    """The order of flows among the words after the fraction, each of which may stand there once."""
+    if unknown := next((word for word in further if word not in _WORDS), None):
+        raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), n)
+    orders = [word for word in further if word in ORDERS] or ["forwards"]
+    if len(orders) > 1 or any(further.count(word) > 1 for word in (_COIN, _SHARED)):
+        raise wrong(f"is {shown(text)} with several orders", _RIGHT, n)
+    return orders[0]
 
 
 def _fraction(text: str) -> float:

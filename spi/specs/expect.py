@@ -62,7 +62,8 @@ def _stated(value: Any, path: tuple[str, ...]) -> Stated:
     parts = _LEAF.fullmatch(value) if isinstance(value, str) else None
     sense, number, tolerance = parts.groups() if parts else (None, "", None)
     try:
-        stated = Stated(sense, _number(number), _number(tolerance or "0"), number + f" ± {tolerance}" * bool(tolerance))
+        text = f"{number} ± {tolerance}" if tolerance else number
+        stated = Stated(sense, _number(number), _number(tolerance or "0"), text)
     except NumberError as error:
         reason = f" ({error})" if isinstance(value, str) else ""
         raise wrong(f"is {shown(value)}{reason}", _RIGHT, "expect", *path) from None

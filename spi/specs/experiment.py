@@ -243,8 +243,7 @@ def load(
     document = _document(path, text, kinds, place)
     named = Files(path, files, trusts, added)
     file: Any = _valid(kinds.read, document.data, [(document, ())])
-    stem = title or Path(path).stem  # which need not be Unicode
-    title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
+    title = file.title or _printable(title or Path(path).stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
@@ -258,9 +257,7 @@ def load(
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
-    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
-    deciding = {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
-    effective = json.loads(_canonical({"kind": file.kind, "cases": deciding}))
+    effective = json.loads(_canonical({"kind": file.kind, "cases": _deciding(cases)}))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
@@ -278,6 +275,17 @@ def load(
         files=tuple(sorted(named.texts.items())),
         called=called,
     )
+
+
+def _printable(stem: str) -> str:
+    """The stem of a file name, which need not be Unicode."""
+    return "".join(c if c.isprintable() else "?" for c in stem)
+
+
+def _deciding(cases: Sequence[BaseCase]) -> dict[str, Any]:
+    """The keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
+    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    return {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
 
 
 def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
@@ -316,13 +324,8 @@ def _cases(
 ) -> tuple[BaseCase, ...]:
     """The records of all cases of a file, with the layers `above`."""
     built: list[BaseCase] = []
-    for name, (owner, title) in owners.items():
-        layers: list[Layer] = [(file, ()), (file, owner)]
-        for document, loc in above:
-            by_name = document.at(loc).get("cases", {})
-            if other := next((other for other in by_name if other not in owners), None):
-                document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
-            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+    for name, (_, title) in owners.items():
+        layers = _layers_of(name, file, owners, above)
         merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
         try:
             check_overrides(layers, merged, files)
@@ -336,6 +339,17 @@ def _cases(
         name = next(case.name for case in built if case.sweep is None)
         file.fail(("cases",), f"has '{name}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
+
+
+def _layers_of(name: str, file: Document, owners: dict[str, Owner], above: Sequence[Layer]) -> list[Layer]:
+    """The layers of a case, from low to high: the file, its own keys, and the same of those `above`."""
+    layers: list[Layer] = [(file, ()), (file, owners[name][0])]
+    for document, loc in above:
+        by_name = document.at(loc).get("cases", {})
+        if other := next((other for other in by_name if other not in owners), None):
+            document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
+        layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+    return layers
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:

@@ -288,30 +288,35 @@ _RIGHT = {
 def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, str]:
     """(place in `data`, message) of an error of pydantic, which is one of `errors`."""
     kind, context = error["type"], error.get("ctx", {})
-    loc: Location = ()
-    value = data
     keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
-    tagged = isinstance(data, dict) and error["loc"][:1] == (
-        data.get("kind"),
-    )  # by pydantic, with the class of the file
-    for step in (*error["loc"][tagged:], *keys):
-        if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
-            loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
+    loc, value = _reached(error["loc"], keys, data)
     if kind == "spec":
-        message = error["msg"]
-        loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
-    elif kind in ("literal_error", "union_tag_invalid"):
+        lacking = [key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,)]
+        return (*loc, *lacking), error["msg"]
+    if kind in ("literal_error", "union_tag_invalid"):
         words = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
-        message = f"is {shown(value)}; {suggestion(value, words)}"
-    elif kind in ("missing", "too_long"):
+        return loc, f"is {shown(value)}; {suggestion(value, words)}"
+    if kind in ("missing", "too_long"):
         missing = [int(e["loc"][-1]) for e in errors if e["type"] == "missing" and e["loc"][:-1] == error["loc"][:-1]]
         count = context["max_length"] if context else 1 + max(missing)
-        message = f"has {entries_in(len(value))}; must have {count}"
-    else:
-        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", error["msg"])
-        right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
-        message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
-    return loc, message
+        return loc, f"has {entries_in(len(value))}; must have {count}"
+    right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", error["msg"])
+    right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
+    return loc, f"is {shown(value)}; {_RIGHT.get(kind, right)}"
+
+
+def _reached(steps: tuple[Any, ...], keys: Sequence[str], data: Any) -> tuple[Location, Any]:
+    """The place in `data` that the steps of pydantic and then some keys name, and what stands there.
+
+    A step that is not there is the name of a class, or missing.
+    """
+    loc: Location = ()
+    value = data
+    tagged = isinstance(data, dict) and steps[:1] == (data.get("kind"),)  # by pydantic, with the class of the file
+    for step in (*steps[tagged:], *keys):
+        if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
+            loc, value = (*loc, step), value[step]
+    return loc, value
 
 
 def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, str]]:

@@ -8,7 +8,7 @@
 
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, reduce
 from operator import or_
 from types import MappingProxyType
@@ -298,18 +298,20 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
         except PydanticCustomError:
             return  # reading the model reports it
         whole = overridden(lowest, model)
-    named = {key: list(value.values()) for key, value in whole.items() if key in source.numbers and value}
-    initial = data.get("initial")
-    texts = _texts(
-        [list({**whole, **named}.values()), list(initial.values()) if isinstance(initial, dict) else initial]
-    )
-    used = {word for text in texts for word in _WORD.findall(text)}
+    used = _words(whole, source.numbers, data.get("initial"))
     for key, noun in source.numbers.items():
         declared = names_under(key, lowest)
         for name in names_under(key, model):
             if name not in declared and name not in used:
                 right = suggestion(name, declared) if declared else "leave it out"
                 raise wrong(f"is no {noun} of the system, and no formula names it", right, "model", key, name)
+
+
+def _words(model: Mapping[str, Any], numbers: Collection[str], initial: Any) -> set[str]:
+    """The words in the formulas of a model and of an initial state, but not the names under the keys `numbers`."""
+    named = {key: list(value.values()) for key, value in model.items() if key in numbers and value}
+    states = list(initial.values()) if isinstance(initial, dict) else initial
+    return {word for text in _texts([list({**model, **named}.values()), states]) for word in _WORD.findall(text)}
 
 
 def names_under(key: str, model: Any) -> list[str]:

@@ -124,10 +124,7 @@ def _putting(
     data: Mapping[str, Any], word: str, keys: Sequence[str], files: Files
 ) -> Callable[[dict[str, Any], str], dict[str, Any]]:
     """The function that puts a value, as text, in place of a parameter in the keys of a case, such as `data`."""
-    if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
-        raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
-    if word in _LISTS:
-        raise wrong(f"'{word}' cannot be swept", f"write {word}: [...] without sweep, {_LISTS[word]}")
+    _check_word(word)
     model = data.get("model")
     declared = _declared(model, files)
     place = _place(data, word, declared, keys)
@@ -142,6 +139,14 @@ def _putting(
         return _with(replaced, place, text) if place else replaced
 
     return put
+
+
+def _check_word(word: str) -> None:
+    """A parameter to be swept has a name of its own."""
+    if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
+        raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
+    if word in _LISTS:
+        raise wrong(f"'{word}' cannot be swept", f"write {word}: [...] without sweep, {_LISTS[word]}")
 
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
@@ -214,9 +219,8 @@ def _with(data: dict[str, Any], place: tuple[str, ...], value: str) -> dict[str,
     if isinstance(old, list):
         parts = [str(entry).partition(" for ") for entry in old]
         if len({first.strip() for first, *_ in parts}) > 1:
-            right = (
-                f"write the parameter in them, as in {name}: [s, {'0, ' * (len(old) > 2)}s/2] with sweep: {{s: [...]}}"
-            )
+            entries = "s, 0, s/2" if len(old) > 2 else "s, s/2"
+            right = f"write the parameter in them, as in {name}: [{entries}] with sweep: {{s: [...]}}"
             raise wrong(f"has '{name}', whose entries differ", right)
         return data | {key: model | {name: [value + "".join(rest) for _, *rest in parts]}}
     return data | {key: model | {name: value}}

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..storage.records import Order
-from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Entry, Stored, last
+from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Entry, Estimate, Stored, last
 from .rounding import all_exact
 
 CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED = "confirmed", "consistent", "inconclusive", "contradicted"
@@ -199,40 +199,57 @@ _APART = ("h", "value")
 
 
 def _claimed(record: Stored, entry: Entry, claim: Claimed) -> Iterator[Quantity]:
-    """The quantities of a field: of several times the last, and of further axes each number, or the worst exact one."""
+    """The quantities of a field, one for each of the :func:`_numbers` that is one by ``where``."""
+    if (numbers := _numbers(record, entry, claim)) is None:
+        return
+    labels = _labels(record, numbers.axes)
+    sides = ((claim.where, True), (claim.expected, math.nan), (claim.lost, ""))
+    where, expected, lost = (record.along(side, numbers, default) for side, default in sides)
+    for place in filter(where.__getitem__, np.ndindex(numbers.value.shape)):
+        at = {axis: record.get(axis)[i] for axis, i in zip(numbers.axes, place, strict=True) if axis in labels}
+        function = ", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis])
+        exact = all_exact(record.get("note") or "", function) if entry.field and entry.field.is_order else ""
+        yield Quantity(
+            name=claim.name or entry.name,
+            about=record.about,
+            value=float(numbers.value[place]),
+            low=float(numbers.low[place]),
+            high=float(numbers.high[place]),
+            function=function,
+            h=float(at["h"]) if "h" in at else None,
+            swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
+            widest=claim.widest,
+            expected=float(expected[place]),
+            lost=str(lost[place]) or exact,
+        )
+
+
+def _numbers(record: Stored, entry: Entry, claim: Claimed) -> Estimate | None:
+    """The numbers of a field that may be claimed: of several times the last, and of exact ones the worst; or None.
+
+    The worst is that along axes that neither stand apart nor have labels.
+    """
     numbers = record.estimate(entry.name)
     if numbers is None or not numbers.value.size:
-        return
+        return None
     if claim.infinite:
         numbers = numbers.map(lost_is_infinite)
     if claim.absolute:
         numbers = numbers.absolute
     for axis in {"t", "lag"} & {*numbers.axes}:
         numbers = numbers.without(axis, last)
-    labels = {axis: record.by_name[axis].meaning.label for axis in numbers.axes if axis in record.by_name}
-    further = [axis for axis in numbers.axes if axis not in _APART and not labels.get(axis)]
-    for axis in further if numbers.exact and claim.sense != EQUAL else ():
-        numbers = numbers.without(axis, np.max if claim.sense == AT_MOST else np.min)
-    sides = ((claim.where, True), (claim.expected, math.nan), (claim.lost, ""))
-    where, expected, lost = (record.along(side, numbers, default) for side, default in sides)
-    for place in np.ndindex(numbers.value.shape):
-        at = {axis: record.get(axis)[i] for axis, i in zip(numbers.axes, place, strict=True) if axis in labels}
-        function = ", ".join(labels[axis].format(value) for axis, value in at.items() if labels[axis])
-        exact = all_exact(record.get("note") or "", function) if entry.field and entry.field.is_order else ""
-        if where[place]:
-            yield Quantity(
-                name=claim.name or entry.name,
-                about=record.about,
-                value=float(numbers.value[place]),
-                low=float(numbers.low[place]),
-                high=float(numbers.high[place]),
-                function=function,
-                h=float(at["h"]) if "h" in at else None,
-                swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
-                widest=claim.widest,
-                expected=float(expected[place]),
-                lost=str(lost[place]) or exact,
-            )
+    if not numbers.exact or claim.sense == EQUAL:
+        return numbers
+    labels = _labels(record, numbers.axes)
+    for axis in numbers.axes:
+        if axis not in _APART and not labels.get(axis):
+            numbers = numbers.without(axis, np.max if claim.sense == AT_MOST else np.min)
+    return numbers
+
+
+def _labels(record: Stored, axes: Iterable[str]) -> dict[str, str]:
+    """The template that names a quantity at a place, by axis; empty where it has none."""
+    return {axis: record.by_name[axis].meaning.label for axis in axes if axis in record.by_name}
 
 
 # ---------------------------------------------------------------------------------------------------------------------

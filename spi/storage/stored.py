@@ -113,7 +113,7 @@ class Meaning(NamedTuple):
     @property
     def label(self) -> str:
         """The template that names a quantity at a place along an axis; empty if it has no such name."""
-        return self.column or "{}" * (self.name == "function")
+        return self.column or ("{}" if self.name == "function" else "")
 
 
 _Claims = Claimed | str | tuple[Claimed, ...]
@@ -164,7 +164,8 @@ def fact(
 
     A tuple of numbers may be over an axis; a dictionary is stored entry by entry under its `prefix`.
     """
-    meaning = Meaning(text, unit, "", tuple(axes.split()), name, "yes" * column, prefix=prefix, claims=_claims(claim))
+    spread = "yes" if column else ""
+    meaning = Meaning(text, unit, "", tuple(axes.split()), name, spread, prefix=prefix, claims=_claims(claim))
     return _described(meaning, default)
 
 

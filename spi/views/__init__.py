@@ -119,7 +119,9 @@ def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     """The titles of the cases, with their names where several have one title."""
     abouts = [case[0].about for case in cases]
     counts = Counter(about.case_title for about in abouts)
-    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
+    return [
+        f"{about.case_title} ({about.case})" if counts[about.case_title] > 1 else about.case_title for about in abouts
+    ]
 
 
 def print_tables(results: Results, file: IO[str] | None = None) -> None:

@@ -356,15 +356,7 @@ class WeakErrors(Stored):
 
     def remarks(self) -> Iterator[str]:
         """Doubts about orders and references, points, resolutions, accuracies that are not reached, limits."""
-        own, power = own_error(self), _power(self.expected_order or math.nan, "h")
-        for f, function in enumerate(self.functions):
-            name = self.about.subject(function)
-            if self.about.extrapolate and self.orders[f].high < (self.expected_order or -math.inf) - _ORDER_AMISS:
-                yield f"{name}: {_NOT_AS_ASSUMED.format(power)}"
-            if own and own.differ[f]:
-                off = own.by_next[f] - own.value[f]
-                less = f"{short(abs(off))} {'more' if off > 0 else 'less'}"
-                yield f"{name}: {_NOT_YET.format(short(own.value[f]), less, power)}"
+        yield from self._remarks_on_orders()
         if self.sampled and self.sampled.samples == 1 and np.isnan(self.sampled.error_stderr).any():
             yield f"{self.about.subject()}: one path has no standard error: not resolved"
         if quasi := self.quasi:
@@ -378,6 +370,18 @@ class WeakErrors(Stored):
             limit = f"the limit of {self.reference_scheme}" if self.reference_scheme else "the scheme's own limit"
             root = short(math.sqrt(self.reference_step), ".2g")
             yield f"{self.about.subject()}: eps < sqrt(h_ref) = {root}: the reference shows {limit}"
+
+    def _remarks_on_orders(self) -> Iterator[str]:
+        """Doubts whether errors behave as theory says at these step sizes, for each test function."""
+        own, power = own_error(self), _power(self.expected_order or math.nan, "h")
+        for f, function in enumerate(self.functions):
+            name = self.about.subject(function)
+            if self.about.extrapolate and self.orders[f].high < (self.expected_order or -math.inf) - _ORDER_AMISS:
+                yield f"{name}: {_NOT_AS_ASSUMED.format(power)}"
+            if own and own.differ[f]:
+                off = own.by_next[f] - own.value[f]
+                less = f"{short(abs(off))} {'more' if off > 0 else 'less'}"
+                yield f"{name}: {_NOT_YET.format(short(own.value[f]), less, power)}"
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["WeakErrors"]) -> Iterator[str]:

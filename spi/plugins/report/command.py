@@ -59,7 +59,7 @@ def report(
     tell(f"wrote {out}")
     for folder in filter(None, (latex, data)):
         count = sum(file.parent == folder and file != out for file in written)
-        tell(f"wrote {count} file{'s' * (count > 1)} into {folder}")
+        tell(f"wrote {count} file{'s' if count > 1 else ''} into {folder}")
     for problem in problems:
         tell(f"spi: {problem}")
     if problems:

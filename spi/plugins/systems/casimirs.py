@@ -35,12 +35,7 @@ def search(world: Symbolics, by_name: Sequence[tuple[set[int], int, Any]] = ()) 
     for part in parts:
         if any(part <= components for components, _, _ in by_name):
             continue
-        inside = {pair: entry for pair, entry in bracket.entries.items() if pair[0] in part}
-        if all([*entry] == [()] for entry in inside.values()):
-            casimirs += [(1, f) for f in _linear(inside, sorted(part), world)]
-            continue
-        unit = [] if bracket.is_lie else [bracket.dimension]
-        functions, reached = _search_within([*sorted(part), *unit], world)
+        functions, reached = _of_part(part, world)
         casimirs += functions
         searched = min(searched, reached)
     casimirs.sort(key=lambda pair: pair[0])
@@ -63,6 +58,16 @@ def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
             rows[i][j], rows[j][i] = entry, -entry
         gradients = [world.gradient_at(function, point) for function in functions]
         return len(echelon(gradients, NOTHING)), d - len(echelon(rows, NOTHING))
+
+
+def _of_part(part: set[int], world: Symbolics) -> tuple[list[tuple[int, Any]], int]:
+    """[(degree, Casimir function)] of linked components, and the degree searched: all where brackets are constant."""
+    bracket = world.bracket
+    inside = {pair: entry for pair, entry in bracket.entries.items() if pair[0] in part}
+    if all([*entry] == [()] for entry in inside.values()):
+        return [(1, f) for f in _linear(inside, sorted(part), world)], MOST_DEGREE
+    unit = [] if bracket.is_lie else [bracket.dimension]
+    return _search_within([*sorted(part), *unit], world)
 
 
 def _linear(entries: Mapping[tuple[int, int], Polynomial], part: Sequence[int], world: Symbolics) -> list[Any]:

@@ -41,6 +41,11 @@ def energy_current(data: Mapping[str, Any]) -> Callable[[np.ndarray], np.ndarray
             terms[sum(at) / len(at) % length].append(term)
     sums = _Sums(world, {}, {})
     gradients = {x: sums.gradient(sympy.Add(*map(sums.named, of))) for x, of in terms.items()}
+    return _as_function(_current(gradients, world, length), sums)
+
+
+def _current(gradients: Mapping[float, dict[int, Any]], world: Symbolics, length: int) -> Any:
+    """The sum of (x - x') {h_x, h_x'} over pairs of places x < x', by the gradients of the terms h_x there."""
     current = sympy.Integer(0)
     for other, gradient in gradients.items():
         rates = {i: world.factor(i) * rate for i, rate in world.rates(gradient).items()}
@@ -48,6 +53,12 @@ def energy_current(data: Mapping[str, Any]) -> Callable[[np.ndarray], np.ndarray
             shared = sorted(rates.keys() & gradients[x].keys())
             bracket = sympy.Add(*(gradients[x][i] * rates[i] for i in shared))
             current += sympy.Rational(2 * _way(x - other, length)) / 2 * bracket
+    return current
+
+
+def _as_function(current: Any, sums: "_Sums") -> Callable[[np.ndarray], np.ndarray]:
+    """An expression with symbols for sums as a function of states (d, ...)."""
+    world = sums.world
     values, symbols, steps = dict(world.parameters), list(world.variables), []
     for total, symbol in sums.symbols.items():  # each may name those before it
         steps.append(sympy.lambdify(symbols, total.xreplace(values), "numpy"))

@@ -64,6 +64,12 @@ class _Writer:
             self.sines[angle] = s, v
         return self.sines[angle]
 
+    def hyperbolic(self, argument: str) -> tuple[str, str]:
+        """Names of sinh and cosh - 1 of an argument."""
+        s, v = self.name("s"), self.name("v")
+        self.lines.append(f"{s}, {v} = sinh_coshm1({argument})")
+        return s, v
+
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
         lines, codes = forms(rows, self.name("f") + "_", self.numbers, self.depends)
@@ -191,18 +197,23 @@ class _Writer:
         if square > 0:
             s, v = self.sine(z, tuple(omega if n == place else mpmath.mpf(0) for n in range(self.count)))
         else:
-            s, v = self.name("s"), self.name("v")
-            self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
+            s, v = self.hyperbolic(z)
         self.kinds.append("rotation" if square > 0 else "hyperbolic rotation")
         s, v = self.let("s", self.product(inverse, s)), self.let("v", self.product(inverse_square, v))
-        rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
-        first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
-        again = [summed((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
-        for i, code in zip(block.components, self.linear(again), strict=True):
-            if code == "0.0":
-                self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
-            else:
+        self._add_products({i: _row(entries, i) for i in block.components}, s, v)
+
+    def _add_products(self, matrix: Mapping[int, Mapping[int, mpmath.mpf]], s: str, v: str) -> None:
+        """y + s M y + v M^2 y of a matrix M by rows."""
+        rows = [{f"y{k + 1}": c for k, c in row.items()} for row in matrix.values()]
+        first = {i: self.let("m", code) for i, code in zip(matrix, self.linear(rows), strict=True)}
+        again = [summed((first[k], c) for k, c in row.items() if matrix[k]) for row in matrix.values()]
+        for (i, row), code in zip(matrix.items(), self.linear(again), strict=True):
+            if code != "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
+            elif row:
+                self.lines.append(f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
+            else:
+                self.lines.append(f"z{i + 1} = y{i + 1}")
 
     # ---- a rotation of two components -------------------------------------------------------------------------------
 
@@ -234,13 +245,7 @@ class _Writer:
 
     def spaces(self, block: Block) -> None:
         """Coordinates in the eigenspaces, their changes, and these put back."""
-        rows: list[dict[str, mpmath.mpf]] = []
-        for space in block.spaces:
-            for row in space.left:
-                rows.append({f"y{i + 1}": mpmath.re(c) for i, c in row.items() if mpmath.re(c)})
-                if space.is_complex:
-                    rows.append({f"y{i + 1}": mpmath.im(c) for i, c in row.items() if mpmath.im(c)})
-        coordinates = iter([self.let("u", code) for code in self.linear(rows)])
+        coordinates = iter([self.let("u", code) for code in self.linear(_coordinates(block))])
         changes: dict[int, list[tuple[str, mpmath.mpf]]] = {i: [] for i in block.components}
         common = self._common_factor(block)
         for space in block.spaces:
@@ -303,6 +308,21 @@ class _Writer:
             extra = f" + ({c} + {e} * {c})" if c != "0.0" else ""
             moved.append((self.let("w", f"{e} * {a}{extra}"),))
         return moved
+
+
+def _row(entries: Mapping[tuple[int, int], mpmath.mpf], i: int) -> dict[int, mpmath.mpf]:
+    """Row i of a matrix with these entries."""
+    return {k: c for (r, k), c in entries.items() if r == i}
+
+
+def _coordinates(block: Block) -> list[dict[str, mpmath.mpf]]:
+    """The coordinates in the eigenspaces as linear forms: of complex ones real and imaginary parts in turn."""
+    rows = []
+    for space in block.spaces:
+        for row in space.left:
+            for part in (mpmath.re, mpmath.im) if space.is_complex else (mpmath.re,):
+                rows.append({f"y{i + 1}": part(c) for i, c in row.items() if part(c)})
+    return rows
 
 
 def _product(name: str, monomial: Sequence[int]) -> str:

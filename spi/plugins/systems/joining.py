@@ -70,15 +70,20 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> Spl
             of_one = [term for term in own if len(world.used(term.expression)) == 1]
             groups += _candidates(of_one, [], world) if len(of_one) < len(together) else []
             continue
-        place = terms.index(own[0]) if own else len(terms)
-        others = [[term for term in side if term not in own] for side in (terms[:place], terms[place:])]
-        terms = [*others[0], whole, *others[1]]
+        terms = _with_whole(terms, own, whole)
         crossing = [product for product in crossing if product not in together]
     flows = merged(diagonalised(terms, crossing, world, constants), world.bracket)
     if lacking:
         rest, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
         flows += [without_flow(rest, reason, world)] if world.used(rest) else []
     return Split(flows, apart)
+
+
+def _with_whole(terms: Sequence[Term], own: Sequence[Term], whole: Term) -> list[Term]:
+    """The terms with their sum in the place of the first of its own, or at the end if it has none."""
+    place = terms.index(own[0]) if own else len(terms)
+    before, behind = ([term for term in side if term not in own] for side in (terms[:place], terms[place:]))
+    return [*before, whole, *behind]
 
 
 Links = list[tuple[int, ...]]  #: components that are linked

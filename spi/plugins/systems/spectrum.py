@@ -252,21 +252,23 @@ class Block(NamedTuple):
 def blocks(matrices: Sequence[Matrix]) -> list[Block]:
     """The blocks of components that commuting matrices move together."""
     links = [place for entries in matrices for place in entries]
-    moved_together = []
     with mpmath.workdps(EIGEN_DIGITS):
-        for group in connected(links):
-            order = sorted(group)
-            parts = [{p: c for p, c in entries.items() if p[0] in group} for entries in matrices]
-            dense = [_dense(entries, order) for entries in parts]
-            acting = [entries for entries in parts if entries]
-            turn = _turn(acting[0], order) if len(acting) == 1 else None
-            spaces, lost = _spaces(dense, order, turn is not None)
-            moving = tuple(space for space in spaces if space.moves)
-            cancels = lost >= _BEARABLE
-            digits = round(math.log10(lost)) if cancels and turn is None else 0
-            fastest = max(float(abs(c)) for entries in acting for c in entries.values())
-            moved_together.append(Block(tuple(order), moving, turn, cancels, digits, fastest))
-    return moved_together
+        return [_block(group, matrices) for group in connected(links)]
+
+
+def _block(group: set[int], matrices: Sequence[Matrix]) -> Block:
+    """The block of a group of linked components."""
+    order = sorted(group)
+    parts = [{p: c for p, c in entries.items() if p[0] in group} for entries in matrices]
+    dense = [_dense(entries, order) for entries in parts]
+    acting = [entries for entries in parts if entries]
+    turn = _turn(acting[0], order) if len(acting) == 1 else None
+    spaces, lost = _spaces(dense, order, turn is not None)
+    moving = tuple(space for space in spaces if space.moves)
+    cancels = lost >= _BEARABLE
+    digits = round(math.log10(lost)) if cancels and turn is None else 0
+    fastest = max(float(abs(c)) for entries in acting for c in entries.values())
+    return Block(tuple(order), moving, turn, cancels, digits, fastest)
 
 
 def _spaces(matrices: Sequence[Any], order: Sequence[int], has_turn: bool) -> tuple[list[Space], float]:

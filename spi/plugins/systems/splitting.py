@@ -54,14 +54,26 @@ def functionals_of(expression: Any, world: Symbolics) -> Span:
     """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
-    if len(used) == 1:
+    if len(used) == 1 or (_is_monomial(expression) and not world.bracket.logarithmic.intersection(used)):
         return coordinates, used
-    if (
-        expression.is_Mul
-        and not world.bracket.logarithmic.intersection(used)
-        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
-    ):
-        return coordinates, used  # a monomial
+    if not (rows := _gradients(expression, used, world)):
+        raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
+    span, pivots = reduced(rows)
+    return (coordinates, used) if len(span) == len(used) else (span, pivots)
+
+
+def _is_monomial(expression: Any) -> bool:
+    """Whether an expression is written as a product of variables, their powers and numbers."""
+    return expression.is_Mul and all(
+        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
+    )
+
+
+def _gradients(expression: Any, used: Sequence[int], world: Symbolics) -> list[Functional]:
+    """The gradients of an expression at random points, without those where it is not defined.
+
+    Where a root or a logarithm is complex, its gradient depends on the same functions as where it is real.
+    """
     gradient = [world.slope(expression, i) for i in used]
     in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
     symbols = [*(world.variables[i] for i in used), *in_time]
@@ -74,13 +86,9 @@ def functionals_of(expression: Any, world: Symbolics) -> Span:
                 row = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):
                 continue  # not defined there
-            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
             parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
             rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
-        if not rows:
-            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
-    span, pivots = reduced(rows)
-    return (coordinates, used) if len(span) == len(used) else (span, pivots)
+    return rows
 
 
 def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> Span:
@@ -485,17 +493,27 @@ def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
         return e if total < 2 else _of_degree_two(e, world, inner)
     if e.is_Add and total < sympy.oo and len(e.args) <= _LONGEST:
         e = e if (factors := sympy.factor(e)).is_Add else factors
+    return e.func(*(_replaced(part, world, inner) for part in _joined_operands(e, world)))
+
+
+def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
+    """The operands of an expression, with quadratic functions in one: the low terms of a sum, q^3 p^3 as (q p)^3."""
     parts = list(e.args)
     if e.is_Add:
         low = [part for part in parts if degree(part, world) <= 2]
-        parts = [sympy.Add(*low), *(part for part in parts if part not in low)]
-    powers = [part.as_base_exp() for part in parts] if e.is_Mul else []
-    for n in dict.fromkeys(n for _, n in powers):  # q^3 p^3 is (q p)^3
+        return [sympy.Add(*low), *(part for part in parts if part not in low)]
+    return _paired(parts, world) if e.is_Mul else parts
+
+
+def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
+    """The factors of a product, with the same power of two linear functions as one of their product."""
+    powers = [part.as_base_exp() for part in parts]
+    for n in dict.fromkeys(n for _, n in powers):
         pair = [base for base, m in powers if m == n and degree(base, world) == 1]
         if len(pair) == 2:
             parts = [part for part in parts if part not in [base**n for base in pair]]
             parts.append(sympy.Pow(sympy.Mul(*pair), n, evaluate=False))
-    return e.func(*(_replaced(part, world, inner) for part in parts))
+    return parts
 
 
 def degree(e: Any, world: Symbolics) -> Any:
@@ -519,10 +537,15 @@ def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any
             rest -= u.function
             if symbols == 0 and not world.used(rest):
                 u, rest = u._replace(function=e), sympy.S.Zero  # as it is written, where less cancels
-            symbol = next((s for s, other in inner.items() if other.function == u.function), None)
-            symbol = symbol or sympy.Symbol(f"ζ{len(inner) + 1}", real=True)
+            symbol = _symbol_of(u, inner)
             inner[symbol], symbols = u, symbols + symbol
     return e if symbols == 0 else rest + symbols
+
+
+def _symbol_of(u: Quadratic, inner: Mapping[Any, Quadratic]) -> Any:
+    """The symbol that stands for a quadratic function, a new one unless it has one in `inner`."""
+    symbol = next((s for s, other in inner.items() if other.function == u.function), None)
+    return symbol or sympy.Symbol(f"ζ{len(inner) + 1}", real=True)
 
 
 def _quadratic(u: Any, world: Symbolics, **more: Any) -> Quadratic:

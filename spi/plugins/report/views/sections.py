@@ -44,6 +44,7 @@ from spi.specs.document import Document
 _DRIFT = r"\mathrm{d}y = B(y) \nabla H(y)\,\mathrm{d}t"
 _DAMPING = r" - \gamma y\,\mathrm{d}t"
 _FRICTION = r" - \sum_k \frac{\sigma_k^2}{2T} (X_k H)\, X_k\,\mathrm{d}t"
+_FIELDS = r", \quad X_k = B \nabla \widehat H_k"
 _NOISE = r" + \sum_k \sigma_k B(y) \nabla \widehat H_k(y) \circ \mathrm{d}W_k"
 _FAST = r" + \frac{1}{\varepsilon} \sum_k \sigma_k B(y) \nabla \widehat H_k(y)\, \xi_k\,\mathrm{d}t"
 _OF_FAST = r", \quad \mathrm{d}\xi_k = -\frac{\xi_k}{\varepsilon^2}\,\mathrm{d}t + \frac{\mathrm{d}W_k}{\varepsilon}"
@@ -77,10 +78,10 @@ def _formula(latex: str, block: bool) -> Markup:
 def equation(read: Sequence[Stored], attributes: Mapping[str, Any]) -> Iterator[Markup]:
     """The equation that results are of, with its structure and Hamiltonians as far as the cases have one model."""
     about = read[0].about
-    friction = _DAMPING * ("damping" in about.parameters) + _FRICTION * ("temperature" in about.parameters)
-    fields = r", \quad X_k = B \nabla \widehat H_k" * ("temperature" in about.parameters)
+    damping = _DAMPING if "damping" in about.parameters else ""
+    friction, fields = (_FRICTION, _FIELDS) if "temperature" in about.parameters else ("", "")
     noise, of_noise = (_NOISE, "") if about.eps is None else (_FAST, _OF_FAST)
-    yield typeset(f"${_DRIFT}{friction}{noise}{of_noise}{fields}$", block=True)
+    yield typeset(f"${_DRIFT}{damping}{friction}{noise}{of_noise}{fields}$", block=True)
     if {one.about.model for one in read} == {about.model}:
         yield from _system(about.model, about.variables, attributes)
 
@@ -142,7 +143,7 @@ class Titled(NamedTuple):
     @property
     def html(self) -> Markup:
         """The table as HTML."""
-        sides = [" class=l" * (side == "l") for side in self.justified]
+        sides = [" class=l" if side == "l" else "" for side in self.justified]
         head = Markup("").join(
             Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, self.frame.columns, strict=True)
         )
@@ -215,7 +216,7 @@ class Section(NamedTuple):
             return ""
         case, text = self.answers[0]
         first = re.split(r"(?<=\.) (?=[A-Z])", text)[0]
-        more = f" ({len(self.answers) - 1} more below)" * (len(self.answers) > 1)
+        more = f" ({len(self.answers) - 1} more below)" if len(self.answers) > 1 else ""
         return f"{case}: {first}{more}" if case else first
 
     @property
@@ -289,7 +290,7 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
     several, rows = len(cases) > 1, []
     for title, case in zip(views.titles(cases), cases, strict=True):
         for one in orders_of(case):
-            subject = one.subject + ", largest over eps" * (one.name == "uniform_order")
+            subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
             theory = "" if math.isnan(one.expected) else fraction(one.expected)
             rows.append([Cell(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
     headings = (*["case"] * several, "scheme", "order (95 %)", "expected")
@@ -300,11 +301,12 @@ def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
     """Time and paths of results."""
     seconds = math.fsum(one.wall_seconds for one in read)
     yield "time", f"{human_time(seconds)} of wall-clock time on {max(one.threads for one in read)} threads"
-    for label, name, form in (("paths", "samples", ",.0f"), ("time per step and path", "ns_per_step", ".3g")):
+    shown = ("paths", "samples", ",.0f", ""), ("time per step and path", "ns_per_step", ".3g", " ns")
+    for label, name, form, unit in shown:
         numbers = np.concatenate([np.ravel(one.get(name)).astype(float) for one in read])
         if (numbers := numbers[np.isfinite(numbers)]).size:
             ends = dict.fromkeys(short(float(end), form) for end in (numbers.min(), numbers.max()))
-            yield label, " to ".join(ends) + " ns" * (name == "ns_per_step")
+            yield label, " to ".join(ends) + unit
 
 
 def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:

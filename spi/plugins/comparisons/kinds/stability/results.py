@@ -64,7 +64,7 @@ def _steps(reading: "Stability", good: Array) -> list[str]:
     `good` is (V, S).
     """
     largest = (largest_step(reading.h, at_value) for at_value in good)
-    return ["none" if math.isnan(h) else f"{'>= ' * is_all}{power_of_two(h)}" for h, is_all in largest]
+    return ["none" if math.isnan(h) else f"{'>= ' if is_all else ''}{power_of_two(h)}" for h, is_all in largest]
 
 
 def _percent(shares: Array | None, worst: Callable[..., Array]) -> list[str] | None:
@@ -163,9 +163,9 @@ class Stability(Stored):
     def remarks_of_case(cls, readings: Sequence["Stability"]) -> Iterator[str]:
         """The meaning of the columns, paths and times."""
         first, seconds = readings[0], sum(reading.wall_seconds for reading in readings)
-        kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; " * bool(first.casimirs)
+        kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; "
         yield (
-            f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
+            f"h: the largest step size at which this holds, as at all smaller ones; {kept if first.casimirs else ''}"
             f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
         )
         yield (

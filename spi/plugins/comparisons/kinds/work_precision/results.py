@@ -237,7 +237,7 @@ class WorkPrecision(Stored):
         """The meaning of errors and times, and schemes without results."""
         first = readings[0]
         functions = ", ".join(readable(function, first.about.variables) for function in first.functions)
-        yield f"{first.measure} error" + f" of the expectation of {functions}" * bool(functions)
+        yield f"{first.measure} error" + (f" of the expectation of {functions}" if functions else "")
         time = f"processor core for one path to T = {first.about.final_time:g}, the median of {first.repeats} repeats"
         yield f"time: of one {time}"
         if first.left_out:
@@ -278,7 +278,8 @@ def _requested(readings: Sequence[WorkPrecision]) -> Iterator[Grid | Cell]:
     for target in reversed(requested(readings)):
         best, point, cells = _fastest(target, readings)
         marks.update(re.sub(r"[\d. ]", "", cell) for cell in cells.values())
-        marks.add("≤" * (point is not None and point.at_most))
+        if point is not None and point.at_most:
+            marks.add("≤")
         factors = [Cell(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
         texts = (_plainly(target), labels[best] if best else "none", *_needs(point))
         lines.append([*map(Cell, texts), *factors])
@@ -303,7 +304,7 @@ def _needs(point: WorkPoint | None) -> tuple[str, str]:
     if point is None:
         return "", ""
     exponent = f"{math.log2(point.h):z.1f}".removesuffix(".0")
-    return f"2^{exponent}", "≤ " * point.at_most + duration(point.seconds)
+    return f"2^{exponent}", f"{'≤ ' if point.at_most else ''}{duration(point.seconds)}"
 
 
 def _factor(factor: Factor) -> str:
