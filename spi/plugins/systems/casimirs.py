@@ -12,7 +12,7 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, Function, Polynomial, Symbolics, degree_of, precise
-from .splitting import connected, echelon
+from .rows import connected, echelon
 
 MOST_DEGREE = 4
 _LARGEST_DENOMINATOR = 1000  #: of the coefficients

@@ -20,6 +20,7 @@ from .brackets import DIGITS, Symbolics, monomials
 from .code import Numbers
 from .driving import split_in_time
 from .flow_code import generators, motion, motions
+from .rows import connected
 from .spectrum import Block, Inseparable, sizes
 from .splitting import (
     Constants,
@@ -28,7 +29,6 @@ from .splitting import (
     Term,
     affine_rates,
     by_affine_field,
-    connected,
     degree,
     diagonalised,
     merged,

@@ -19,7 +19,7 @@ import mpmath
 import numpy as np
 
 from .brackets import Matrix, added
-from .splitting import connected, echelon, without
+from .rows import connected, echelon, without
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Joint generalised eigenspaces of commuting real matrices.
