@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.loop import Grid, integrated, paths_of
+from ..ensemble.loop import TimeGrid, integrated, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
 from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
@@ -29,7 +29,7 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
-from .progress import Line
+from .progress import ProgressDisplay
 from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
 
@@ -47,7 +47,7 @@ _OF_SPECS = {
 
 _OF_EXPERIMENTS = ("case_title", "panels")  # attributes that say nothing of a path
 
-Observer = Callable[[np.ndarray, np.ndarray], Any]
+ObserverFunction = Callable[[np.ndarray, np.ndarray], Any]
 
 
 def trajectory(
@@ -61,7 +61,7 @@ def trajectory(
     path: int = 0,
     samples: int | None = None,
     every: int = 1,
-    observe: Observer | None = None,
+    observe: ObserverFunction | None = None,
     progress: bool | None = None,
     **options: Any,
 ) -> xr.Dataset:
@@ -88,7 +88,7 @@ def trajectory(
         raise SpecError("samples: missing; add samples, how many paths are observed")
     keys = {"initial": initial, "final_time": final_time, "step": step, "seed": seed, "path": path, "every": every}
     plan = plan_of(model, scheme, keys | options)
-    with Line("trajectory", progress) as line:
+    with ProgressDisplay("trajectory", progress) as line:
         if count is None:
             return _one_path(plan, line)
         if observe is None:
@@ -108,7 +108,7 @@ def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
     return study.plan(case, Part(name, eps=eps))
 
 
-def computed(plan: Any, line: Line, show: Callable[[State], None]) -> State:
+def computed(plan: Any, line: ProgressDisplay, show: Callable[[State], None]) -> State:
     """The final state of a plan; until then `show` is called with the state now and then."""
     state = State(plan)
     compile_missing(kernel_calls([plan]), line.watch.report_compiling)
@@ -116,7 +116,7 @@ def computed(plan: Any, line: Line, show: Callable[[State], None]) -> State:
     return state
 
 
-def _one_path(plan: Any, line: Line) -> xr.Dataset:
+def _one_path(plan: Any, line: ProgressDisplay) -> xr.Dataset:
     """One path with its invariants."""
     state = computed(plan, line, lambda state: line.share("path", plan.progress(state).done, 1))
     dataset = dataset_of(plan.results(state).group())
@@ -129,7 +129,7 @@ def times_of(plan: TrajectoryPlan) -> np.ndarray:
     return np.arange(plan.case.recorded + 1) * plan.case.spacing * plan.case.step
 
 
-def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.ndarray]:
+def _batches(plan: Any, samples: int, line: ProgressDisplay, at_once: bool) -> Iterator[np.ndarray]:
     """The states (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
 
     Warns where they take much memory; SpecError if this machine has less.
@@ -156,7 +156,7 @@ def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.
         yield lanes.reshape(-1, times, d)[: samples - first * LANES]
 
 
-def _all_states(plan: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
+def _all_states(plan: TrajectoryPlan, samples: int, line: ProgressDisplay) -> xr.Dataset:
     """The states of all paths with their invariants."""
     y, times = np.concatenate(list(_batches(plan, samples, line, at_once=True))), times_of(plan)
     energy, conserved = invariants_of(plan.model, y.reshape(-1, y.shape[2]), np.tile(times, len(y)))
@@ -176,7 +176,7 @@ def _all_states(plan: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
     )
 
 
-def _observed(plan: TrajectoryPlan, samples: int, observe: Observer, line: Line) -> xr.Dataset:
+def _observed(plan: TrajectoryPlan, samples: int, observe: ObserverFunction, line: ProgressDisplay) -> xr.Dataset:
     """The values that an observer makes of all paths."""
     parts: dict[str, list[np.ndarray]] = {}
     times = times_of(plan)
@@ -254,7 +254,7 @@ def expectations(
     h, finest = [plan.case.step for plan in each], each[-1]
     of_case: Any = {"case": finest.case, "part": finest.part, "functions": _callables(functions, finest)}
     plan = MeansPlan(**of_case, h=tuple(h), count=count)
-    with Line("expectations", progress) as line:
+    with ProgressDisplay("expectations", progress) as line:
         state = computed(plan, line, lambda state: line.share("paths", state.tally().paths, count))
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
     return _dataset(state.total(), list(plan.functions), h, about)
@@ -302,7 +302,7 @@ class MeansPlan(BlocksPlan):
         return self.count
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> TimeGrid:
         """The times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
         doublings = [round(math.log2(step / self.h[-1])) for step in self.h]
         for step, times in zip(self.h, doublings, strict=True):

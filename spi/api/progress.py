@@ -13,7 +13,7 @@ from ..running.run import NOBODY, Progress, Watch
 _WIDTH = 100  # of the line, cut there
 
 
-class Line:
+class ProgressDisplay:
     """One line, a display in a notebook and on standard error elsewhere; it vanishes at the end.
 
     Without `wanted` there is none but in a notebook; with False there is none at all.
@@ -25,7 +25,7 @@ class Line:
         self.length = 0
         self.display: Any = None  #: that of a notebook, once something was written
 
-    def __enter__(self) -> "Line":
+    def __enter__(self) -> "ProgressDisplay":
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:

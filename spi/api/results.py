@@ -124,7 +124,7 @@ class Results:
     both.  Where one part is left its arrays are attributes: ``results["splitting"].error``.
     """
 
-    def __init__(self, stored: records.Results, path: Path | None = None) -> None:
+    def __init__(self, stored: records.StoredResults, path: Path | None = None) -> None:
         self.stored = stored  #: what is in the file, as :mod:`spi.storage.records` describes it
         self.path = path  #: of the file; None if there is none
 
@@ -163,7 +163,8 @@ class Results:
         owners = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
         stated = claims.of_text(self.attributes.get("expect"))
         expect = claims.as_text(claim for claim in stated if (claim.case, claim.scheme) in owners)
-        return Results(records.Results(self.attributes | {"expect": expect}, groups, self.stored.chunks), self.path)
+        stored = records.StoredResults(self.attributes | {"expect": expect}, groups, self.stored.chunks)
+        return Results(stored, self.path)
 
     def __contains__(self, name: object) -> bool:
         """Whether there are parts of that name, as in :meth:`__getitem__`."""

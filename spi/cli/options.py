@@ -59,7 +59,7 @@ Specs = Annotated[
         autocompletion=complete_spec,
     ),
 ]
-Stored = Annotated[
+ResultsFile = Annotated[
     Path,
     typer.Argument(
         metavar="FILE|SPEC|NAME",

@@ -26,17 +26,17 @@ _ALIGNED, _MASK = ir.Constant(ir.IntType(32), 8), ir.VectorType(ir.IntType(1), W
 _DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TILE))
 
 
-class Vector(types.Type):
+class VectorType(types.Type):
     """The Numba type of a vector."""
 
     def __init__(self):
         super().__init__("Vector")
 
 
-VECTOR = Vector()
+VECTOR = VectorType()
 
 
-@register_model(Vector)
+@register_model(VectorType)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager, numba_type):
         super().__init__(manager, numba_type, _DOUBLES)
@@ -287,7 +287,7 @@ def _arithmetic(operation, write):
 
         return typer
 
-    for a, b in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
+    for a, b in ((VectorType, VectorType), (VectorType, types.Float), (types.Float, VectorType)):
 
         @lower_builtin(operation, a, b)
         def code(context, builder, signature, arguments):

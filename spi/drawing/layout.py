@@ -21,14 +21,14 @@ class _Drawn(NamedTuple):
     """A panel that is drawn."""
 
     ax: plots.Axes
-    entries: list[plots.Entry]  #: of the legend
+    entries: list[plots.LegendEntry]  #: of the legend
     ends: list[plots.End]  #: of its lines
 
 
 class _Legend(NamedTuple):
     """The legend of a figure, and where its lines are named."""
 
-    entries: list[plots.Entry]
+    entries: list[plots.LegendEntry]
     named: bool  #: whether the lines of schemes are named at their ends instead
     beside_slopes: bool  #: whether the names of reference lines stand beside them instead
 
@@ -114,7 +114,7 @@ def _name_lines(drawn: Sequence[_Drawn], legend: _Legend) -> None:
         unnamed = unnamed - {(end.label, end.colour) for end in one.ends}
 
 
-def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.Entry]]) -> None:
+def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.LegendEntry]]) -> None:
     layout = page.current().layout
     artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
     look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
@@ -243,7 +243,7 @@ def _wrapped(texts: Sequence[str], width: float) -> list[str]:
     return [part for line in lines for part in fitting.broken(line, font, page.current().layout.fill * width)]
 
 
-def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]]) -> list[plots.Entry]:
+def _with_notes(entries: list[plots.LegendEntry], ends: Sequence[Sequence[plots.End]]) -> list[plots.LegendEntry]:
     """The entries of a single panel with the notes of its lines; of several an explanation of the numbers there."""
     if len(ends) == 1:
         notes = {end.label: f"{text}: {end.note}" for end in ends[0] if end.note for text in [end.label]}
@@ -253,7 +253,7 @@ def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]])
     return entries
 
 
-def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Entry]:
+def _merged(entries: Sequence[plots.LegendEntry], schemes: set[str]) -> list[plots.LegendEntry]:
     """The entries of all panels, each text once: schemes, other lines, marks."""
     by_text = {text: handle for handle, text in reversed(entries)}
     texts = dict.fromkeys(text for _, text in entries)
@@ -263,12 +263,12 @@ def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Ent
     return sorted(merged, key=lambda entry: (entry[1] not in schemes, dashes[entry[1]] == "None"))
 
 
-def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plots.Entry]]:
+def _legend_rows(entries: Sequence[plots.LegendEntry], width: float) -> list[list[plots.LegendEntry]]:
     """The entries in as few rows as a figure of some inches has room for, all filled up to one length."""
     if not entries:
         return []
     layout = page.current().layout
-    blank: plots.Entry = Line2D([], [], linestyle="none"), " "
+    blank: plots.LegendEntry = Line2D([], [], linestyle="none"), " "
     for columns in range(len(entries), 0, -1):
         rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
         rows[-1] += [blank] * (columns - len(rows[-1]))

@@ -24,7 +24,6 @@ _LINES = 4  # shades of one colour that can be told apart
 _UNITS = ("s", "ns", "rad")  # that stand on an axis; others, as "state", are those of the system
 
 Records = Sequence[Any]
-Looks = style.Looks
 
 
 def names_along(record: Stored, axis: str, count: int) -> list[str]:
@@ -38,7 +37,7 @@ def names_along(record: Stored, axis: str, count: int) -> list[str]:
     return [f"${symbol}_{{{i + 1}}}$" if count > 1 else f"${symbol}$" for i in range(count)]
 
 
-def scheme_look(record: Stored, looks: Looks, **more: Any) -> dict[str, Any]:
+def scheme_look(record: Stored, looks: style.Looks, **more: Any) -> dict[str, Any]:
     """Colour and marker of the scheme of a record."""
     marker, colour = looks[record.about.variant]
     return {"color": colour, "marker": marker, "markersize": 5.5} | more
@@ -90,7 +89,7 @@ class CurvePanel(NamedTuple):
             numbers = numbers.without(axis, np.max)
         return numbers if self.nan_diverged or np.isfinite(numbers.value).any() else None
 
-    def expand(self, records: Records, looks: Looks) -> Iterator[Any]:
+    def expand(self, records: Records, looks: style.Looks) -> Iterator[Any]:
         """The panels of one case."""
         pairs = [(record, numbers) for record in records if (numbers := self.numbers(record))]
         if not pairs:
@@ -109,7 +108,7 @@ class CurvePanel(NamedTuple):
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
 
-    def _plot(self, pairs: Sequence[tuple[Any, Estimate]], looks: Looks, place: int, name: str) -> plots.Plot:
+    def _plot(self, pairs: Sequence[tuple[Any, Estimate]], looks: style.Looks, place: int, name: str) -> plots.Plot:
         first, meaning = pairs[0][0], pairs[0][0].by_name[self.field].meaning
         drawn = [line for record, own in pairs for line in self._lines(record, own, looks, place, len(pairs))]
         scale = self.scale or {"h": "steps", "n": "log"}.get(self.over, "linear")
@@ -135,7 +134,9 @@ class CurvePanel(NamedTuple):
             entries=list(_shades(first, self.lines)) if self.lines else (),
         )
 
-    def _lines(self, record: Any, numbers: Estimate, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
+    def _lines(
+        self, record: Any, numbers: Estimate, looks: style.Looks, place: int, schemes: int
+    ) -> Iterator[plots.Series]:
         """The lines of one scheme."""
         x = record.get(self.over) if self.along is None else self.along(record, place)
         value, ends, poor = self._values(record, numbers, place)
@@ -202,7 +203,7 @@ class CurvePanel(NamedTuple):
         return [], []
 
 
-def _shades(record: Any, axis: str) -> Iterator[plots.Entry]:
+def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
     """Entries of the legend for the places along an axis whose lines differ in shade; none for a single one."""
     values = record.get(axis)
     rows = plots.spread(len(values), _LINES)
@@ -233,13 +234,13 @@ def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
     return note
 
 
-class Own(NamedTuple):
+class OwnPanels(NamedTuple):
     """Panels that a function of the kind makes, of the records of a case and the looks of schemes.
 
     It yields panels, lists of panels that belong together in a row, and facts in place of panels.
     """
 
-    expand: Callable[[Any, Looks], Any]
+    expand: Callable[[Any, style.Looks], Any]
 
 
 class Figures(NamedTuple):
@@ -262,7 +263,7 @@ class Figures(NamedTuple):
         ]
         return layout.arranged(title, list(zip(headings, drawn, strict=True)), shared)
 
-    def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
+    def _groups(self, records: Records, looks: style.Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
         """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
         groups: list[list[plots.Plot]] = []
         same: list[list[plots.Plot]] = []

@@ -211,7 +211,7 @@ def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
     return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=page.current().layout.map_shape)
 
 
-def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.Entry]:
+def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.LegendEntry]:
     grid = curve.grid()
     x, y = map(even_places, grid.axes)
     values, low, high = (grid.of(field) for field in ("value", "low", "high"))

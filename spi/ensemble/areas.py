@@ -138,7 +138,7 @@ def most_terms(model):
 # then kernels contain nothing about them.
 
 
-class Areas(NamedTuple):
+class NeedsAreas(NamedTuple):
     """A scheme needs the areas."""
 
 

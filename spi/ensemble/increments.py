@@ -32,7 +32,7 @@ from ..numerics.rng import (
     toss,
 )
 from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
-from .areas import Areas, area_count, area_of, areas_length, channels, copy_areas, draw_areas, join_areas
+from .areas import NeedsAreas, area_count, area_of, areas_length, channels, copy_areas, draw_areas, join_areas
 from .lanes import aligned, over_lanes
 from .protocol import area_pairs, noise_indices, noises
 from .scheme_protocol import judges, needs_areas, substeps, tosses
@@ -149,9 +149,9 @@ def kept_of_steps(reference_scheme, scheme, model):
     coins = Coins() if areas or any(map(tosses, schemes)) else None
     coins = Uniforms() if any(map(judges, schemes)) else coins
     if any(isinstance(class_of(each).substeps, FieldOf) for each in schemes if hasattr(class_of(each), "substeps")):
-        areas = Areas() if areas else None
+        areas = NeedsAreas() if areas else None
         return lambda reference_scheme, scheme, model: Kept(most_substeps(reference_scheme, scheme), areas, coins)
-    layout = Kept(INDICES[max(map(substeps, schemes))](), Areas() if areas else None, coins)
+    layout = Kept(INDICES[max(map(substeps, schemes))](), NeedsAreas() if areas else None, coins)
     return lambda reference_scheme, scheme, model: layout
 
 
@@ -329,7 +329,7 @@ def truncate(layout, model, dW, clipped, bounds, stretch):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Given(NamedTuple):
+class NoiseArrays(NamedTuple):
     """The noise of some paths as arrays; of increments over n sub-steps of each step.
 
     Where a scheme needs no areas or coins their arrays have no steps.
@@ -346,23 +346,23 @@ class Given(NamedTuple):
 
 
 def empty_noise(scheme, model, steps, paths):
-    """A :class:`Given` of zeros, with areas and coins where the scheme needs them."""
+    """A :class:`NoiseArrays` of zeros, with areas and coins where the scheme needs them."""
     pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
     areas = np.zeros((steps, paths, pairs)) if pairs else np.zeros((0, 0, 0))
     coins = np.zeros((steps, paths)) if pairs or tosses(scheme) else np.zeros((0, 0))
-    return Given(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
+    return NoiseArrays(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
 
 
 @device(by_type=True)
 def noise_of_steps(layout, model, rows, noise, draw, block, h, terms, words):
     """Put the noise of the next STEPS_PER_DRAW steps of size h into as many rows of increments."""
-    return {Given: copy_steps, Points: place_points}.get(class_of(noise), draw_steps)
+    return {NoiseArrays: copy_steps, Points: place_points}.get(class_of(noise), draw_steps)
 
 
 @device(by_type=True)
 def coins_of_step(layout, noise, n, block, bits, coins, row):
     """Put the coins of step n into a row; `bits`, where they are drawn, stay from one step to the next."""
-    if class_of(noise) is Given:
+    if class_of(noise) is NoiseArrays:
         return copy_coins_of
     if class_of(layout) is Coins:
         return coins_of_points if class_of(noise) is Points else toss_and_read
@@ -441,7 +441,7 @@ def copy_coins_of(layout, noise, n, block, bits, coins, row):
 
 @kernel
 def draw_noise(scheme, model, noise, h, terms, first_step, first_path, given):
-    """Fill a :class:`Given` with the noise of a run with steps of size h from `first_step` and `first_path` on."""
+    """Fill `given`, :class:`NoiseArrays`, with the noise of steps of size h from `first_step` and `first_path` on."""
     layout = kept_of_steps(None, scheme, model)
     finest = number(layout.substeps)
     steps, paths = given.dW.shape[0] // finest, given.dW.shape[1]

@@ -21,7 +21,7 @@ from ..numerics.rng import LANES, STEPS_PER_DRAW
 from .increments import (
     HALVINGS,
     RESCALED,
-    Given,
+    NoiseArrays,
     brownian,
     clipped_variance,
     coins_length,
@@ -62,7 +62,7 @@ BATCH_SECONDS = 0.5
 AS_TOSSED, COINS_TURNED, PAIRS_REVERSED = range(3)
 
 
-class Grid(NamedTuple):
+class TimeGrid(NamedTuple):
     """The times of one run, and its paths from large steps to small ones: number l has the step 2^doublings[l] h_ref.
 
     The last path is the reference, with which others are compared.  Several may have the same step.  One with
@@ -98,7 +98,7 @@ def grid(
     area_terms=0,
     first_step=0,
 ):
-    """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme.
+    """A :class:`TimeGrid`, by default with one step size, and the last path made by the reference scheme.
 
     `truncate` is UNCLIPPED, CLIPPED or RESCALED, or whether increments are clipped.
 
@@ -116,7 +116,7 @@ def grid(
     # not in the loop over steps, which would take a logarithm in every step, also where nothing is clipped
     bounds = np.array([truncation_bound(h) if truncate else 0.0 for h in lengths])
     coarser = (doublings >= np.arange(doublings[0] + 2)[:, np.newaxis]).sum(axis=1)
-    return Grid(
+    return TimeGrid(
         step,
         steps,
         doublings,
@@ -404,9 +404,9 @@ def move(records, y, dW, areas, coins):
     model = in_memory(told)
     paths, d = y.shape
     steps = len(dW) // substeps(scheme)
-    times = Grid(grid.reference_step, steps, *grid[2:])
+    times = TimeGrid(grid.reference_step, steps, *grid[2:])
     states, report = aligned(d * LANES).reshape(1, -1), np.zeros((1, len(REPORT)))
-    noise = Given(dW, areas, coins, 0)
+    noise = NoiseArrays(dW, areas, coins, 0)
     for block in range(-(-paths // LANES)):
         first = block * LANES
         for lane in range(LANES):

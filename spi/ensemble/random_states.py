@@ -136,7 +136,7 @@ class Gaussian(NamedTuple):
         return self.surface.onto(y / lengths[:, np.newaxis])
 
 
-class Listed(NamedTuple):
+class DrawnFromList(NamedTuple):
     """One of the states (n, d), drawn with replacement; `below` (n - 1,) are the values of an exponential number.
 
     State number i is taken where that number lies between entries i - 1 and i of `below`.

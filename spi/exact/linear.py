@@ -20,7 +20,7 @@ from ..ensemble.fields import drift_field, noise_field
 from ..ensemble.protocol import dimension, frozen, large, noise_indices, strengths
 
 #: Coefficients by monomials: the numbers of the components in increasing order, each as often as its power.
-Polynomial = dict[tuple[int, ...], float]
+MomentPolynomial = dict[tuple[int, ...], float]
 
 _MOST_COMPONENTS = 64
 _MOST_MONOMIALS = 20_000  # of the moments
@@ -49,9 +49,9 @@ class Affine(NamedTuple):
                     return None
         return cls(A, c)
 
-    def along(self, f: Polynomial) -> Polynomial:
+    def along(self, f: MomentPolynomial) -> MomentPolynomial:
         """(A y + c) . grad f."""
-        total: Polynomial = {}
+        total: MomentPolynomial = {}
         for monomial, coefficient in f.items():
             for place, i in enumerate(monomial):  # each of equal factors once, so that powers come by themselves
                 rest = monomial[:place] + monomial[place + 1 :]
@@ -91,7 +91,7 @@ class Linear(NamedTuple):
             noises = [of_field(noise_field, sigma[k], k) for k in noise_indices(model) if sigma[k]]
         return None if None in noises else cls(drift, tuple(noise for noise in noises if noise is not None))
 
-    def generator(self, f: Polynomial) -> Polynomial:
+    def generator(self, f: MomentPolynomial) -> MomentPolynomial:
         """L f."""
         total = self.drift.along(f)
         for noise in self.noises:
@@ -100,7 +100,7 @@ class Linear(NamedTuple):
         return total
 
 
-class Moments(NamedTuple):
+class MomentEquations(NamedTuple):
     """The moments that functions of the state need, and their equation m' = M m."""
 
     monomials: dict[tuple[int, ...], int]  #: the number of each
@@ -108,7 +108,7 @@ class Moments(NamedTuple):
     functions: np.ndarray  #: (F, moments) the functions as sums of moments
 
     @classmethod
-    def of(cls, model: Any, polynomials: Sequence[Polynomial]) -> "Moments | None":
+    def of(cls, model: Any, polynomials: Sequence[MomentPolynomial]) -> "MomentEquations | None":
         """Those of some polynomials; None where the equation is not linear, or there are too many moments."""
         if (equation := Linear.of(model)) is None:
             return None

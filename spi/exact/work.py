@@ -41,7 +41,7 @@ class Work(NamedTuple):
         return f"{self.title} {self.share:.0%}" if self.total > 0.0 else self.title
 
 
-Report = Callable[[Work | None], None]  #: called with the state of the work, and with None at its end
+ReportWork = Callable[[Work | None], None]  #: called with the state of the work, and with None at its end
 
 _clock = time.perf_counter
 
@@ -49,7 +49,7 @@ _clock = time.perf_counter
 class _Meter:
     """The counter of one piece of work."""
 
-    def __init__(self, title: str, seconds: float, done: float, report: Report) -> None:
+    def __init__(self, title: str, seconds: float, done: float, report: ReportWork) -> None:
         self.title, self.report = title, report
         self.first = self.done = done
         self.total = done + seconds
@@ -72,12 +72,12 @@ class _Meter:
             self.report(self.work())
 
 
-_REPORT: ContextVar[Report | None] = ContextVar("report", default=None)
+_REPORT: ContextVar[ReportWork | None] = ContextVar("report", default=None)
 _METER: ContextVar[_Meter | None] = ContextVar("meter", default=None)
 
 
 @contextlib.contextmanager
-def reporting_to(report: Report) -> Iterator[None]:
+def reporting_to(report: ReportWork) -> Iterator[None]:
     """Within the block call `report` for the work done there, at its beginning and every :data:`PAUSE` seconds."""
     before = _REPORT.set(report)
     try:

@@ -71,7 +71,7 @@ class Each(NamedTuple):
     leaves: tuple[Constant, ...] | tuple[Component, ...]
 
 
-class Terms(NamedTuple):
+class LikeTerms(NamedTuple):
     """Terms of one shape: `body`, in which an :class:`Each` stands where they differ."""
 
     body: NamedTuple
@@ -81,7 +81,7 @@ class Terms(NamedTuple):
 class Total(NamedTuple):
     """The sum of all terms, added in pairs in an order that their number decides."""
 
-    groups: tuple[Terms, ...]
+    groups: tuple[LikeTerms, ...]
 
 
 class WholePower(NamedTuple):
@@ -91,7 +91,7 @@ class WholePower(NamedTuple):
     exponent: int
 
 
-class Meaning(NamedTuple):
+class Notation(NamedTuple):
     """The meaning of an operation, for arrays and as text."""
 
     array: Callable  #: of arrays
@@ -102,7 +102,7 @@ class Meaning(NamedTuple):
 
 def _operation(name, *meaning):
     """The class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
-    meaning = Meaning(*meaning)
+    meaning = Notation(*meaning)
     cls = NamedTuple(name, [(operand, NamedTuple) for operand in "ab"[: len(meaning.operands)]])
     cls.meaning = meaning
     return cls
@@ -137,7 +137,7 @@ def _hyperbolic_cosine(x):
 
 def _hyperbolic_sine(x):
     """sinh x = tanh x cosh x."""
-    return of_array(arrays.HyperbolicTangent(), x) * _hyperbolic_cosine(x)
+    return of_array(arrays.Tanh(), x) * _hyperbolic_cosine(x)
 
 
 def _compared(sign, a, b):
@@ -151,12 +151,12 @@ Product = _operation("Product", np.multiply, "{0}*{1}", 2, (2, 3))
 Quotient = _operation("Quotient", np.divide, "{0}/{1}", 2, (2, 3))
 Power = _operation("Power", arrays.power, "{0}^{1}", 3, (4, 3))
 Negative = _operation("Negative", np.negative, "-{0}", 3, (3,))
-Sine = _operation("Sine", partial(of_array, arrays.Sine()), "sin({0})", 4, (0,))
-Cosine = _operation("Cosine", partial(of_array, arrays.Cosine()), "cos({0})", 4, (0,))
-Tangent = _operation("Tangent", partial(of_array, arrays.Tangent()), "tan({0})", 4, (0,))
-HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.HyperbolicTangent()), "tanh({0})", 4, (0,))
-Exponential = _operation("Exponential", partial(of_array, arrays.Exponential()), "exp({0})", 4, (0,))
-Logarithm = _operation("Logarithm", partial(of_array, arrays.Logarithm()), "log({0})", 4, (0,))
+Sine = _operation("Sine", partial(of_array, arrays.Sin()), "sin({0})", 4, (0,))
+Cosine = _operation("Cosine", partial(of_array, arrays.Cos()), "cos({0})", 4, (0,))
+Tangent = _operation("Tangent", partial(of_array, arrays.Tan()), "tan({0})", 4, (0,))
+HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.Tanh()), "tanh({0})", 4, (0,))
+Exponential = _operation("Exponential", partial(of_array, arrays.Exp()), "exp({0})", 4, (0,))
+Logarithm = _operation("Logarithm", partial(of_array, arrays.Log()), "log({0})", 4, (0,))
 HyperbolicSine = _operation("HyperbolicSine", _hyperbolic_sine, "sinh({0})", 4, (0,))
 HyperbolicCosine = _operation("HyperbolicCosine", _hyperbolic_cosine, "cosh({0})", 4, (0,))
 ArcTangent = _operation("ArcTangent", _arctangent, "atan({0})", 4, (0,))
@@ -185,7 +185,7 @@ def _hash(a):
     return hash((type(a).__name__, *a))
 
 
-for _record in (*_LEAVES, Terms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, Maximum, Minimum):
+for _record in (*_LEAVES, LikeTerms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, Maximum, Minimum):
     _record.__eq__, _record.__hash__ = _equal, _hash
     _record.__ne__ = lambda a, b: not _equal(a, b)
 
@@ -283,7 +283,7 @@ def _total(terms):
     groups = {}
     for term in terms:
         groups.setdefault(_shape(term), []).append(term)
-    return Total(tuple(Terms(_merged(group), len(group)) for group in groups.values()))
+    return Total(tuple(LikeTerms(_merged(group), len(group)) for group in groups.values()))
 
 
 def _shape(e):

@@ -48,7 +48,7 @@ def taken_name(variables: Iterable[str]) -> tuple[str, str] | None:
     return next(((name, meaning) for name, meaning in found if meaning), None)
 
 
-Algebra = TypeVar("Algebra", bound="Words")
+AnyWords = TypeVar("Algebra", bound="Words")
 
 
 class Words:
@@ -138,12 +138,12 @@ def indexed(word: str, inside: str, algebra: Words) -> str:
     return f"{word}({','.join(str(whole(part, algebra)) for part in parts(inside))})"
 
 
-def entries(text: str, algebra: Algebra) -> list[tuple[str, Algebra]]:
+def entries(text: str, algebra: AnyWords) -> list[tuple[str, AnyWords]]:
     """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with the values of its indices."""
     return [(part, inner) for body, inner in repeated(text, algebra) for part in parts(body)]
 
 
-def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
+def repeated(text: str, algebra: AnyWords) -> Iterator[tuple[str, AnyWords]]:
     """(body, algebra with the indices bound) for ``body for i = a..b, j = c..d``; a text without ``for`` once."""
     separator = re.search(r"\bfor\b", outside(text))
     if not separator:

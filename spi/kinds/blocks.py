@@ -11,7 +11,7 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.compiler.timing import compiling
 from spi.ensemble import loop
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, TimeGrid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import dimension, large
 from spi.ensemble.random_states import RandomState, block_states
@@ -23,7 +23,7 @@ from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mea
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 from spi.storage.stored import Array, Described, array
 
-from .plans import Cost, Done, PathsPlan, Plan, State
+from .plans import Done, PartCost, PathsPlan, Plan, State
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -158,12 +158,12 @@ class BlocksPlan(PathsPlan, Blockwise):
         states = 8 * LANES * len(self.steps) * len(self.initial)
         return max(1, int(BATCH_BYTES / (states + self.sums.bytes_of_a_block(self.lengths(number)))))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * paths_moved(self.model, self.samples)
         sums = sum(np.asarray(values).nbytes for values in self.empty(0))
         ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
-        return Cost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
+        return PartCost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
 
     def integrated(self, first: int, blocks: int, end: int, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
         """The states of some blocks after the last step, and the reports of the scheme."""
@@ -234,7 +234,7 @@ POWERS = 4  #: number of powers of quantities that are summed up
 
 
 def values_of_blocks(
-    p: Plan, grid: Grid, stream: Any, first_block: int, blocks: int, samples: int
+    p: Plan, grid: TimeGrid, stream: Any, first_block: int, blocks: int, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
@@ -249,13 +249,13 @@ def values_of_blocks(
 class Sample(NamedTuple):
     """The paths of one sample of a path set."""
 
-    grid: Grid
+    grid: TimeGrid
     stream: Any  #: a ``RandomStream``, or the points that the paths follow
     weights: np.ndarray  #: (quantities, paths), by which the values of phi on the paths make quantities
     steps: int  #: of all paths
 
     @classmethod
-    def of(cls, grid: Grid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
+    def of(cls, grid: TimeGrid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
         """The sample whose paths are those of a grid."""
         return cls(grid, stream, np.array(weights), int((grid.reference_steps >> grid.doublings).sum()))
 

@@ -12,10 +12,9 @@ import numpy as np
 from spi.ensemble.protocol import conserved, dimension
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
+from spi.numerics.types import Array
 from spi.specs.keys import listed, shown, wrong
 from spi.specs.names import Code, check_values, named_in
-
-Array = np.ndarray
 
 #: The functionals of a function of the state along a path: words of a spec, and their meanings.
 FUNCTIONALS = {

@@ -19,7 +19,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import draw_paths
-from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
+from spi.ensemble.loop import TimeGrid, arguments_of, grid, integrate, nested_grid, thread_count
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
@@ -28,7 +28,7 @@ from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.noise import parts_of, stream_of
-from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.statistics.tallies import Addable, Chunk, PathSet, Tally, digest
 from spi.storage.records import Part
 from spi.storage.stored import Description, Stored
 
@@ -119,7 +119,7 @@ class State:
             if not self.tally(number).has(chunk)
         ]
 
-    def put(self, chunk: Chunk, sums: Sums) -> None:
+    def put(self, chunk: Chunk, sums: Addable) -> None:
         """Store the sums over a chunk, so far as it is computed."""
         done = sums.paths == chunk.paths
         if done:
@@ -242,7 +242,7 @@ def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
     return type(like)(**(plain | inner))
 
 
-class Cost(NamedTuple):
+class PartCost(NamedTuple):
     """The cost of a part."""
 
     path_steps: int  #: steps of all paths and step sizes
@@ -281,7 +281,7 @@ class Plan:
         """The plan for one part of a case."""
         return cls(case=case, part=part)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """The cost of the part, before it is run."""
         raise NotImplementedError
 
@@ -289,7 +289,7 @@ class Plan:
         """The paths that are wanted for now; `extra` are the results so far besides sums over paths."""
         raise NotImplementedError
 
-    def empty(self, number: int) -> Sums:
+    def empty(self, number: int) -> Addable:
         """The sums over no paths of a path set."""
         raise NotImplementedError
 
@@ -388,7 +388,7 @@ class Plan:
         """The sizes of the part: the paths of each path set at first, or the steps of the only path."""
         return [path_set.samples for path_set in self.path_sets(self.initial_extra())]
 
-    def adopted(self, number: int, sums: Sums) -> Sums | None:
+    def adopted(self, number: int, sums: Addable) -> Addable | None:
         """Sums over paths of a path set, by this part or a similar one, as this part goes on with them; None if not."""
         return sums
 
@@ -410,7 +410,7 @@ class Plan:
         """
         return []
 
-    def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
+    def calls_of_a_step(self, times: TimeGrid, stream: Any) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
         shortest = times._replace(reference_steps=1 << int(times.doublings[0]))  # a step of each size
         initial = np.array(self.initial)
@@ -432,7 +432,7 @@ class Plan:
         return ()
 
 
-def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
+def sums_of_chunk(plan: Plan, chunk: Chunk) -> Addable:
     """The sums over one chunk, computed from its first path on."""
     for added in plan.advance([chunk], None):  # each time with more of its paths
         ((_, sums),) = added
@@ -454,7 +454,7 @@ class PathsPlan(Plan):
         return int(self.case.samples)
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> TimeGrid:
         """The times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
         return path_grid(self.case, self.part, self.case.step)
 
@@ -473,7 +473,7 @@ class PathsPlan(Plan):
         return self.calls_of_a_step(self.grid, self.stream)
 
 
-def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> Grid:
+def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> TimeGrid:
     """The times of a case's paths with steps of these sizes and of that of the reference, all on the same noise.
 
     Without `areas` the areas of larger steps are those that the increments of the reference make.
@@ -484,7 +484,7 @@ def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = 
     return nested_grid(case.final_time, case.reference_step, steps, case.clipping, reference, terms)
 
 
-def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:
+def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> TimeGrid:
     """The times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
     terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], h, areas=case.areas)
     return grid(h, round(case.final_time / h), doublings, truncate=case.clipping, area_terms=terms)

@@ -7,10 +7,10 @@ import numpy as np
 
 from spi.storage.stored import Entry, Stored
 
-Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+RowColumns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 
-def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str, Any]]:
+def rows_of(record: Stored, further: RowColumns | None = None) -> Iterator[dict[str, Any]]:
     """A row for each point of the axes that the record says, with all that it has over some of them.
 
     Of what has further axes, those of ``row_largest`` give the largest value, and those of ``row_columns`` a column for
@@ -40,9 +40,9 @@ def _head(record: Stored) -> dict[str, Any]:
     return head | (about.swept.places if about.swept else {})
 
 
-def _entries(record: Stored) -> tuple[Columns, dict[str, Any]]:
+def _entries(record: Stored) -> tuple[RowColumns, dict[str, Any]]:
     """The columns of the arrays, and the facts that are the same in all rows."""
-    columns: Columns = {}
+    columns: RowColumns = {}
     facts: dict[str, Any] = {}
     for entry in record.entries:
         value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
@@ -55,7 +55,7 @@ def _entries(record: Stored) -> tuple[Columns, dict[str, Any]]:
     return columns, facts
 
 
-def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
+def _columns(record: Stored, entry: Entry, values: np.ndarray) -> RowColumns:
     """The columns of an array: one, or by :func:`_names` some along an axis that is spread; none if it has others."""
     over = entry.axes
     for axis in [axis for axis in over if axis in record.row_largest and values.size]:

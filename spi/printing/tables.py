@@ -3,7 +3,7 @@
     tables = (Table("h", [Column("error", "strong error (95 %)", resolved="resolved"), Column("casimir_drift")]),)
 
 A :class:`Table` has a line for each place along some axes and, for each scheme, the fields of its columns with their
-95 % intervals.  It becomes a :class:`Grid` of texts, which is printed, or shown in a report.
+95 % intervals.  It becomes a :class:`TextTable` of texts, which is printed, or shown in a report.
 """
 
 import math
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 
-class Cell(NamedTuple):
+class StyledText(NamedTuple):
     """A text with its style, as ``rich`` names it."""
 
     text: str
@@ -49,12 +49,12 @@ class Cell(NamedTuple):
 _MANY = 8  # columns
 
 
-class Grid(NamedTuple):
+class TextTable(NamedTuple):
     """A table of texts."""
 
     title: str
     headings: Sequence[str]
-    sections: Sequence[Sequence[Sequence[Cell]]]  #: the lines of each scheme
+    sections: Sequence[Sequence[Sequence[StyledText]]]  #: the lines of each scheme
     left: int  #: so many columns are left-justified; the first of them, of labels, may wrap
     keys: int = 1  #: so many columns tell what a line is of
 
@@ -82,7 +82,7 @@ class Grid(NamedTuple):
             table.padding = 0  # else it is too wide
         return table
 
-    def folded(self, console: "Console") -> Iterator["Grid"]:
+    def folded(self, console: "Console") -> Iterator["TextTable"]:
         """Tables of some columns each, as many as a terminal has room for, with those that tell what a line is of."""
         shown = [*range(self.keys)]
         whole, title = math.isinf(room(console)), self.title
@@ -94,7 +94,7 @@ class Grid(NamedTuple):
             shown.append(i)
         yield self.of(shown)._replace(title=title)
 
-    def of(self, columns: Sequence[int]) -> "Grid":
+    def of(self, columns: Sequence[int]) -> "TextTable":
         """The grid of these of its columns."""
         sections = [[[row[i] for i in columns] for row in section] for section in self.sections]
         return self._replace(headings=[self.headings[i] for i in columns], sections=sections)
@@ -143,19 +143,19 @@ class Column(NamedTuple):
             if name in self.among or not {*names} & {*self.among}
         }
 
-    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> Cell:
+    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> StyledText:
         """The cell at a place, given by its number along each axis."""
         place = tuple(at[axis] for axis in numbers.axes)
         if any(i >= size for i, size in zip(place, numbers.value.shape, strict=True)):
-            return Cell("-")
+            return StyledText("-")
         value = numbers.value[place]
         if isinstance(value, str):
-            return Cell(value)
+            return StyledText(value)
         ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
         text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
         if self.resolved and not record.get(self.resolved)[place]:
-            return Cell(f"({text})", "dim")
-        return Cell(text, "bold red" if abs(value) > self.red else "")
+            return StyledText(f"({text})", "dim")
+        return StyledText(text, "bold red" if abs(value) > self.red else "")
 
 
 def _largest(values: np.ndarray, axis: int) -> np.ndarray:
@@ -170,18 +170,18 @@ class Table(NamedTuple):
     title: str = ""  #: in place of that of the case
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
 
-    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
+    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
         """The table of the records of a case, and what its brackets and its large numbers mean."""
         if (grid := self.grid(title, readings)) is None:
             return
         yield grid
         if "dim" in grid.styles():
-            yield Cell("( ): not resolved", "dim")
+            yield StyledText("( ): not resolved", "dim")
         for column in self.columns:
             if column.why and "bold red" in grid.styles(column.heading):
-                yield Cell(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
+                yield StyledText(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
 
-    def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
+    def grid(self, title: str, readings: Sequence[Stored]) -> TextTable | None:
         """The table of the records of a case, without columns in which there is nothing; None if none is left."""
         axes = self.axes.split()
         columns, parts = self._parts(readings, axes)
@@ -195,7 +195,7 @@ class Table(NamedTuple):
             return None
         left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
         counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
-        return Grid(self.title or title, headings, sections, *counts).of(shown)
+        return TextTable(self.title or title, headings, sections, *counts).of(shown)
 
     def _parts(
         self, readings: Sequence[Stored], axes: Sequence[str]
@@ -211,7 +211,7 @@ class Table(NamedTuple):
 
     def _section(
         self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
-    ) -> Iterator[list[Cell]]:
+    ) -> Iterator[list[StyledText]]:
         """The lines of one scheme, with labels where they differ from those of the line above."""
         names = {axis: places(record, axis, parts.values()) for axis in axes}
         lines = list(np.ndindex(*map(len, names.values())) if self.lines is None else self.lines(record))
@@ -224,21 +224,23 @@ class Table(NamedTuple):
             labels = [names[axis][i] for axis, i in at.items()]
             same = next((i for i, label in enumerate(labels) if before[i : i + 1] != [label]), len(labels))
             before = labels
-            cells = [columns[name].cell(record, parts[name], at) if name in parts else Cell("") for name in columns]
-            yield [Cell(scheme), *[Cell("")] * same, *map(Cell, labels[same:]), *cells]
+            cells = [
+                columns[name].cell(record, parts[name], at) if name in parts else StyledText("") for name in columns
+            ]
+            yield [StyledText(scheme), *[StyledText("")] * same, *map(StyledText, labels[same:]), *cells]
 
 
-def _with_contents(sections: Sequence[Sequence[Sequence[Cell]]], may_be_dashes: Sequence[bool]) -> list[int]:
+def _with_contents(sections: Sequence[Sequence[Sequence[StyledText]]], may_be_dashes: Sequence[bool]) -> list[int]:
     """The numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
     rows = [row for section in sections for row in section]
     empty = [("",) if may else ("", "-") for may in may_be_dashes]
     return [i for i, texts in enumerate(empty) if not i or any(row[i].text not in texts for row in rows)]
 
 
-class Own(NamedTuple):
+class OwnTable(NamedTuple):
     """A table of a kind's own."""
 
-    items: Callable[[str, Sequence[Any]], Iterator[Grid | Cell]]  #: as :meth:`Table.items`
+    items: Callable[[str, Sequence[Any]], Iterator[TextTable | StyledText]]  #: as :meth:`Table.items`
 
 
 #: How the places along an axis are called in tables, and its heading if that is not the name of the axis.
@@ -267,14 +269,14 @@ def _heading(axis: str, readings: Sequence[Any]) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def printed(title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
+def printed(title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
     """The tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
         yield from table.items(title, readings)
-    yield from map(Cell, _clipped(readings))
+    yield from map(StyledText, _clipped(readings))
     for record in readings:
-        yield from map(Cell, _lines(record))
-    yield from map(Cell, readings[0].remarks_of_case(readings))
+        yield from map(StyledText, _lines(record))
+    yield from map(StyledText, readings[0].remarks_of_case(readings))
 
 
 _WHOLE = 0.99995  # a share that is printed as 100 %
@@ -294,11 +296,11 @@ def _clipped(readings: Sequence[Any]) -> Iterator[str]:
         yield f"truncate_noise: clipped increments over h = {power_of_two(h)} have {left:.2%} of their variance{then}"
 
 
-def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
+def show_items(console: "Console", items: Iterable[TextTable | StyledText]) -> None:
     """Print tables and lines, however long, with an empty line behind each table and block of lines."""
-    for is_table, members in groupby(items, lambda item: isinstance(item, Grid)):
+    for is_table, members in groupby(items, lambda item: isinstance(item, TextTable)):
         for item in members:
-            if isinstance(item, Grid):
+            if isinstance(item, TextTable):
                 for part in item.folded(console):
                     print_whole(console, part.as_rich())
                     console.print()
@@ -397,14 +399,14 @@ def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
     console.print()
 
 
-def grid(verdicts: Sequence[Verdict], then: str = " ") -> Grid:
+def grid(verdicts: Sequence[Verdict], then: str = " ") -> TextTable:
     """The table of claims, with `then` before intervals and further swept values."""
     rows = []
     for one in verdicts:
         result, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
-        verdict = Cell(one.verdict, _STYLES.get(one.verdict, "yellow"))
-        rows.append([*map(Cell, (one.subject, one.claim.text, result, at)), verdict])
-    return Grid("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
+        verdict = StyledText(one.verdict, _STYLES.get(one.verdict, "yellow"))
+        rows.append([*map(StyledText, (one.subject, one.claim.text, result, at)), verdict])
+    return TextTable("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
 
 
 def _at(one: Verdict) -> str:

@@ -82,7 +82,7 @@ def _is_of(path: Path, wanted: Wanted) -> bool:
         return False  # `spi show` lists it with what is wrong
 
 
-class Listed(NamedTuple):
+class ListedResult(NamedTuple):
     """A line in a list of results."""
 
     name: str
@@ -93,21 +93,21 @@ class Listed(NamedTuple):
     title: str
 
     @classmethod
-    def of(cls, name: str, run: dict[str, Any], samples: Sequence[int], created: str) -> "Listed":
+    def of(cls, name: str, run: dict[str, Any], samples: Sequence[int], created: str) -> "ListedResult":
         """The line on results of a run with these root attributes; KeyError or another error if some are missing."""
         how = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
         title = str(run.get("title", ""))
         return cls(name, str(run.get("kind", "")), tuple(map(int, samples)), created, how, title)
 
 
-def listed(folder: Path) -> tuple[list[Listed], list[str]]:
+def listed(folder: Path) -> tuple[list[ListedResult], list[str]]:
     """A line for each of the results in a folder, and one on each file that cannot be read."""
     lines, problems = [], []
     for path in sorted(folder.glob("*.h5")):
         try:
             root = read_root(path)
             created = str(root.get("created", ""))[:16].replace("T", " ")
-            lines.append(Listed.of(path.stem, root, root["samples"], created))
+            lines.append(ListedResult.of(path.stem, root, root["samples"], created))
         except StorageError as error:
             problems.append(str(error))
         except Exception:  # of whatever kind, since the others can be listed
@@ -115,7 +115,7 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
     for path in sorted((folder / "sums").glob(f"*.{NOTE}")):
         if about := read_note(path):
             name = results_in(folder, about["experiment"], about["profile"], about["overrides"]).stem
-            lines.append(Listed.of(name, about, (), f"unfinished: {about['progress']}"))
+            lines.append(ListedResult.of(name, about, (), f"unfinished: {about['progress']}"))
     return lines, problems
 
 

@@ -70,13 +70,14 @@ def load_any(
     return load(path, profile or "laptop", overrides, added=added)
 
 
-Asked = Callable[[specs.Experiment, Sequence[str]], str]  #: the text of a spec about an experiment, given the overrides
+#: The text of a spec about an experiment, given the overrides.
+SpecAbout = Callable[[specs.Experiment, Sequence[str]], str]
 
 
 def load_about(
     path: str | Path,
     kind: str,
-    asked: Asked,
+    asked: SpecAbout,
     profile: str | None = None,
     overrides: Sequence[str] = (),
     trust_code: bool = False,
@@ -102,7 +103,7 @@ def load_stored(
     overrides: Iterable[str] = (),
     profile: str | None = None,
     added: Iterable[tuple[str, str]] = (),
-    about: tuple[str, Asked] | None = None,
+    about: tuple[str, SpecAbout] | None = None,
 ) -> specs.Experiment:
     """The experiment whose results are in a file, as it was run, with further `overrides`.
 
@@ -220,7 +221,7 @@ def name_of(plan: Plan) -> str:
     return f"{plan.case.name}/{plan.part.name}"
 
 
-class Source(NamedTuple):
+class SpecSource(NamedTuple):
     """All that another process needs to make the plans of an experiment."""
 
     path: str  #: for messages
@@ -231,14 +232,14 @@ class Source(NamedTuple):
     hash: str  #: of the spec, so that a process in which it means something else computes nothing
 
     @classmethod
-    def of(cls, experiment: specs.Experiment) -> "Source":
+    def of(cls, experiment: specs.Experiment) -> "SpecSource":
         """The source of an experiment."""
         path, files = experiment.called, experiment.files
         return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
 
 
 @functools.lru_cache(maxsize=4)
-def plans_of(source: Source) -> list[Plan]:
+def plans_of(source: SpecSource) -> list[Plan]:
     """The plans of an experiment, in another process; kept, as there are many chunks to a plan.
 
     SpecError if the spec means something else here, as where another version of a package of models is installed.

@@ -17,12 +17,12 @@ from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..printing.text import short
 from ..specs.naming import results_in
-from ..storage.records import Results
+from ..storage.records import StoredResults
 from ..storage.stored import gathered
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
 from .finding import results_of
-from .load import Source, headings, layers, load, load_any, plans, sources
+from .load import SpecSource, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_with, perform_tasks
 
 __all__ = [
@@ -150,7 +150,7 @@ def run(
             advance_here(session.states, session.batch_done)
         else:
             workers.machines = session.machines  # which are saved with the sums
-            advance_with(workers, Source.of(experiment), session.states, session.batch_done)
+            advance_with(workers, SpecSource.of(experiment), session.states, session.batch_done)
         return session.finish()
 
 
@@ -200,7 +200,7 @@ class Session(Checkpoint):
         try:
             own = {"sums": json.dumps(self.keys_by_part), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))
-            results = Results(root_attributes(self.experiment) | own, groups, self.chunks())
+            results = StoredResults(root_attributes(self.experiment) | own, groups, self.chunks())
             storage.write(self.target, results, self.make_room)
         except storage.StorageError:
             self.save()  # so that nothing is computed again once this is mended

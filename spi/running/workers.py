@@ -18,7 +18,7 @@ from ..ensemble.loop import limited_threads
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
-from .load import Source, plans_of
+from .load import SpecSource, plans_of
 from .orphans import follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
@@ -27,7 +27,7 @@ MOST_LOSSES, MOST_WORKERS = 5, 1024
 _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two threads of a process at once
 
 
-def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
+def compute(source: SpecSource, number: int, chunk: Chunk, threads: int) -> Any:
     """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
     with _ONE_AT_A_TIME, limited_threads(threads):
         return sums_of_chunk(plans_of(source)[number], chunk)
@@ -50,7 +50,7 @@ class Workers:
     def __init__(self) -> None:
         self.machines = set[str]()  #: the ``storage.machine`` of those that computed, where it may be another than here
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere, again where its process is lost."""
         raise NotImplementedError
 
@@ -75,7 +75,7 @@ class Processes(Workers):
         self.closed = False
         self.lock = threading.Lock()
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
 
@@ -161,7 +161,7 @@ class ExecutorWorkers(Workers):
         super().__init__()
         self.executor = executor
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         with self._or_lost():
             return self.executor.submit(_compute, source, number, chunk)
@@ -185,7 +185,7 @@ class ExecutorWorkers(Workers):
             raise WorkersLost(f"the executor lost its workers ({reason})") from error
 
 
-def _compute(source: Source, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
+def _compute(source: SpecSource, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
     """The answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
     return _answer(compute, source, number, chunk, 1), storage.machine()
 
@@ -219,7 +219,7 @@ def advance_some_here(states: Sequence[State], pieces: Collection[Piece], tick: 
         _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in pieces], tick)
 
 
-def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
+def advance_with(workers: Workers, source: SpecSource, states: Sequence[State], tick: Tick) -> None:
     """Have all chunks computed by workers, of earlier parts first."""
     tick(0)
     left: list[list[Chunk] | None] = [state.missing()[::-1] for state in states]

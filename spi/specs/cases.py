@@ -71,8 +71,8 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .names import CodeKeys, Taken, check_values, named_in, numbers_of
-from .noise import Noise
-from .sweep import PLACES, SWEEP, Swept, check_shown
+from .noise import NoiseKey
+from .sweep import PLACES, SWEEP, SweptKey, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
 CLIP = (
@@ -168,10 +168,10 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    noise: key_of(Noise, "what drives the noises, as in {kind: brownian}, which is the default") = None
+    noise: key_of(NoiseKey, "what drives the noises, as in {kind: brownian}, which is the default") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
-    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
+    sweep: key_of(SweptKey, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, numbers of paths, other parts, derived quantities and figures.
     neutral: ClassVar[frozenset[str]] = frozenset(

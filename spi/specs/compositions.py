@@ -50,7 +50,7 @@ from .models import class_in
 # Classes in Python files
 # ---------------------------------------------------------------------------------------------------------------------
 
-Order = Annotated[float, Ge(0), Le(8)]
+ClaimedOrder = Annotated[float, Ge(0), Le(8)]
 
 _PRESERVES = "what tables say that it preserves"
 
@@ -60,9 +60,9 @@ class Told(Keys):
 
     python: str
     name: str
-    strong_order: key_of(Order | None, "strong order with noises that do not commute, if it is known") = None
-    strong_order_commuting: key_of(Order | None, "strong order with one noise, or noises that commute") = None
-    weak_order: key_of(Order | None, "weak order, if it is known") = None
+    strong_order: key_of(ClaimedOrder | None, "strong order with noises that do not commute, if it is known") = None
+    strong_order_commuting: key_of(ClaimedOrder | None, "strong order with one noise, or noises that commute") = None
+    weak_order: key_of(ClaimedOrder | None, "weak order, if it is known") = None
     preserves: key_of(str, _PRESERVES) = "nothing"
     needs_truncation: key_of(pydantic.StrictBool, "whether it needs bounded increments") = False
 
@@ -104,7 +104,7 @@ def check_steps(compositions: dict[str, Any], model: Any, initial: tuple[float, 
                 raise wrong(f"is {entry.reference}: {complaint}", "correct the class", "compositions", name)
 
 
-Stages = tuple[Flows, ...]
+CompositionKey = tuple[Flows, ...]
 
 _MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # second words in the names of variants of a scheme
@@ -188,7 +188,7 @@ def _name(name: str) -> str:
     return name
 
 
-def weak_order(stages: Stages, model: Any) -> float:
+def weak_order(stages: CompositionKey, model: Any) -> float:
     """The weak order of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
@@ -216,7 +216,7 @@ def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
     return float(order_of_words(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
 
 
-def _plain(entry: Stages | Scheme) -> Any:
+def _plain(entry: CompositionKey | Scheme) -> Any:
     """A scheme as all that decides its results, stages as one text each, whatever they were read from."""
     return plain_scheme(entry) if isinstance(entry, Scheme) else [_text(stage) for stage in entry]
 

@@ -19,14 +19,14 @@ import pydantic
 
 from ..ensemble.long_states import LONG, LongState, state_of
 from ..ensemble.protocol import NonNegative, component_names, dimension, geometry, large, named_numbers, populations
-from ..ensemble.random_states import Gaussian, Listed, RandomState, Spheres
+from ..ensemble.random_states import DrawnFromList, Gaussian, RandomState, Spheres
 from ..exact.surfaces import spheres
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
-from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, StateKey, condition, entries_in, key_of, one_of, shown, suggestion, wrong
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of initial states, of which each path has its own.
@@ -53,7 +53,7 @@ class OfGauss(Law):
     """Normal."""
 
     law: Literal["gaussian"]
-    mean: key_of(State, "the mean, a number per component")
+    mean: key_of(StateKey, "the mean, a number per component")
     sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each") = ABSENT
     covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
@@ -120,7 +120,7 @@ class OfPoints(Law):
             below = -np.log1p(-np.minimum(share[:-1], 1.0))
         digest = hashlib.sha256(y.tobytes() + weight.tobytes()).hexdigest()
         plain = {"law": self.law, "points": len(y), "digest": digest}
-        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), plain)
+        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), DrawnFromList(y, below), plain)
 
 
 #: The name of a law -> the class of its keys.
@@ -307,7 +307,7 @@ class _AnyInitial:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
         mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
-        whole: Any = reduce(or_, [State, *mappings])
+        whole: Any = reduce(or_, [StateKey, *mappings])
         return handler(pydantic.TypeAdapter(whole).core_schema)
 
 
@@ -332,7 +332,7 @@ def _plain(value: Any) -> Any:
 
 #: The annotation of ``initial``.
 Initial = Annotated[
-    State,
+    StateKey,
     pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, _AnyInitial()]),
     pydantic.PlainSerializer(_plain),
 ]

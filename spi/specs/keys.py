@@ -256,11 +256,11 @@ OrInfinite = Annotated[float, BeforeValidator(_number_or_infinity, json_schema_i
 _List = Annotated[tuple[Positive, ...], MinLen(1)]
 Steps = Annotated[_List, BeforeValidator(powers_of_two, json_schema_input_type=_read(_List) | str)]
 _State = tuple[float, ...]
-State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
+StateKey = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
 _Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
 Eps = Annotated[_Eps, BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str)]
 _Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
-Levels = Annotated[_Levels, BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str)]
+ExtrapolationLevels = Annotated[_Levels, BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.

@@ -18,6 +18,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pydantic
 
+from spi.numerics.types import Array
+
 from ..compiler.dispatch import answers
 from ..ensemble.observer import energies, invariants_of
 from ..ensemble.protocol import (
@@ -38,7 +40,6 @@ from ..models.delegation import undamped
 from ..numerics.rng import LANES
 from .keys import Keys, key_of, shown, wrong
 
-Array = np.ndarray
 _INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 _COMPONENT = re.compile(r"y([1-9]\d*)")
 _WORD = re.compile(r"\b[A-Za-z]\w*")

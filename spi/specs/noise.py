@@ -102,7 +102,7 @@ class _AnyDriver:
         return handler(pydantic.TypeAdapter(whole).core_schema)
 
 
-Noise = Annotated[
+NoiseKey = Annotated[
     Any,
     pydantic.PlainValidator(_read),
     pydantic.PlainSerializer(lambda driver: driver and driver.plain()),
@@ -111,7 +111,7 @@ Noise = Annotated[
 
 
 class _Alone(Keys):
-    noise: Noise = None
+    noise: NoiseKey = None
 
 
 def driver_of(noise: Any) -> Any:

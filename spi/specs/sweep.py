@@ -40,7 +40,7 @@ _NO_FORMULAS = (*SOURCES, "file", "results")
 _LISTS = {"steps": "which gives results at each of them", "schemes": "which gives results of each of them"}
 
 
-class Sweep(NamedTuple):
+class ParameterSweep(NamedTuple):
     """A sweep: its parameters, their values, and those of one of its cases."""
 
     parameters: Mapping[str, tuple[float, ...]]  #: the values of each
@@ -59,7 +59,7 @@ _Values = Annotated[
 ]
 
 
-def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
+def _read(value: Any, read: ValidatorFunctionWrapHandler) -> ParameterSweep | None:
     """The sweep of a mapping {word: values, of: quantities}; None for None."""
     if value is None:
         return None
@@ -74,11 +74,11 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
             raise wrong("has a value twice", "remove one", word)
     if len(parameters) > 2:
         raise wrong(f"has {len(parameters)} parameters", _RIGHT)
-    return Sweep(parameters, (of,) if isinstance(of, str) else tuple(of))
+    return ParameterSweep(parameters, (of,) if isinstance(of, str) else tuple(of))
 
 
 #: The annotation of ``sweep``.
-Swept = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
+SweptKey = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
 
 
 def check_shown(case: Any) -> None:

@@ -20,10 +20,9 @@ import numpy as np
 from spi.ensemble.loop import add_reports
 from spi.ensemble.scheme_protocol import REPORT
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 
 from .estimators import GROUPS, PARTS, ROUND, with_powers
-
-Array = np.ndarray
 
 
 class Blocks(NamedTuple):

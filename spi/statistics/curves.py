@@ -12,7 +12,7 @@ from ..storage.stored import Description
 from .claims import Quantity
 
 
-class Grid(NamedTuple):
+class Surface(NamedTuple):
     """A quantity over the values of two parameters."""
 
     words: tuple[str, str]
@@ -43,7 +43,7 @@ class Grid(NamedTuple):
 
 
 def _zeros(x: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float]]:
-    """The zeros of numbers with intervals along ascending x, see :meth:`Grid.zeros`."""
+    """The zeros of numbers with intervals along ascending x, see :meth:`Surface.zeros`."""
     sure = np.flatnonzero((low > 0) | (high < 0))
     for a, b in pairwise(sure.tolist()):
         if middle[a] * middle[b] < 0:
@@ -91,7 +91,7 @@ class Curve(NamedTuple):
         """The other parameter; empty if there is none."""
         return self.about.swept.second_word if self.about.swept and not self.points[0].swept else ""
 
-    def grid(self) -> Grid:
+    def grid(self) -> Surface:
         """The quantity over both parameters, where there are two."""
         points = {
             (point.about.swept.value, point.about.swept.second_value): point
@@ -99,10 +99,10 @@ class Curve(NamedTuple):
             if point.about.swept
         }
         first, second = (np.unique(each) for each in zip(*points, strict=True))
-        return Grid((self.word, self.second_word), (first, second), points)
+        return Surface((self.word, self.second_word), (first, second), points)
 
     def zeros(self) -> list[tuple[float, float]]:
-        """The zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Grid.zeros`."""
+        """Zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Surface.zeros`."""
         if self.second_word or len(self.values) < 2:
             return []
         order = np.argsort(self.values)

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order, student
-
-Array = np.ndarray
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..numerics.groups import filled_groups
 from ..storage.records import CONFIDENCE, INTERVAL, student
-
-Array = np.ndarray
 
 
 def zero_share_bound(samples: Any, confidence: float = CONFIDENCE) -> Any:

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..ensemble.long_states import LongState
 from ..storage.records import INTERVAL
-
-Array = np.ndarray
 
 EPSILON = 2.0**-52
 MULTIPLE = 8.0  #: of EPSILON, the size and 1 + sqrt(n)

@@ -6,7 +6,7 @@ chunks.  The result depends neither on the order in which chunks are computed, n
 more of them follow later.  Only the roots of the largest complete subtrees are kept, about log2(N) of them for N
 chunks.
 
-The addition is :meth:`Sums.plus`: most fields are added, of others the larger one is taken, and states of paths are
+The addition is :meth:`Addable.plus`: most fields are added, of others the larger one is taken, and states of paths are
 joined.
 """
 
@@ -25,7 +25,7 @@ CHUNK_WORK = 2**32
 _CLOCK = "seconds"  # with which the names of those fields end that a clock decides
 
 
-class Sums(Protocol):
+class Addable(Protocol):
     """Sums over some paths: a ``NamedTuple`` of arrays, numbers and texts, so that a file can hold it."""
 
     @property
@@ -223,7 +223,7 @@ def _joined(parts: list[Any]) -> Any | None:
     return functools.reduce(lambda earlier, later: earlier.plus(later), parts) if parts else None
 
 
-def digest(sums: Sums) -> str:
+def digest(sums: Addable) -> str:
     """A hash, of 32 characters, of all sums over some paths except the time spent."""
     hasher = hashlib.sha256()
     for name, value in sorted(sums._asdict().items()):

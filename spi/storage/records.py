@@ -72,7 +72,7 @@ class Group(NamedTuple):
         return {name: values for name, (_, values) in self.variables.items()}
 
 
-class Results(NamedTuple):
+class StoredResults(NamedTuple):
     """One results file."""
 
     attributes: dict[str, Any]  #: of the whole experiment: kind, title, figure, spec, spec_hash, profile, seed, ...

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from .records import Group, Results
+from .records import Group, StoredResults
 
 try:
     import fcntl
@@ -300,7 +300,7 @@ _CHUNKS = "digests of chunks"
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
 
-def write(path: str | Path, results: Results, check: Callable[[], None] = lambda: None) -> None:
+def write(path: str | Path, results: StoredResults, check: Callable[[], None] = lambda: None) -> None:
     """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole.
 
     `check` raises an error if the file must not be replaced; see :func:`~spi.storage.results.aside`.
@@ -314,7 +314,7 @@ def write(path: str | Path, results: Results, check: Callable[[], None] = lambda
         _write_array(file, _CHUNKS, np.array(results.chunks, dtype=str)).make_scale(_CHUNKS)
 
 
-def read(path: str | Path) -> Results:
+def read(path: str | Path) -> StoredResults:
     """The :class:`~spi.storage.records.Results` in ``path``; the groups of one case stand together."""
     path = Path(path)
     with _open_results(path) as file:
@@ -326,7 +326,7 @@ def read(path: str | Path) -> Results:
                         groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
                     else:
                         groups.append(_read_group(case, variant, "", source))
-            return Results(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
+            return StoredResults(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 

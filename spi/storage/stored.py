@@ -53,12 +53,12 @@ from typing import (
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..ensemble.long_states import LongState
 from ..ensemble.random_states import RandomState
 from ..numerics.groups import filled_groups
 from .records import Group, Order, Part, student
-
-Array = np.ndarray
 
 #: The axes that have no values of their own.
 NUMBERED = {

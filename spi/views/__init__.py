@@ -8,13 +8,13 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from ..kinds import KINDS
 from ..printing import sweeps, tables
 from ..printing.rows import rows_of
-from ..printing.tables import Cell, Grid, printed, show_items
+from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
-from ..storage.records import Group, Results
+from ..storage.records import Group, StoredResults
 from ..storage.stored import Stored, by_case
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _FACTS = ("step", "reference_step", "reference_scheme", "samples")
 
 
-class Whole(NamedTuple):
+class SweptCase(NamedTuple):
     """A case that is swept."""
 
     name: str
@@ -35,7 +35,7 @@ class Whole(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(read: Sequence[Stored]) -> list[Whole]:
+def wholes(read: Sequence[Stored]) -> list[SweptCase]:
     """The cases that are swept, in the order of the file; none if no parameter is."""
     swept = [one for one in read if one.about.swept]
     return [
@@ -44,14 +44,14 @@ def wholes(read: Sequence[Stored]) -> list[Whole]:
     ]
 
 
-def _whole(read: list[Stored]) -> Whole:
+def _whole(read: list[Stored]) -> SweptCase:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
     shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
-    return Whole(swept.owner, swept.title, read, shown)
+    return SweptCase(swept.owner, swept.title, read, shown)
 
 
-def readings(results: Results) -> list[Stored]:
+def readings(results: StoredResults) -> list[Stored]:
     """The groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
@@ -72,7 +72,7 @@ def _reading(kind: str, group: Group) -> Stored:
         raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
-def title(results: Results, read: Sequence[Stored]) -> str:
+def title(results: StoredResults, read: Sequence[Stored]) -> str:
     """The title of results in tables, figures and reports."""
     stated = results.attributes.get("title", "")
     return read[0].titled(stated, read) if read else stated
@@ -87,12 +87,12 @@ def facts(read: Sequence[Stored]) -> list[str]:
     return shared
 
 
-def verdicts(results: Results) -> list[claims.Verdict]:
+def verdicts(results: StoredResults) -> list[claims.Verdict]:
     """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 
-def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
+def _judged(results: StoredResults, read: list[Stored]) -> list[claims.Verdict]:
     """The same from readings that have been made already."""
     try:
         stated = claims.of_text(results.attributes.get("expect"))
@@ -103,7 +103,7 @@ def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
     return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
-def rows(results: Results) -> list[dict[str, Any]]:
+def rows(results: StoredResults) -> list[dict[str, Any]]:
     """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
 
     Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
@@ -124,12 +124,12 @@ def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     ]
 
 
-def print_tables(results: Results, file: IO[str] | None = None) -> None:
+def print_tables(results: StoredResults, file: IO[str] | None = None) -> None:
     """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
     show(results, new_console(file))
 
 
-def show(results: Results, console: Any) -> None:
+def show(results: StoredResults, console: Any) -> None:
     """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
     cases = list(by_cases(results))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
@@ -139,7 +139,7 @@ def show(results: Results, console: Any) -> None:
         tables.show(console, judged)
 
 
-def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
+def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
     """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
@@ -153,7 +153,7 @@ def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.
 
 
 def figure(
-    results: Results,
+    results: StoredResults,
     style: str = "screen",
     width: str | float | None = None,
     height: str | float | None = None,
@@ -189,7 +189,7 @@ def figure(
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing.sweeps import draw, draw_maps
 
@@ -217,7 +217,7 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 
 
-def film(results: Results) -> "Film":
+def film(results: StoredResults) -> "Film":
     """The film of results; ValueError if there is none for their kind, or nothing that moves."""
     from ..drawing import page
 

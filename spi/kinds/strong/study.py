@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid
+from spi.ensemble.loop import TimeGrid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
@@ -54,7 +54,7 @@ class StrongPlan(BlocksPlan):
     sums = StrongSums
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> TimeGrid:
         """The step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps, areas=False)
 

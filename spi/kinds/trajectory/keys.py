@@ -16,7 +16,7 @@ from spi.specs.checks import check_every, times_on_grid
 from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, quantity, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.panels import check_further, panels_of, words
-from spi.specs.sweep import Swept
+from spi.specs.sweep import SweptKey
 from spi.statistics.claims import claimable
 
 from .results import Trajectory
@@ -27,8 +27,8 @@ PANELS = (
     *("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase"),
 )
 
-Path = Annotated[int, Ge(0), Le(10**15)]
-Times = tuple[NonNegative, ...]
+PathNumber = Annotated[int, Ge(0), Le(10**15)]
+PathTimes = tuple[NonNegative, ...]
 
 _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
@@ -48,13 +48,15 @@ class Case(CodeKeys, StepCase):
     panels: key_of(
         panels_of("trajectory", PANELS), f"what the figure shows, some of {', '.join(words('trajectory', PANELS))}"
     )
-    path: key_of(Path, "number of the path") = 0
+    path: key_of(PathNumber, "number of the path") = 0
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     save: key_of(
-        Times, "times whose states are stored, and that at the start, multiples of step; default: every n-th", "time"
+        PathTimes,
+        "times whose states are stored, and that at the start, multiples of step; default: every n-th",
+        "time",
     ) = ()
     times: key_of(
-        Times, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
+        PathTimes, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
     ) = ()
 
     functions: key_of(
@@ -62,7 +64,7 @@ class Case(CodeKeys, StepCase):
     ) = pydantic.Field(default_factory=dict)
     section: key_of(Section | None, "the states at which a function of the state changes its sign") = None
 
-    sweep: key_of(Swept, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
+    sweep: key_of(SweptKey, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
         default=None, exclude=True
     )
 

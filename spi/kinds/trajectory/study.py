@@ -19,7 +19,7 @@ from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_col
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
+from spi.kinds.plans import Done, KernelCall, PartCost, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -28,7 +28,7 @@ from spi.statistics.tallies import Chunk, PathSet
 from .results import Crossings, SolverMeans, Trajectory, Values, finite
 
 
-class Path(NamedTuple):
+class OnePath(NamedTuple):
     """One path, or none, or one that has not made all its steps."""
 
     paths: int  #: 0 until all steps are made
@@ -37,7 +37,7 @@ class Path(NamedTuple):
     y: np.ndarray  #: (recorded + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),)
 
-    def plus(self, later: "Path") -> "Path":
+    def plus(self, later: "OnePath") -> "OnePath":
         """There is only one."""
         raise TypeError("a trajectory has one path")
 
@@ -71,12 +71,12 @@ class TrajectoryPlan(PathsPlan):
         """One path."""
         return 1
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
         stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
         scratch = alone.bytes_of(self.case) if self.one_path else 0
-        return Cost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
+        return PartCost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`: of what is stored the spacing of the states that are recorded.
@@ -93,7 +93,7 @@ class TrajectoryPlan(PathsPlan):
         """The number of steps."""
         return [self.grid.reference_steps]
 
-    def adopted(self, number: int, sums: Any) -> Path | None:
+    def adopted(self, number: int, sums: Any) -> OnePath | None:
         """The path; a shorter one can go on if it ends where coins are tossed anew."""
         if sums.steps >= self.grid.reference_steps:
             return sums if sums.steps == self.grid.reference_steps else None
@@ -108,9 +108,9 @@ class TrajectoryPlan(PathsPlan):
         """One path."""
         return (PathSet(1, 1),)
 
-    def empty(self, number: int) -> Path:
+    def empty(self, number: int) -> OnePath:
         """No path."""
-        return Path(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
+        return OnePath(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
     def _start(self, y: np.ndarray, n: int) -> Any:
         """The states to go on from after n steps: of a large model the stored state in the lane of the path."""
@@ -140,7 +140,7 @@ class TrajectoryPlan(PathsPlan):
             return 1e-9 * float(self.one_path.ns)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
-    def advance(self, chunks: Sequence[Chunk], started: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
+    def advance(self, chunks: Sequence[Chunk], started: OnePath | None) -> Iterator[list[tuple[Chunk, OnePath]]]:
         """Run the path, at once or, of a large model, in batches."""
         block, lane = divmod(self.case.path, LANES)
         path = started or self.empty(0)
@@ -160,7 +160,7 @@ class TrajectoryPlan(PathsPlan):
                 recorder = state_recorder(times, to_come, self.case.spacing, lane)
                 start, end = self._start(y, path.steps), self.case.path + 1
                 _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
-            path = Path(
+            path = OnePath(
                 paths=int(stop == self.grid.reference_steps),
                 seconds=path.seconds + time.perf_counter() - began,
                 steps=stop,

@@ -29,7 +29,7 @@ from spi.statistics.intervals import student_factor
 from spi.storage.records import Order
 
 from .plans import stderr_of
-from .results import Levels as LevelTable
+from .results import LevelEstimates as LevelTable
 from .solved import solution
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -99,7 +99,7 @@ class Errors(NamedTuple):
     unseen: np.ndarray  #: (F, S) their unseen part, half the width of an interval
 
 
-class Decisions(NamedTuple):
+class Allocation(NamedTuple):
     """Results besides sums over paths, of F test functions at S step sizes."""
 
     seconds: float  #: wall clock
@@ -113,7 +113,7 @@ class Decisions(NamedTuple):
     history_cpu_seconds: np.ndarray  #: (allocations,)
 
     @classmethod
-    def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Decisions":
+    def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Allocation":
         """The pilot is wanted, and the expectations of the control, if there is one, are not computed."""
         return cls(
             seconds=0.0,
@@ -132,7 +132,7 @@ class Decisions(NamedTuple):
         """Whether the errors of the current allocation, if there is one, are in the history."""
         return not self.allocations or bool(self.history_cpu_seconds[self.allocations - 1])
 
-    def with_errors(self, errors: Errors, cpu_seconds: float) -> "Decisions":
+    def with_errors(self, errors: Errors, cpu_seconds: float) -> "Allocation":
         """These with the errors of the current allocation, which has been fulfilled."""
         error, stderr, seconds = (
             values.copy() for values in (self.history_error, self.history_error_stderr, self.history_cpu_seconds)
@@ -141,7 +141,7 @@ class Decisions(NamedTuple):
         error[i], stderr[i], seconds[i] = errors.error, stderr_of(*errors), cpu_seconds
         return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
 
-    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":
+    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Allocation":
         """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
         began, cpu_began = time.perf_counter(), time.process_time()
         exact, _ = solution(case, control, steps)
@@ -172,7 +172,7 @@ class LevelTotals(Sums):
     nonfinite: Array = counted()
 
 
-class Moments(NamedTuple):
+class LevelMoments(NamedTuple):
     """Moments of each level, all (levels, F)."""
 
     mean: np.ndarray  #: of Y, with a control of Y - beta (Y_0 - E Y_0)
@@ -217,7 +217,7 @@ class LevelSums(NamedTuple):
             return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
     def averages(self) -> tuple[np.ndarray, np.ndarray]:
-        """The means of :class:`Moments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
+        """The means of :class:`LevelMoments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
         beta, means, withouts = self.beta(), [], []
         for j, (sums, blocks) in enumerate(zip(self.sums, self.blocks, strict=True)):
             mean, without = mean_over_paths(sums[0, DIFFERENCE], _counts(blocks))
@@ -229,7 +229,7 @@ class LevelSums(NamedTuple):
             withouts.append(without)
         return np.array(means), np.stack(withouts, axis=1)
 
-    def moments(self) -> Moments:
+    def moments(self) -> LevelMoments:
         """The moments of each level."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             powers = self.means_of_powers()
@@ -239,7 +239,7 @@ class LevelSums(NamedTuple):
             if self.controlled:
                 covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
                 variance = np.maximum(variance - self.beta() * covariance, 0.0)
-            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
+            return LevelMoments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
         """Giles' check |a - b + d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).

@@ -21,13 +21,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, TimeGrid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.expectations import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.plans import Done, KernelCall, PartCost, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_antithetic_path
@@ -42,8 +42,8 @@ from .levels import (
     PILOT,
     PRODUCT,
     SHARES,
+    Allocation,
     Combination,
-    Decisions,
     Errors,
     LevelSums,
     LevelTotals,
@@ -52,7 +52,7 @@ from .levels import (
     levels_of,
 )
 from .plans import WeakPlan, sampled_errors, stderr_of
-from .results import Differences, History, Sampled, WeakErrors
+from .results import Differences, History, SampledFields, WeakErrors
 from .solved import check_demands
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -127,13 +127,13 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         below = [round(np.log2(h / self.case.reference_step)) for h in self.case.steps]
         return Combination(self.extrapolation, np.array(below))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed (NaN if there is no budget), and bytes of memory."""
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
         target = self.case.standard_error is not None
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
+        return PartCost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; a level is the same whatever is asked of the others."""
@@ -148,16 +148,16 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """All that tells a level from the others of its scheme."""
         return ["largest step", max(self.case.steps)] if number == self.base else ["difference", number]
 
-    def initial_extra(self) -> Decisions:
+    def initial_extra(self) -> Allocation:
         """The pilot is wanted."""
-        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
+        return Allocation.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
 
     @property
     def sets(self) -> tuple[Sample, ...]:
         """The levels."""
         return self.levels
 
-    def wanted(self, extra: Decisions) -> np.ndarray:
+    def wanted(self, extra: Allocation) -> np.ndarray:
         """(levels,) the samples that the current allocation wants."""
         return extra.targets * LANES
 
@@ -178,7 +178,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
                 quantities = np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
         return {"sums": quantities, "nonfinite": lost}
 
-    def next_allocation(self, state: State) -> Decisions | None:
+    def next_allocation(self, state: State) -> Allocation | None:
         """The next allocation; before the first the expectations of the control, where there is one."""
         extra = state.extra
         if self.control and np.isnan(extra.known).any():
@@ -281,7 +281,9 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
             "expectation": expectation,
-            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)),
+            "sampled": SampledFields(
+                **sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)
+            ),
             "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
@@ -411,7 +413,7 @@ class DifferencesPlan(MultilevelPlan):
         }
         estimated = fields | {
             "expectation": order2.expectation + table.mean,
-            "sampled": Sampled(**sampled),
+            "sampled": SampledFields(**sampled),
             **{name: getattr(order2, name) for name in ("levels", "history")},
             "differences": table,
             "cpu_seconds": cpu_seconds,
@@ -449,7 +451,7 @@ class DifferencesPlan(MultilevelPlan):
             )
             return (np.abs(a - b) / (3.0 * (sd_b + sd_a))).T
 
-    def _own_paths(self, number: int) -> Grid:
+    def _own_paths(self, number: int) -> TimeGrid:
         """The grid of the paths of the scheme itself in a difference."""
         times, sides = self.levels[number].grid, _sides(self.scheme)
         words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}

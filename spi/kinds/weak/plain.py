@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
-from spi.ensemble.loop import Grid
+from spi.ensemble.loop import TimeGrid
 from spi.kinds.blocks import BlocksPlan, ns_of, values_of_blocks
 from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES, POINTS
@@ -30,7 +30,7 @@ from spi.statistics.estimators import (
 )
 
 from .plans import WeakPlan, sampled_errors, stderr_of
-from .results import Prefixes, Quasi, Sampled
+from .results import Prefixes, Quasi, SampledFields
 
 
 class PlainSums(Sums):
@@ -61,7 +61,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         need(case, "plain", "samples")
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> TimeGrid:
         """The step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
         case, part = self.case, self.part
         of_reference = {case.reference_step * 2.0**i for i in range(1, 1 + part.extrapolate)}
@@ -118,7 +118,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
             "expectation": expectation,
             "nonfinite": sums.nonfinite[:-1],
             "prefixes": self._of_prefixes(sums) if self.prefixes else None,
-            "sampled": Sampled(
+            "sampled": SampledFields(
                 **sampled,
                 expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
                 reference=mean[-1],

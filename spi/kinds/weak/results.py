@@ -31,7 +31,7 @@ TOO_FAR = 4.0  #: standard errors
 _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one expected
 
 
-class Sampled(Described):
+class SampledFields(Described):
     """Fields of estimates from samples."""
 
     error_stderr: Array = array("function h", "standard error of the weak error", "value")
@@ -63,7 +63,7 @@ class Unsampled(Described):
             return {}
 
 
-class Stages(Described):
+class StageEstimates(Described):
     """Estimates of the same errors from less work."""
 
     error: Array = array("function h", "weak error from less work", "value")
@@ -78,13 +78,13 @@ class Stages(Described):
         return is_resolved(np.abs(self.error), self.error_stderr)
 
 
-class Prefixes(Stages):
+class Prefixes(StageEstimates):
     """Estimates from the first so many paths."""
 
     samples: Array = axis("number of first paths", name="samples")
 
 
-class History(Stages):
+class History(StageEstimates):
     """Estimates of the allocations of a multilevel estimator."""
 
     allocations: Array = axis("number of the allocation", name="allocation")
@@ -96,7 +96,7 @@ def _half_of_mean(table: Any) -> Array:
         return np.where((table.variance > 0) & (table.samples > 0), half, 0.0)
 
 
-class Levels(Described):
+class LevelEstimates(Described):
     """The levels of a multilevel estimate, each the difference between a step and half of it."""
 
     h: Array = axis("larger step size of the level", "time", name="level")
@@ -264,11 +264,11 @@ class WeakErrors(Stored):
     orders: tuple[Order, ...] = array("function", "", name="order")
     nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
     expected_order: float | None = fact("order that theory states", column=True, default=None)
-    sampled: Sampled | None = None
+    sampled: SampledFields | None = None
     unsampled: Unsampled | None = None
     prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
     history: History | None = nested("allocation", "history_", default=None)
-    levels: Levels | None = nested(prefix="level_", apart=True, default=None)
+    levels: LevelEstimates | None = nested(prefix="level_", apart=True, default=None)
     differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
     quasi: Quasi | None = nested(prefix="quasi_", default=None)
     formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
@@ -344,7 +344,7 @@ class WeakErrors(Stored):
         return self.sampled.samples if self.sampled and not self.levels else None
 
     @property
-    def stages(self) -> Stages | None:
+    def stages(self) -> StageEstimates | None:
         """Estimates from less work, where there are any."""
         return self.prefixes or self.history
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spi.cli.options import COMPUTE, Command, Fresh, Out, RunOptions, Threads, complete_spec, run_options
-from spi.cli.running import Checkpoint, MaxTime, limits_of, prepare
+from spi.cli.running import CheckpointTime, MaxTime, limits_of, prepare
 from spi.cli.terminal import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def answer(
     out: Out = Path("results"),
     fresh: Fresh = False,
     max_time: MaxTime = None,
-    checkpoint: Checkpoint = "5s",
+    checkpoint: CheckpointTime = "5s",
     *,
     options: RunOptions,
 ) -> None:

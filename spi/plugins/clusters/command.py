@@ -19,10 +19,10 @@ from spi.cli.options import (
     Compute,
     Fresh,
     Out,
+    ResultsFile,
     ResultsFolder,
     RunOptions,
     Specs,
-    Stored,
     Threads,
     Way,
     end,
@@ -107,7 +107,7 @@ def merge(
 
 @run_options()
 def verify(
-    source: Stored,
+    source: ResultsFile,
     results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,

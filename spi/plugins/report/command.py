@@ -15,7 +15,7 @@ _OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex; without a value
 _OF_DATA = "Folder for the curves as CSV, <data>/<name>.csv; without a value curves."
 
 
-class Report(TyperCommand):
+class ReportCommand(TyperCommand):
     """`spi report`, where an option behind which another one follows, or nothing, has its usual value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -66,4 +66,4 @@ def report(
         raise typer.Exit(INVALID)
 
 
-COMMAND = Command(report, LOOK, cls=Report)
+COMMAND = Command(report, LOOK, cls=ReportCommand)

@@ -21,9 +21,9 @@ DIGITS = 60
 NOTHING = mpmath.mpf(10) ** -40
 
 Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
-Polynomial = dict[Monomial, Any]  #: the factor of each monomial
+BracketPolynomial = dict[Monomial, Any]  #: the factor of each monomial
 Matrix = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number
-Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
+VectorField = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 
 
 def added(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
@@ -43,8 +43,9 @@ class Bracket(NamedTuple):
     """A bracket, checked."""
 
     variables: tuple[str, ...]
-    entries: Mapping[tuple[int, int], Polynomial]  #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes
-    formulas: Mapping[tuple[int, int], Polynomial] = {}  #: in symbols, those that depend on parameters
+    #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes.
+    entries: Mapping[tuple[int, int], BracketPolynomial]
+    formulas: Mapping[tuple[int, int], BracketPolynomial] = {}  #: in symbols, those that depend on parameters
     logarithmic: frozenset[int] = frozenset()  #: the variables whose logarithms are coordinates; no bracket has these
 
     @property
@@ -74,13 +75,13 @@ class Bracket(NamedTuple):
         linear = ({k: c for m, c in entry.items() for k in m} for entry in self.entries.values())
         return not (self.logarithmic or curved or any(map(self.field, linear)))
 
-    def of(self, i: int, j: int) -> Polynomial:
+    def of(self, i: int, j: int) -> BracketPolynomial:
         """{w_i, w_j}."""
         if i <= j:
             return self.entries.get((i, j), {})
         return {monomial: -c for monomial, c in self.entries.get((j, i), {}).items()}
 
-    def in_symbols(self) -> Iterator[tuple[int, int, Polynomial]]:
+    def in_symbols(self) -> Iterator[tuple[int, int, BracketPolynomial]]:
         """(i, j, {w_i, w_j}) with i < j, with the parameters as symbols."""
         return ((i, j, self.formulas.get((i, j), entry)) for (i, j), entry in self.entries.items())
 
@@ -89,7 +90,7 @@ class Bracket(NamedTuple):
         entries = (entry for pair, entry in self.entries.items() if i in pair)
         return i not in self.logarithmic and all(len(monomial) < 2 for entry in entries for monomial in entry)
 
-    def field(self, functional: Mapping[int, Any]) -> Field:
+    def field(self, functional: Mapping[int, Any]) -> VectorField:
         """The field of a linear function, w_i' = sum_j functional[j] {w_i, w_j}."""
         with mpmath.workdps(DIGITS):
             return summed(
@@ -114,7 +115,7 @@ class Bracket(NamedTuple):
         }
 
 
-def is_curved(field: Field) -> bool:
+def is_curved(field: VectorField) -> bool:
     """Whether a field is not affine."""
     return any(len(monomial) > 1 for _, monomial in field)
 
@@ -130,12 +131,12 @@ def precise(number: Any) -> mpmath.mpf:
         return mpmath.mpf(sympy.N(number, DIGITS + 5)._mpf_)
 
 
-Given = tuple[str, int, int, Polynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
+BracketEntry = tuple[str, int, int, BracketPolynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
 
 
 def checked(
     variables: Sequence[str],
-    given: Iterable[Given],
+    given: Iterable[BracketEntry],
     values: Mapping[Any, Any] = MappingProxyType({}),
     logarithmic: frozenset[int] = frozenset(),
 ) -> Bracket:
@@ -146,8 +147,8 @@ def checked(
     DefinitionError if {w_i, w_j} is given twice with values that are not opposite, if {w_i, w_i} is not 0, or if
     Jacobi's identity does not hold.  Exact; where a number is irrational, to 40 digits.
     """
-    entries: dict[tuple[int, int], Polynomial] = {}
-    formulas: dict[tuple[int, int], Polynomial] = {}
+    entries: dict[tuple[int, int], BracketPolynomial] = {}
+    formulas: dict[tuple[int, int], BracketPolynomial] = {}
     for key, i, j, symbolic in given:
         pair, sign = (min(i, j), max(i, j)), 1 if i < j else -1
         entry = {monomial: sign * c for monomial, c in at_values(symbolic, values).items()}
@@ -206,7 +207,7 @@ def _is_zero(number: Any) -> bool:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def simplified(given: Iterable[Given], values: Mapping[Any, Any]) -> tuple[list[Given], frozenset[int]]:
+def simplified(given: Iterable[BracketEntry], values: Mapping[Any, Any]) -> tuple[list[BracketEntry], frozenset[int]]:
     """(the brackets of the coordinates, the variables whose logarithms are coordinates).
 
     `values` are those of the parameters.
@@ -384,7 +385,7 @@ def degree_of(value: Any, world: Symbolics) -> int | None:
     return sympy.Poly(value, *world.variables).homogeneous_order()
 
 
-def monomials(polynomial: Any, variables: Sequence[Any]) -> Polynomial:
+def monomials(polynomial: Any, variables: Sequence[Any]) -> BracketPolynomial:
     """The factors of the monomials of a polynomial, those that are not 0."""
     terms = sympy.Poly(polynomial, *variables).terms()
     return {tuple(n for n, power in enumerate(powers) for _ in range(power)): c for powers, c in terms if c != 0}

@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import DIGITS, NOTHING, Bracket, Function, Polynomial, Symbolics, degree_of, precise
+from .brackets import DIGITS, NOTHING, Bracket, BracketPolynomial, Function, Symbolics, degree_of, precise
 from .rows import connected, echelon
 
 MOST_DEGREE = 4
@@ -70,7 +70,7 @@ def _of_part(part: set[int], world: Symbolics) -> tuple[list[tuple[int, Any]], i
     return _search_within([*sorted(part), *unit], world)
 
 
-def _linear(entries: Mapping[tuple[int, int], Polynomial], part: Sequence[int], world: Symbolics) -> list[Any]:
+def _linear(entries: Mapping[tuple[int, int], BracketPolynomial], part: Sequence[int], world: Symbolics) -> list[Any]:
     """The Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
     constants: dict[tuple[int, int], Any] = {
         **entries,

@@ -138,7 +138,7 @@ def _literal(number: Any) -> str:
     return repr(float(sympy.N(number, 30)))
 
 
-class Numbers:
+class NumberCode:
     """The code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
 
     A literal that is no double has two parts, so that products with it are accurate to all digits: errors of
@@ -179,7 +179,7 @@ def written_sum(terms: Iterable[tuple[str, str]]) -> str:
 
 
 def forms(
-    rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: Numbers, depends: bool
+    rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: NumberCode, depends: bool
 ) -> tuple[list[str], list[str]]:
     """Lines that compute the common parts of several linear forms of named quantities, and the code of each form."""
     left = [dict(row) for row in rows]
@@ -199,7 +199,7 @@ def forms(
     return lines, [written_sum(numbers.times(c, name, depends) for name, c in row.items()) for row in left]
 
 
-def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: Numbers) -> list[str]:
+def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: NumberCode) -> list[str]:
     """The product of a quantity with a factor of two parts that occurs in several rows gets a name."""
     sizes = collections.Counter(mpmath.nstr(abs(row[name]), 30) for row in rows if name in row)
     for size, count in sizes.items():

@@ -26,9 +26,9 @@ from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
     Bracket,
+    BracketEntry,
+    BracketPolynomial,
     Function,
-    Given,
-    Polynomial,
     Symbolics,
     checked,
     degree_of,
@@ -212,7 +212,7 @@ class Reader:
 
     # ---- the bracket ---------------------------------------------------------------------------------------------
 
-    def structure(self) -> tuple[list[str], Sequence[Given] | None]:
+    def structure(self) -> tuple[list[str], Sequence[BracketEntry] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
         if {"algebra", "bracket"} <= {*self.data}:
             raise DefinitionError("has algebra and bracket; leave one out", "bracket")
@@ -235,7 +235,7 @@ class Reader:
     def bracket(
         self,
         variables: Sequence[str],
-        given: Sequence[Given] | None,
+        given: Sequence[BracketEntry] | None,
         formulas: Symbols,
         values: Mapping[Any, Any],
     ) -> Bracket:
@@ -249,7 +249,7 @@ class Reader:
         entries, logarithmic = simplified(brackets, values)
         return checked(variables, entries, values, logarithmic)
 
-    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
+    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[BracketEntry]:
         """The brackets of an entry ``x(i) y(i) for i = 1..n: z(i)``."""
         brackets = []
         for body, inner in repeated(key, formulas):
@@ -372,7 +372,7 @@ def check_name(name: str, key: str) -> None:
         raise DefinitionError(f"is {meaning} in formulas; take another name", key, name)
 
 
-def polynomial(value: Any, formulas: Symbols) -> Polynomial:
+def polynomial(value: Any, formulas: Symbols) -> BracketPolynomial:
     """A polynomial in the variables, as factors by monomial; NumberError if it is none."""
     symbols = list(formulas.variables.values())
     expanded = sympy.expand(value)

@@ -13,24 +13,24 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import NOTHING, Bracket, Field, Symbolics, is_curved, summed
-from .code import Formula, Numbers, as_tuple, forms, method, words_in, written_sum
+from .brackets import NOTHING, Bracket, Symbolics, VectorField, is_curved, summed
+from .code import Formula, NumberCode, as_tuple, forms, method, words_in, written_sum
 from .spectrum import Block, Space, blocks
-from .splitting import Flow, Series, constant_rates, form_text, reduced, series
+from .splitting import Flow, PairSeries, constant_rates, form_text, reduced, series
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-Terms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
-Parts = tuple[str, str]  #: codes of a real and an imaginary part
+TextTerms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
+TextParts = tuple[str, str]  #: codes of a real and an imaginary part
 
 
 class _Writer:
     """A writer of lines of source."""
 
-    def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
+    def __init__(self, count: int, numbers: NumberCode, depends: bool) -> None:
         self.count, self.numbers, self.depends = count, numbers, depends
         self.lines: list[str] = []
         self.phases: list[tuple[mpmath.mpf, ...]] = []
@@ -51,7 +51,7 @@ class _Writer:
         self.lines.append(f"{name} = {code}")
         return name
 
-    def sum(self, prefix: str, terms: Terms) -> str:
+    def sum(self, prefix: str, terms: TextTerms) -> str:
         """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
         return self.let(prefix, written_sum(terms)) if terms else "0.0"
 
@@ -93,7 +93,7 @@ class _Writer:
                 terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
         return written_sum(terms)
 
-    def polynomial(self, change: Series) -> str:
+    def polynomial(self, change: PairSeries) -> str:
         """Code of a polynomial in the a, with polynomials in the y as factors."""
         terms = []
         for times in dict.fromkeys(times for times, _ in change):
@@ -123,12 +123,12 @@ class _Writer:
             self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
             self.kinds.append("scaling")
 
-    def sheared(self, space: Space, u: Sequence[Parts]) -> list[Parts]:
+    def sheared(self, space: Space, u: Sequence[TextParts]) -> list[TextParts]:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
-        total: list[list[Terms]] = [[[], []] for _ in u]
+        total: list[list[TextTerms]] = [[[], []] for _ in u]
         power = list(u)
         for order, moving in enumerate(space.sheared_rows(), 1):
-            rows: list[list[Terms]] = [[[], []] for _ in u]
+            rows: list[list[TextTerms]] = [[[], []] for _ in u]
             for n, shear in enumerate(space.shears):
                 for m, k, c in (entry for entry in shear if entry[0] in moving):
                     for part, other, factor in self._products(c, order):
@@ -271,7 +271,7 @@ class _Writer:
         with mpmath.workdps(60):
             return max(abs(c) for c in block.spaces[0].right[0].values())
 
-    def complex_space(self, space: Space, coordinates: Any) -> list[Parts]:
+    def complex_space(self, space: Space, coordinates: Any) -> list[TextParts]:
         u = [(next(coordinates), next(coordinates)) for _ in space.left]
         s, v = self.sine(self.total_angle(space.phases), space.phases)
         real, imaginary = f"-{v}", s
@@ -341,10 +341,10 @@ class Motion(NamedTuple):
 
 def motion(
     blocks: Sequence[Block],
-    series: Mapping[int, Series],
+    series: Mapping[int, PairSeries],
     logarithmic: frozenset[int],
     count: int,
-    numbers: Numbers,
+    numbers: NumberCode,
     depends: bool,
 ) -> Motion:
     """The motion of some blocks, and of coordinates by series, with `count` parameters a.
@@ -386,13 +386,13 @@ def _kind(space: Space) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: Blocks, series by component, and the variables whose logarithms are coordinates.
-Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
+Moving = tuple[list[Block], dict[int, PairSeries], frozenset[int]]
 
 
 class Generator(NamedTuple):
     """One of these matrices or fields."""
 
-    field: Field
+    field: VectorField
     rate: Any  #: a_j, a function of y
     key: tuple[Any, ...]  #: equal for equal fields
     components: tuple[int, ...]  #: of the function whose field it is
@@ -439,7 +439,7 @@ FROM = 13  #: components from which on a system has tables
 _MOST, _SHAPES = 12, 60  # components of a row, and shapes
 _LONG = 400  # operations of the slopes of a noise
 
-Group = tuple[int, int, tuple[tuple[int, ...], ...]]  #: (shape, how many components it moves, rows)
+FlowGroup = tuple[int, int, tuple[tuple[int, ...], ...]]  #: (shape, how many components it moves, rows)
 
 
 class _Row(NamedTuple):
@@ -463,7 +463,7 @@ class _Shape(NamedTuple):
 class Tables:
     """The tables of flows, and the shapes that occur in them."""
 
-    def __init__(self, world: Symbolics, names: Mapping[Any, str], numbers: Numbers) -> None:
+    def __init__(self, world: Symbolics, names: Mapping[Any, str], numbers: NumberCode) -> None:
         self.world, self.numbers = world, numbers
         self.local = [sympy.Symbol(f"η{n + 1}", real=True) for n in range(_MOST)]
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.local)}
@@ -472,7 +472,7 @@ class Tables:
         self.shapes: dict[Any, _Shape] = {}
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
-    def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
+    def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[FlowGroup, ...]:
         """The table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:

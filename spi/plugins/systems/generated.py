@@ -126,7 +126,7 @@ def described(facts: Mapping[str, Any]) -> Callable[[type], type]:
         return why
 
     def observables(model: Any) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:
-        return Observables(_made_of(model)[1])
+        return CurrentObservables(_made_of(model)[1])
 
     def report(model: Any, y: Sequence[float]) -> list[str]:
         """Flows, merged terms, Casimir functions."""
@@ -141,7 +141,7 @@ def described(facts: Mapping[str, Any]) -> Callable[[type], type]:
     return decorate
 
 
-class Observables(Mapping[str, Callable[[np.ndarray], np.ndarray]]):
+class CurrentObservables(Mapping[str, Callable[[np.ndarray], np.ndarray]]):
     """The current of energy of a system, see ``currents``, which is derived when it is first asked for."""
 
     def __init__(self, definition: str) -> None:

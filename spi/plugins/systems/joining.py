@@ -17,7 +17,7 @@ import numpy as np
 import sympy
 
 from .brackets import DIGITS, Symbolics, monomials
-from .code import Numbers
+from .code import NumberCode
 from .driving import split_in_time
 from .flow_code import generators, motion, motions
 from .rows import connected
@@ -187,7 +187,7 @@ def _lost(block: Block) -> float:
 def _time(flow: Flow, world: Symbolics) -> float:
     """The time that a flow takes, in additions."""
     by = generators(flow, world)
-    made = motion(*motions(by, world.bracket), len(by), Numbers(), flow.varying)
+    made = motion(*motions(by, world.bracket), len(by), NumberCode(), flow.varying)
     text = " ".join(made.lines)
     time = _COMPONENT * len(made.components) + len(re.findall(r" [-+*/] ", text)) + 3 * text.count("times(")
     if rates := [generator.rate for generator in by if world.used(generator.rate)]:

@@ -11,7 +11,7 @@ import sympy
 
 from . import flow_code
 from .brackets import DIGITS, Bracket, Function, Symbolics, precise
-from .code import Formula, Numbers, as_tuple, method, signed, written_sum
+from .code import Formula, NumberCode, as_tuple, method, signed, written_sum
 from .driving import Coefficients, Driving
 from .flow_code import motions
 from .spectrum import Inseparable
@@ -38,13 +38,13 @@ class System(NamedTuple):
 # Source of the methods of a model besides its flows: B v, H, gradients and their derivatives.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Term = tuple[str, str]  #: (sign, code)
+TextTerm = tuple[str, str]  #: (sign, code)
 Moved = tuple[Any, list[Any]]  #: of a flow: the key of its motion, or a reason why there is none; its rates
 
 
 def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable[int], at: str = "y") -> str:
     """B(y) v as a tuple, for a v that is 0 outside of some columns; `names` are those of parameters."""
-    used, rows = set(columns), dict[int, list[Term]]()
+    used, rows = set(columns), dict[int, list[TextTerm]]()
     for i, j in bracket.entries:
         for row, column, sign in ((i, j, 1), (j, i, -1)):
             if column in used:
@@ -58,7 +58,7 @@ def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable
 
 def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
     """[v, w], the gradient of w . B(y) v = sum_{i < j} {y_i, y_j} (w_i v_j - w_j v_i), as a tuple."""
-    rows = dict[int, list[Term]]()
+    rows = dict[int, list[TextTerm]]()
     for i, j in bracket.entries:
         product = f"(w[{i}] * v[{j}] - w[{j}] * v[{i}])"
         for k, term in _terms(bracket, names, i, j, 1, lambda k, product=product: product):  # type: ignore[misc]
@@ -68,7 +68,7 @@ def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
 
 def _terms(
     bracket: Bracket, names: Mapping[Any, str], i: int, j: int, sign: int, factor: Callable[[int], str]
-) -> list[tuple[int, Term]]:
+) -> list[tuple[int, TextTerm]]:
     """(k, term) of {y_i, y_j}, or of its negative, with this factor in the place of each y_k."""
     if formulas := bracket.formulas.get((i, j)):
         writer = Formula(names, ())
@@ -237,7 +237,7 @@ def head(
     name: str,
     variables: Sequence[str],
     inexact: str,
-    numbers: Numbers,
+    numbers: NumberCode,
 ) -> str:
     """The text before the functions: imports, the system, and numbers of two parts."""
     listed = textwrap.fill(", ".join(variables), 110)
@@ -278,7 +278,7 @@ class _Generator:
     def __init__(self, system: System, name: str, words: Iterable[str]) -> None:
         self.name = name
         self.system, self.world, self.bracket = system, system.world, system.world.bracket
-        self.numbers = Numbers()
+        self.numbers = NumberCode()
         words = {*words, "time", "driving"} if system.driving else words
         self.fields = field_names(map(str, self.world.parameters), words)
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.world.variables)}

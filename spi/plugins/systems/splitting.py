@@ -20,9 +20,9 @@ from .brackets import (
     DIGITS,
     NOTHING,
     Bracket,
-    Field,
     Monomial,
     Symbolics,
+    VectorField,
     degree_of,
     is_curved,
     merged_powers,
@@ -115,7 +115,7 @@ def form_text(functional: Functional, names: Sequence[str]) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: What a coordinate is moved by: factors by (monomial of the a_a, monomial of the w_i).
-Series = dict[tuple[Monomial, Monomial], mpmath.mpf]
+PairSeries = dict[tuple[Monomial, Monomial], mpmath.mpf]
 _MOST_TERMS, _LONGEST = 24, 500  # of a series, and monomials of a term
 
 
@@ -123,30 +123,30 @@ class EndlessSeries(ValueError):
     """A series has more terms, or longer ones, than are looked at."""
 
 
-def series(fields: Sequence[Field]) -> dict[int, Series]:
+def series(fields: Sequence[VectorField]) -> dict[int, PairSeries]:
     """By how much each coordinate is moved that is moved at all, X w_i + X^2 w_i / 2 + ...; or EndlessSeries."""
     rows = _first(fields)
     with mpmath.workdps(DIGITS):
         return {row: _summed(motion, rows) for row, motion in rows.items()}
 
 
-def constant_rates(fields: Sequence[Field]) -> tuple[dict[int, Series], list[Field]]:
+def constant_rates(fields: Sequence[VectorField]) -> tuple[dict[int, PairSeries], list[VectorField]]:
     """(how coordinates are moved that move at constant rates and move no others, the fields without them)."""
     others = {n for field in fields for row, monomial in field if monomial for n in (row, *monomial)}
     steady = [{place: c for place, c in field.items() if place[0] not in others} for field in fields]
     return _first(steady), [{place: c for place, c in field.items() if place[0] in others} for field in fields]
 
 
-def _first(fields: Sequence[Field]) -> dict[int, Series]:
+def _first(fields: Sequence[VectorField]) -> dict[int, PairSeries]:
     """sum_n a_n X_n w_i for each coordinate w_i that is moved."""
-    rows: dict[int, Series] = {}
+    rows: dict[int, PairSeries] = {}
     for n, field in enumerate(fields):
         for (row, monomial), c in field.items():
             rows.setdefault(row, {})[(n,), monomial] = c
     return rows
 
 
-def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
+def _summed(first: PairSeries, rows: Mapping[int, PairSeries]) -> PairSeries:
     terms, n, term = [*first.items()], 1, first
     while term := _along(term, rows):
         n += 1
@@ -156,7 +156,7 @@ def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
     return summed(terms)
 
 
-def _along(function: Series, rows: Mapping[int, Series]) -> Series:
+def _along(function: PairSeries, rows: Mapping[int, PairSeries]) -> PairSeries:
     """X f."""
     return summed(
         ((tuple(sorted(times + more)), tuple(sorted(monomial[:place] + monomial[place + 1 :] + other))), factor * c)
@@ -166,7 +166,8 @@ def _along(function: Series, rows: Mapping[int, Series]) -> Series:
     )
 
 
-Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
+#: (terms with exact flows, products y_i y_j of components that do not commute)
+TermParts = tuple[list["Term"], list[Any]]
 
 
 class Quadratic(NamedTuple):
@@ -177,10 +178,10 @@ class Quadratic(NamedTuple):
     """
 
     function: Any  #: u in the variables
-    terms: Series  #: the same as a polynomial
+    terms: PairSeries  #: the same as a polynomial
     form: Any = sympy.S.Zero  #: Q(s) in the variables
     factor: Any = sympy.S.One  #: the component
-    field: Field = MappingProxyType({})  #: the affine field; none that does not vanish where there is a form
+    field: VectorField = MappingProxyType({})  #: the affine field; none that does not vanish where there is a form
 
 
 class Term(NamedTuple):
@@ -339,7 +340,7 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for _, flow in flows]
 
 
-def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> Parts:
+def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> TermParts:
     """The terms and products that a sum consists of; NoExactFlow if an addend is neither.
 
     Addends of an expanded sum are no functions of quadratic functions: (q^2 + p^2)^2 as a whole is better.

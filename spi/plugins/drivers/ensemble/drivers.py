@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.dispatch import kernel
-from spi.ensemble.increments import Given, draw_all_coins, draw_paths
+from spi.ensemble.increments import NoiseArrays, draw_all_coins, draw_paths
 from spi.ensemble.protocol import noises
 from spi.ensemble.scheme_protocol import substeps, tosses
 from spi.numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
@@ -220,7 +220,7 @@ class DrivenPaths:
             steps = min(count, last - n)
             dW = self.increments(times.reference_step, n, steps, first * LANES, paths, noises(model), parts)
             coins = self.coins(n, steps, first * LANES, paths) if any(map(tosses, used)) else _NO_COINS
-            yield times._replace(first_step=n, reference_steps=steps), Given(dW, _NO_AREAS, coins, n), 0, paths
+            yield times._replace(first_step=n, reference_steps=steps), NoiseArrays(dW, _NO_AREAS, coins, n), 0, paths
 
     def coins(self, first, steps, first_path, paths):
         """(steps, paths) the coins of steps from number `first` on."""

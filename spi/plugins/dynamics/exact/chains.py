@@ -23,7 +23,7 @@ _ROUNDING = 1e-13
 _STATES = 64  #: at which the form of a function is tested
 
 
-class Chain:
+class ChainLaw:
     """The law with density exp(-beta H) on a product of spheres."""
 
     def __init__(self, surface, energy, beta):

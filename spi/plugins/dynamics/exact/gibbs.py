@@ -14,7 +14,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble import protocol
 from spi.exact.surfaces import at_states, spheres
 
-from .chains import Chain
+from .chains import ChainLaw
 from .leaves import leaf
 from .sphere_law import hermite, on_sphere
 
@@ -44,7 +44,7 @@ def law_of(model, initial, temperature):
     if surface.flat and not 0 < temperature < math.inf:
         raise ValueError("exp(-H/T) is not integrable on a surface that is not compact")
     if sum(each.shape[1] > 2 for each in surface.spheres) > 2:
-        return Chain(surface, energy, 1.0 / temperature)
+        return ChainLaw(surface, energy, 1.0 / temperature)
     return Quadrature(surface, energy, 1.0 / temperature)
 
 

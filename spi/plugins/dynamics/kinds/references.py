@@ -11,18 +11,17 @@ import numpy as np
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import PathFunction
+from spi.numerics.types import Array
 from spi.plugins.dynamics.exact import gibbs
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
 from spi.specs.names import numbers_of
 
-Array = np.ndarray
-
 #: Words for the mean of the equation or of the Gibbs law, that at the smallest step size, and that of a stationary law.
 EXACT, FINEST, STATIONARY = "exact", "finest", "stationary"
 
 #: Times, means and standard errors.
-Curve = tuple[tuple[float, float, float], ...]
+TimeCurve = tuple[tuple[float, float, float], ...]
 
 
 class Word(NamedTuple):
@@ -50,7 +49,7 @@ class References(NamedTuple):
             raise NumberError("unknown name 'y1'")
         return parse_expression(text, len(self.names), self.names, numbers_of(case))
 
-    def check(self, case: Any, name: str, reference: str | Curve) -> None:
+    def check(self, case: Any, name: str, reference: str | TimeCurve) -> None:
         """Raise the error about the reference of the function `name`, if it is not valid."""
         at = "reference", name
         if name not in case.functions:
@@ -86,7 +85,7 @@ class References(NamedTuple):
         return value, error
 
 
-def curve(text: str, path: str) -> Curve:
+def curve(text: str, path: str) -> TimeCurve:
     """The rows of a file, by t; raises the error about the key ``file``."""
     right = "must have t and value, and may have stderr"
     try:
@@ -106,7 +105,7 @@ def curve(text: str, path: str) -> Curve:
     return tuple(rows)
 
 
-def _in_curve(curve: Curve, t: Array, step: float) -> tuple[Array, Array]:
+def _in_curve(curve: TimeCurve, t: Array, step: float) -> tuple[Array, Array]:
     """Values and standard errors of a curve at times, NaN where it has none."""
     times, *columns = np.array(curve).T
     nearest = np.abs(np.subtract.outer(t, times)).argmin(axis=1)

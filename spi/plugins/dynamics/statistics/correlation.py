@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.numerics.types import Array
 from spi.storage.records import INTERVAL
-
-Array = np.ndarray
 
 #: The window is at least this many tau long, and this many values: the latter matters where correlations change sign.
 WINDOW = 5
@@ -68,7 +67,7 @@ def of_means(covariance: Array, count: Array | int) -> tuple[Array, Correlation]
     return covariance, integrated(covariance)
 
 
-class Times(NamedTuple):
+class CorrelationTimes(NamedTuple):
     """Integrated autocorrelation times of some series, (...), in values."""
 
     tau: Array  #: not below 0
@@ -76,7 +75,7 @@ class Times(NamedTuple):
     least: Array  #: for errors of means: 1/2, as of independent values, where few values do not tell that it is less
 
 
-def resolved_times(correlation: Correlation, count: Array | int) -> Times:
+def resolved_times(correlation: Correlation, count: Array | int) -> CorrelationTimes:
     """The times of correlations that were estimated from `count` values, with what these tell of them.
 
     A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
@@ -84,7 +83,7 @@ def resolved_times(correlation: Correlation, count: Array | int) -> Times:
     spread = np.sqrt(2 * (2 * correlation.window + 1) / count)
     stderr = spread * np.maximum(correlation.tau, 0.5)
     lost = ~(correlation.tau > INTERVAL * stderr)  # true for NaN
-    return Times(
+    return CorrelationTimes(
         tau=np.maximum(correlation.tau, 0.0),
         stderr=stderr,
         least=np.where(lost, np.maximum(correlation.tau, 0.5), correlation.tau),

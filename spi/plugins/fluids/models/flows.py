@@ -244,7 +244,7 @@ def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_
     store(work, other + WIDTH, other_im)
 
 
-class Together(NamedTuple):
+class CosetLanes(NamedTuple):
     """WIDTH paths in one coset."""
 
     take_pair, add_pair = _pair_together, _add_pair_together
@@ -495,7 +495,7 @@ def turn(exact, lattice, k, width, y, out, work):
     if width == WIDTH:
         line = line_of(lattice, cosets)
         largest = _prepare(exact, line, WIDTH, work)
-        _tiles(Together(), 1, exact, line, WIDTH, y, out, work)
+        _tiles(CosetLanes(), 1, exact, line, WIDTH, y, out, work)
         return 2.0 * largest
     largest = _prepare(exact, line_of(lattice, cosets), 1, work)
     if lattice.middles[k, 0] >= 0:

@@ -11,7 +11,7 @@ from spi.compiler.vectors import TILE, WIDTH, multiply_tile
 from spi.ensemble.protocol import add_block_drift
 
 from .flows import turn, turn_work
-from .tables import Lattice, lattice, lines, modes, on_lines, places
+from .tables import LineTables, lattice, lines, modes, on_lines, places
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The Casimirs C_k = tr W^k / N, k = 2, 3, ...: for large N the means of omega(x)^k over the torus.
@@ -108,7 +108,7 @@ class Noises(NamedTuple):
 class ZeitlinTables(NamedTuple):
     """The sine-Euler equations of one N, with their noise."""
 
-    lattice: Lattice
+    lattice: LineTables
     noise: Noises
     sigma: np.ndarray  #: (m,)
     d: int

@@ -74,7 +74,7 @@ def lines(n: int) -> tuple[tuple[Mode, tuple[Mode, ...]], ...]:
     return tuple(through_origin)
 
 
-class Lattice(NamedTuple):
+class LineTables(NamedTuple):
     """The lines of an N.  On the line of g all modes are a g, a = 1, ..., N - 1; see ``flows.py`` for the rest."""
 
     n: int
@@ -239,7 +239,7 @@ def rest_of_share(n: int, cosines: np.ndarray, sines: np.ndarray, fourier: np.nd
 
 
 @functools.lru_cache(maxsize=8)
-def lattice(n: int) -> Lattice:
+def lattice(n: int) -> LineTables:
     """The tables of an N."""
     half = n // 2
     own = on_lines(n)
@@ -254,7 +254,7 @@ def lattice(n: int) -> Lattice:
     rest = rest_of_share(n, cosines[1:, 1:], sines, fourier)
     if blocks_of < half:
         cosines, sines = (by_blocks(matrix, fourier) for matrix in (cosines[1:, 1:], sines))
-    return Lattice(
+    return LineTables(
         n=n,
         cosets=np.array([_cosets(n, g) for g, _ in lines(n)]),
         middles=np.array([_middles(n, g) for g, _ in lines(n)]),

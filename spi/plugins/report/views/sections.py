@@ -17,13 +17,13 @@ from spi.ensemble import protocol
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing import sweeps, tables
-from spi.printing.tables import Cell, Grid, unbroken
+from spi.printing.tables import StyledText, TextTable, unbroken
 from spi.printing.text import fraction, human_time, short
 from spi.running import shipped
 from spi.specs import text_of
 from spi.statistics.claims import VERDICTS, orders_of, quantities
 from spi.statistics.curves import curves
-from spi.storage.records import Results
+from spi.storage.records import StoredResults
 from spi.storage.stored import Stored, by_case
 
 if TYPE_CHECKING:  # pandas takes a while
@@ -126,7 +126,7 @@ class Titled(NamedTuple):
     justified: str  #: "l" or "r" for each column
 
     @classmethod
-    def of(cls, grid: Grid) -> "Titled":
+    def of(cls, grid: TextTable) -> "Titled":
         """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
         from pandas import DataFrame
 
@@ -184,7 +184,7 @@ _PROVENANCE = {
 }
 
 
-class Section(NamedTuple):
+class ReportSection(NamedTuple):
     """One experiment in a report, but for its figure."""
 
     name: str  #: of the results file, without its ending
@@ -226,7 +226,7 @@ class Section(NamedTuple):
         return [self.orders, *printed] if self.orders else printed
 
 
-def section(path: Path, results: Results, anchor: str) -> Section:
+def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
     """The section on the results in the file `path`.
 
     ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
@@ -239,7 +239,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         raise ValueError("the results hold no scheme, so there is nothing to report")
     judged, attributes = views.verdicts(results), results.attributes
     counts = Counter(one.verdict for one in judged)
-    return Section(
+    return ReportSection(
         name=path.stem,
         anchor=anchor,
         title=views.title(results, read) or path.stem,
@@ -264,11 +264,11 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     )
 
 
-def _items(results: Results) -> Iterator[Titled | str]:
+def _items(results: StoredResults) -> Iterator[Titled | str]:
     """The tables and lines of `spi show`, those of claims among them."""
     for items, judged in views.by_cases(results):
         for item in [*items, *[tables.grid(judged)] * bool(judged)]:
-            yield Titled.of(item) if isinstance(item, Grid) else item.text
+            yield Titled.of(item) if isinstance(item, TextTable) else item.text
 
 
 def _answers(read: Sequence[Stored]) -> Facts:
@@ -292,9 +292,9 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
         for one in orders_of(case):
             subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
             theory = "" if math.isnan(one.expected) else fraction(one.expected)
-            rows.append([Cell(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
+            rows.append([StyledText(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
     headings = (*["case"] * several, "scheme", "order (95 %)", "expected")
-    return Titled.of(Grid("orders", headings, [rows], several + 1)) if rows else None
+    return Titled.of(TextTable("orders", headings, [rows], several + 1)) if rows else None
 
 
 def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:

@@ -95,7 +95,7 @@ class Problem(NamedTuple):
         return part == "drift" or self.sigma[k] != 0
 
 
-class Grid:
+class Mesh:
     """A grid on the cylinder with y(0) at its node (0, 0).
 
     A function is held as its Fourier transform in alpha, or in y_1, whichever the last group of flows used.
@@ -240,7 +240,7 @@ def domain(problem, strang, fewest, accuracy):
         return safe, target
     constant = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
     for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
-        grid = Grid(constant, *_first_size(share * safe), share * safe)
+        grid = Mesh(constant, *_first_size(share * safe), share * safe)
         killed = max(abs(1 - grid.run(strang, min(n, 512))[0]) for n in (fewest, max(64, fewest)))
         if killed < target:
             return share * safe, float(killed)
@@ -253,7 +253,7 @@ def resolution(problem, strang, half_width, accuracy):
 
     def value(size):
         if size not in values:
-            values[size] = Grid(problem, *size, half_width).run(strang, n)
+            values[size] = Mesh(problem, *size, half_width).run(strang, n)
         return values[size]
 
     size = _first_size(half_width)
@@ -439,7 +439,7 @@ class Refining:
     def refine(self, number):
         """(values (F,), their uncertainties, steps taken) of refinement number 0, 1, ...."""
         size, half_width = self._grid(number)
-        grid = Grid(self.problem, *size, half_width)
+        grid = Mesh(self.problem, *size, half_width)
         limits, values, steps = [], [], 0
         for n in FIRST * 2 ** np.arange(DEPTH + 1):
             values.append(grid.run(self.strang, int(n)))
@@ -495,12 +495,12 @@ def _grids(problem, size, half_width, rough):
     """
     wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
     grids = [
-        Grid(problem, *size, half_width),
-        Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
-        Grid(problem, size[0], even(coarser[1]), half_width),
+        Mesh(problem, *size, half_width),
+        Mesh(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
+        Mesh(problem, size[0], even(coarser[1]), half_width),
     ]
     more = [[even(n / REFINEMENT**k) for n in size] for k in (1, 2)] if rough else []
-    return grids + [Grid(problem, *each, half_width) for each in more]
+    return grids + [Mesh(problem, *each, half_width) for each in more]
 
 
 class _Run(NamedTuple):

@@ -34,7 +34,7 @@ CLASSES = (0, 1, 2, 3)
 KEPT = 128
 
 
-class Chain(NamedTuple):
+class OrderStates(NamedTuple):
     """The states of one order m > 0 of a class, l = m, ..., L."""
 
     order: int
@@ -78,7 +78,7 @@ class Harmonics:
 
     def _chain(self, which, m, nodes, vectors):
         _, states, cosine = self._states(which, m)
-        return Chain(m, states, np.where(cosine, 1.0, -1.0), nodes, vectors)
+        return OrderStates(m, states, np.where(cosine, 1.0, -1.0), nodes, vectors)
 
     def _states(self, which, m):
         """(degrees, positions, whether they have cos(m phi)) of the states of order m in a class."""

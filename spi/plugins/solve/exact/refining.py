@@ -21,7 +21,7 @@ class Refined(NamedTuple):
     least: int  #: refinements before the error can be estimated
 
 
-class Known:
+class KnownExpectations:
     """In the place of a solver that refines: expectations (F,) that are known up to errors of at most `bound`."""
 
     effort = 0.0

@@ -38,7 +38,7 @@ from .kinks import roughness, settling
 _AT_ONCE = 2500
 
 
-class Factor(NamedTuple):
+class AxisOperator(NamedTuple):
     """The operator exp(turn A_k + spread A_k^2) of one or more flows about axis k."""
 
     axis: int
@@ -53,10 +53,10 @@ def factors(turn, spread, composition, h):
     """
     coefficients = {"drift": turn, "noise": spread}
     word = acting_on_functions(composition, lambda part, k: coefficients[part][k] != 0)
-    return tuple(Factor(k, drift * h * turn[k], noise * h * spread[k]) for k, drift, noise in joined(word))
+    return tuple(AxisOperator(k, drift * h * turn[k], noise * h * spread[k]) for k, drift, noise in joined(word))
 
 
-class Step:
+class BackwardStep:
     """The backward operator of a step in one class of functions.
 
     `words` are (probability, factors); the common beginning and end of all words are applied once.
@@ -305,7 +305,8 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
         obstacle = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
         return Demands(np.inf, np.inf, obstacle, "decrease initial, or use functions that oscillate less")
     weak, finer = problem.tried(problem.level(waves))
-    cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, problem.words(h)).length for h in steps) * weak[-1] ** 3
+    longest = max(BackwardStep(None, 0, problem.words(h)).length for h in steps)
+    cubes = max([*weak, *finer]) ** 3 + longest * weak[-1] ** 3
     memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2
     least = 2 * ROUNDING * float(problem.size()[0].max())
     seconds = sum(map(problem.cost, weak)) + sum(map(problem.cost_of_limit, finer))
@@ -516,12 +517,12 @@ class _Problem(NamedTuple):
         values = parts.nothing[:, None] + np.zeros(len(self.steps))
         for c, on, e, V in parts.classes:
             for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True)):
-                values[on, i] += e @ Step(parts.harmonics, c, self.words(h)).power(V, n)
+                values[on, i] += e @ BackwardStep(parts.harmonics, c, self.words(h)).power(V, n)
         return values
 
     def cost(self, L):
         """The seconds of the values of the scheme and the limit, roughly."""
-        lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
+        lengths = [BackwardStep(None, 0, self.words(h)).length for h in self.steps]
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
         return 3 * steps + self.cost_of_limit(L)
 

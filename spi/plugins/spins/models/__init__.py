@@ -21,7 +21,7 @@ from .cells import call_of_sums
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
-from .whole import Sampled, Whole
+from .whole import SampledGibbs, WholeLattice
 
 Vector = tuple[float, float, float]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
@@ -136,10 +136,10 @@ class Spins(NamedTuple):
         return [call_of_sums(model)]
 
     def one_path(model, scheme, h):
-        return Whole.of(model, math.inf, scheme, h)
+        return WholeLattice.of(model, math.inf, scheme, h)
 
     def gibbs_law(model, temperature, sweeps):
-        return Sampled(model, temperature, sweeps or _SWEEPS)
+        return SampledGibbs(model, temperature, sweeps or _SWEEPS)
 
     def fault(model):
         return _fault(model)
@@ -216,7 +216,7 @@ class ThermalSpins(NamedTuple):
         return tables(model.model, model.temperature)
 
     def one_path(model, scheme, h):
-        return Whole.of(model.model, model.temperature, scheme, h)
+        return WholeLattice.of(model.model, model.temperature, scheme, h)
 
 
 def _fault(model):

@@ -12,13 +12,12 @@ from numba import prange
 
 from spi.compiler.dispatch import device, kernel
 from spi.compiler.vectors import without_refcount
+from spi.numerics.types import Array
 
 from .tables import bond_matrices
 
-Array = np.ndarray
 
-
-class Cells(NamedTuple):
+class CellNeighbours(NamedTuple):
     """The neighbours of the sites of a cell, and the lattice that it makes."""
 
     size: Array  #: (3,) cells along each vector
@@ -31,8 +30,8 @@ class Cells(NamedTuple):
 
 
 @functools.lru_cache(16)
-def cells_of(model: Any, along: int | None = None) -> Cells:
-    """The :class:`Cells` of a lattice of spins; with `along` bonds count by how far they lead along that vector."""
+def cells_of(model: Any, along: int | None = None) -> CellNeighbours:
+    """The neighbours in a lattice of spins; with `along` bonds count by how far they lead along that vector."""
     matrices, cell = bond_matrices(model), model.cell
     away = np.ones(len(cell.bonds)) if along is None else cell.displacements[:, along]
     back = 1.0 if along is None else -1.0
@@ -42,7 +41,7 @@ def cells_of(model: Any, along: int | None = None) -> Cells:
         ends[j].append((i, -np.array(shift), back * far * matrix.T))
     every = [end for of_site in ends for end in of_site]
     couplings = np.array([matrix.ravel() for _, _, matrix in every]).reshape(-1, 9)
-    return Cells(
+    return CellNeighbours(
         size=np.array((*model.size, 1, 1)[:3]),
         first=np.cumsum([0, *map(len, ends)]),
         other=np.array([other for other, _, _ in every], np.int64),

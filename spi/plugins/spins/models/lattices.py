@@ -14,7 +14,7 @@ from annotated_types import Len
 from spi.compiler.dispatch import kernel
 
 #: In one and two dimensions the last numbers, which are 0, may be left out.
-Vector = Annotated[tuple[float, ...], Len(1, 3)]
+LatticeVector = Annotated[tuple[float, ...], Len(1, 3)]
 Pair = tuple[int, int, Annotated[tuple[int, ...], Len(1, 3)]]
 
 MOST_COLOURS = 63  #: bits of a word, less its sign
@@ -23,8 +23,8 @@ MOST_COLOURS = 63  #: bits of a word, less its sign
 class _Cell(NamedTuple):
     """The fields of a cell."""
 
-    sites: Annotated[tuple[Vector, ...], Len(1), "places of the sites of a cell, each of one to three numbers"]
-    vectors: Annotated[tuple[Vector, ...], Len(1, 3), "one to three vectors by which the cell repeats"]
+    sites: Annotated[tuple[LatticeVector, ...], Len(1), "places of the sites of a cell, each of one to three numbers"]
+    vectors: Annotated[tuple[LatticeVector, ...], Len(1, 3), "one to three vectors by which the cell repeats"]
     bonds: Annotated[
         tuple[Pair, ...], Len(1), "bonds such as [0, 1, [1, 0, 0]]: site 0 here with site 1 of the cell one further"
     ]

@@ -12,12 +12,12 @@ from scipy import sparse
 
 from spi.ensemble.long_states import LONG
 from spi.ensemble.protocol import dimension
+from spi.numerics.types import Array
 
 from .cells import bond_energy, neighbour_fields
 from .lattices import lattice
 from .tables import bond_matrices, tables, unit
 
-Array = np.ndarray
 _SLAB = 2**16  # spins of which the solid angles are computed at a time
 
 

@@ -78,7 +78,7 @@ def _part(model: Any, parts: tuple[int, ...]) -> Any:
     return model._replace(size=tuple(length // part for length, part in zip(model.size, parts, strict=False)))
 
 
-class Whole(NamedTuple):
+class WholeLattice(NamedTuple):
     """A lattice in parts, and the program of a step of a scheme with the step size h."""
 
     model: Any  #: the record of a part for kernels
@@ -86,7 +86,7 @@ class Whole(NamedTuple):
     program: Program
 
     @classmethod
-    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "Whole | None":
+    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "WholeLattice | None":
         """The program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
         parts = parts_of(model)
         if parts is None:
@@ -172,7 +172,7 @@ class Whole(NamedTuple):
         return np.array([[[found[name] for name in REPORT]]], float)
 
 
-class Sampled(NamedTuple):
+class SampledGibbs(NamedTuple):
     """The Gibbs law of a lattice at a temperature: states after some sweeps of judged turns, see :func:`sweep_of`.
 
     A path begins in random directions.
@@ -200,7 +200,7 @@ class Sampled(NamedTuple):
             raise ValueError("the lattice does not divide into parts")
         part = _part(self.model, parts)
         record, program = sweep_of(part, self.temperature, parts)
-        whole = Whole(record, _places(self.model, part, parts), program)
+        whole = WholeLattice(record, _places(self.model, part, parts), program)
         block = whole.block(y)
         whole.move(block, 0, self.sweeps, seed, path | (1 + stream) << 40)
         return whole.state(block)

@@ -15,7 +15,7 @@ from spi.ensemble.long_states import state_of
 from spi.ensemble.protocol import dimension
 from spi.plugins.spins.models import Spins
 from spi.specs.files import Files
-from spi.specs.keys import Keys, Seed, State, entries_in, key_of, wrong
+from spi.specs.keys import Keys, Seed, StateKey, entries_in, key_of, wrong
 
 
 def _one_or_more(value: Any) -> Any:
@@ -28,7 +28,7 @@ class SpinStates(Keys):
 
     spins: key_of(
         Annotated[
-            Literal["random"] | tuple[State, ...],
+            Literal["random"] | tuple[StateKey, ...],
             pydantic.BeforeValidator(_one_or_more),
         ],
         "the direction of all spins, a list of those of the sites of a cell, or random",

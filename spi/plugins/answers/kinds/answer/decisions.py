@@ -27,7 +27,7 @@ class Stage(IntEnum):
     DONE = 3
 
 
-class Way(IntEnum):
+class SolveOrSample(IntEnum):
     """Whether the expectation is solved for or sampled; not decided as long as the pilot goes on."""
 
     UNDECIDED = 0
@@ -56,7 +56,7 @@ class Decisions(NamedTuple):
     refined: np.ndarray  #: (refinements, F) expectations without sampling
     uncertain: np.ndarray  #: (refinements, F) the uncertainty of each refinement by itself
     efforts: np.ndarray  #: (refinements,) that each of them took
-    way: Way
+    way: SolveOrSample
     solving_seconds: float = math.nan  #: predicted, of typical speed
     sampling_seconds: float = math.nan
     seconds: float = 0.0  #: wall clock, of what needs no paths
@@ -83,7 +83,7 @@ class Decisions(NamedTuple):
     def initial(cls, schemes: int, functions: int, sampling: bool) -> "Decisions":
         """The pilot of the first scheme is wanted, if anything is sampled."""
         wanted, none = glance(schemes) if sampling else no_samples(schemes), np.zeros((0, functions))
-        return cls(wanted, none, none, np.zeros(0), Way.UNDECIDED if sampling else Way.SOLVING)
+        return cls(wanted, none, none, np.zeros(0), SolveOrSample.UNDECIDED if sampling else SolveOrSample.SOLVING)
 
     @property
     def base_set(self) -> SetOf:

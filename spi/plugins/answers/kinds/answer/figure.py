@@ -78,4 +78,4 @@ def _values(one: Answer) -> plots.Plot:
     return plots.Plot(lines, y=r"$\mathrm{E}\,\varphi(y(T))$", xlim=(-0.5, len(place) - 0.5), own=own)
 
 
-draw = panels.Figures({"answers": [panels.Own(_answers)]}, ("accuracy",))
+draw = panels.Figures({"answers": [panels.OwnPanels(_answers)]}, ("accuracy",))

@@ -21,7 +21,18 @@ from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.document import Document, SpecError
 from spi.specs.experiment import ONLY_IN_FILES, Experiment, laid_over
 from spi.specs.files import Files
-from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
+from spi.specs.keys import (
+    ExtrapolationLevels,
+    Functions,
+    SchemeName,
+    Schemes,
+    Steps,
+    condition,
+    entries_in,
+    key_of,
+    quantity,
+    wrong,
+)
 from spi.specs.naming import as_yaml
 from spi.specs.sweep import versions
 from spi.statistics.claims import claimable
@@ -50,7 +61,7 @@ class Case(FunctionKeys, BaseCase):
         Positive, "half the width of the 95 % interval that is wanted, with what is left of the bias", "value"
     )
     schemes: key_of(Schemes, "schemes to choose from; default: those of weak order 2, or what the model can have") = ()
-    extrapolate: key_of(Levels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
+    extrapolate: key_of(ExtrapolationLevels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
     steps: key_of(
         Steps | None, "steps to choose from, two or more of final_time / 1, 2, 4, ...; default: all", "time"
     ) = None

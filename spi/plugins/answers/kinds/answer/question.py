@@ -10,7 +10,7 @@ import numpy as np
 from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.expectations import can_solve, demands
-from spi.exact.linear import Moments
+from spi.exact.linear import MomentEquations
 from spi.expressions import as_numpy, canonical, range_of
 from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
 from spi.kinds.blocks import SamplesPlan
@@ -85,7 +85,7 @@ class QuestionPlan(SamplesPlan):
         return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
 
     @cached_property
-    def moments(self) -> Moments | None:
+    def moments(self) -> MomentEquations | None:
         """The moments that the functions need, where the equation is linear and they are polynomials; else None."""
         case = self.case
         if case.sampling or self.python or isinstance(case.initial, RandomState):

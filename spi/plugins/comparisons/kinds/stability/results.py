@@ -38,7 +38,7 @@ class CasimirErrors(Described):
         return self.worst.max(axis=-1)
 
 
-class Law(Described):
+class ExpectationErrors(Described):
     """Expectations of test functions at the final time against their true values, NaN where these are unknown."""
 
     names: tuple[str, ...] = axis("test function", name="function")
@@ -125,7 +125,7 @@ class Stability(Stored):
     error: Array = array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
     error_stderr: Array = array("value h", "standard error of the error")
     casimirs: CasimirErrors | None = nested(prefix="casimir_", default=None)  # of a model that has any
-    law: Law | None = None  # where there are test functions
+    law: ExpectationErrors | None = None  # where there are test functions
     positive: Array | None = array(
         "value h", "fraction of the paths whose populations stay positive", claim=_LARGE, default=None
     )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, thread_count
+from spi.ensemble.loop import TimeGrid, thread_count
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, populations
 from spi.ensemble.random_states import RandomState
@@ -22,16 +22,16 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
-from spi.kinds.plans import Cost, State, Task, each_scheme, reference_grid
+from spi.kinds.plans import PartCost, State, Task, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.rounding import size_of_values, with_rounding
 from spi.storage.stored import Description
 
-from .results import CasimirErrors, Law, Stability
+from .results import CasimirErrors, ExpectationErrors, Stability
 
 
-class Paths(Sums):
+class PathExtremes(Sums):
     """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
     casimir: Array = joined("level casimir")
@@ -76,7 +76,7 @@ def _law(
     stderr: np.ndarray,
     sizes: np.ndarray,
     steps: np.ndarray,
-) -> Law:
+) -> ExpectationErrors:
     """Expectations of F test functions, (levels, F), and their distances from the truth (F,) with its numerical error.
 
     For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
@@ -86,7 +86,7 @@ def _law(
         away = np.where(np.isfinite(truth) & np.isnan(away), np.inf, away)
     farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=1)[:, None]
     error = with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis])
-    return Law(
+    return ExpectationErrors(
         names=names,
         expectation=mean,
         expectation_stderr=stderr,
@@ -104,10 +104,10 @@ parts = each_scheme
 class StabilityPlan(BlocksPlan):
     """The paths of one scheme at all step sizes, for one value of the swept parameter."""
 
-    record, sums = Stability, Paths
+    record, sums = Stability, PathExtremes
 
     @functools.cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> TimeGrid:
         """The step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps)
 
@@ -118,7 +118,7 @@ class StabilityPlan(BlocksPlan):
             return False
         return bool(can_solve_equation(self.model))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         cost, values = super().cost(), math.prod(map(len, self.case.sweep.parameters.values()))
         if self.has_truth and self.part.scheme == self.case.schemes[0]:  # the other schemes have the same

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spi.kinds.weak.results import cannot_do
-from spi.printing.tables import Cell, Column, Grid, Own, Table
+from spi.printing.tables import Column, OwnTable, StyledText, Table, TextTable
 from spi.printing.text import duration, readable, short
 from spi.storage.records import Order
 from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
@@ -167,7 +167,7 @@ class WorkPrecision(Stored):
                 Column("nonfinite", "di-\nverged", red=0),
             ],
         ),
-        Own(lambda title, readings: _requested(readings)),
+        OwnTable(lambda title, readings: _requested(readings)),
     )
 
     h: Array = axis("step size", "time")
@@ -269,23 +269,23 @@ _MARKS = {
 }
 
 
-def _requested(readings: Sequence[WorkPrecision]) -> Iterator[Grid | Cell]:
+def _requested(readings: Sequence[WorkPrecision]) -> Iterator[TextTable | StyledText]:
     """The table, and the lines that explain its marks."""
     labels = {reading.about.variant: reading.about.label for reading in readings}
     headings = ["error", "cheapest", "h", "time", *map(_heading, labels.values())]
-    lines: list[list[Cell]] = []
+    lines: list[list[StyledText]] = []
     marks: set[str] = set()
     for target in reversed(requested(readings)):
         best, point, cells = _fastest(target, readings)
         marks.update(re.sub(r"[\d. ]", "", cell) for cell in cells.values())
         if point is not None and point.at_most:
             marks.add("≤")
-        factors = [Cell(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
+        factors = [StyledText(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
         texts = (_plainly(target), labels[best] if best else "none", *_needs(point))
-        lines.append([*map(Cell, texts), *factors])
+        lines.append([*map(StyledText, texts), *factors])
     title = "cheapest scheme for a requested error, times of the others as multiples"
-    yield Grid(title, headings, [lines], left=3)
-    yield from (Cell(text, "dim") for mark, text in _MARKS.items() if mark in marks)
+    yield TextTable(title, headings, [lines], left=3)
+    yield from (StyledText(text, "dim") for mark, text in _MARKS.items() if mark in marks)
 
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:

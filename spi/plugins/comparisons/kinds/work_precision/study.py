@@ -17,7 +17,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads, thread_count
 from spi.ensemble.observer import path_observer
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, Task
+from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State, Task
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
@@ -88,7 +88,7 @@ class WorkPlan(Plan):
         """(S,) the steps of the results, from large to small."""
         return self.errors.h if self.case.functions else np.array(self.case.steps)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """The cost of the errors and of the times, which one thread measures."""
         errors, finest = self.errors.cost(), np.maximum(self.path_steps, LANES * self.case.final_time / self.h)
         of_all = float(finest.sum()) * sum(0.5**i for i in range(self.part.extrapolate + 1))

@@ -26,7 +26,7 @@ from spi.statistics.claims import claimable
 from .references import REFERENCES, derived_quantity
 from .results import PANELS, Equilibrium
 
-Panels = tuple[Literal[PANELS], ...]
+EquilibriumPanels = tuple[Literal[PANELS], ...]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
@@ -67,7 +67,7 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
-        Panels,
+        EquilibriumPanels,
         f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
     ) = ()
 

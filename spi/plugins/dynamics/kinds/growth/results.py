@@ -14,7 +14,7 @@ from spi.storage.stored import Array, Described, array, axis, derived, fact
 PANELS = ("growth", "law", "distance", "acceptance")
 
 
-class Law(Described):
+class StationaryLaw(Described):
     """The law of the states beside the exact stationary one, from the snapshots of all paths.
 
     Means of moments such as y_1^2, and distributions of variables such as y_1 in bins of equal probability.
@@ -71,7 +71,7 @@ class Growth(LongRecord):
     )
     row_columns = ("casimir", "moment", "variable")
 
-    law: Law | None = None  # where the stationary law is known
+    law: StationaryLaw | None = None  # where the stationary law is known
     snapshots: int = fact("snapshots of each path that count for the law")
 
     def freedom(self, name: str) -> float:

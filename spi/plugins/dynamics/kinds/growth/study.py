@@ -19,7 +19,7 @@ from spi.plugins.dynamics.kinds.long_paths.study import LongPlan
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array, joined, of_first
 
-from .results import Growth, Law
+from .results import Growth, StationaryLaw
 
 _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 
@@ -73,7 +73,7 @@ class GrowthPlan(LongPlan):
 plan = GrowthPlan.of
 
 
-def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> Law:
+def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> StationaryLaw:
     """Means and fractions in bins against their exact values, from the paths of each step size."""
     snapshots = max(totals[0].snapshots, 1)
     moments = np.array([paths.moments for paths in totals]) / snapshots
@@ -81,7 +81,7 @@ def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> Law:
     below = np.cumsum(fractions, axis=2)[:, :, :-1]
     away = np.abs(below.mean(axis=3) - np.arange(1, BINS) / BINS)
     farthest = away.argmax(axis=2)[..., None]
-    return Law(
+    return StationaryLaw(
         variables=tuple(law.variables),
         moments=tuple(law.moments),
         mean=moments.mean(axis=2),

@@ -18,8 +18,9 @@ from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs, conserved, one_path
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.numerics.types import Array
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 
@@ -29,8 +30,6 @@ from .paths import LongPaths, casimir_errors
 SNAPSHOTS = 8192
 
 CHUNK_BLOCKS = 16  #: which are integrated from the first step to the last together
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,18 +115,18 @@ class LongPlan(Plan):
 
     # --- the plan ----------------------------------------------------------------------------------------------------
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = sum(self.case.counts)
         if self.one_path:
             seconds = 1e-9 * sum(n * mover.ns for n, mover in zip(self.case.counts, self.one_path, strict=True))
-            return Cost(steps, seconds, alone.bytes_of(self.case))
+            return PartCost(steps, seconds, alone.bytes_of(self.case))
         blocks = -(-self.case.samples // LANES)
         steps *= paths_moved(self.model, self.case.samples)
         idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
         of_a_block = 8 * LANES * (len(self.initial) + len(self.records) * self._conserved)
         memory = of_a_block * blocks * len(self.case.steps)
-        return Cost(steps, idle * steps * 1e-9 * typical_ns(self.row, self.model), memory)
+        return PartCost(steps, idle * steps * 1e-9 * typical_ns(self.row, self.model), memory)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; the paths of one step size do not depend on the other ones."""

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.increments import Given, draw_noise, draw_paths, empty_noise
+from spi.ensemble.increments import NoiseArrays, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated, limited_threads, states_at
 from spi.ensemble.protocol import casimirs, conserved, dimension, structure
 from spi.ensemble.random_states import block_states
@@ -33,7 +33,7 @@ from spi.expressions.arithmetic import NumberError
 from spi.kinds import blocks
 from spi.kinds.blocks import BATCH_BYTES, BlocksPlan, stderr_of_means
 from spi.kinds.functions import path_function
-from spi.kinds.plans import Cost, KernelCall, PathsPlan, State
+from spi.kinds.plans import KernelCall, PartCost, PathsPlan, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
@@ -99,20 +99,20 @@ class Pulled:
         return PathSet(self._keys.points, blocks.chunk_blocks(sum(self.steps), dimension(self.plan.model)))
 
     @cached_property
-    def _noise(self) -> Given:
+    def _noise(self) -> NoiseArrays:
         """The first steps of path number 0, as many as the longest picture takes."""
         p = self.plan
         given = empty_noise(p.scheme, p.model, max(self.steps), 1)
         draw_noise(p.scheme, p.model, p.stream, p.grid.reference_step, p.grid.area_terms, 0, 0, given)
         return given
 
-    def _until_now(self, steps: int) -> Given:
+    def _until_now(self, steps: int) -> NoiseArrays:
         """The noise of `steps` steps, the last of which is number 0."""
         whole = self._noise
         parts = len(whole.dW) // max(self.steps)
         dW = whole.dW.reshape(-1, parts, *whole.dW.shape[1:])[:steps][::-1].reshape(steps * parts, *whole.dW.shape[1:])
         areas, coins = (np.ascontiguousarray(rows[:steps][::-1]) for rows in (whole.areas, whole.coins))
-        return Given(np.ascontiguousarray(dW), areas, coins, 0)
+        return NoiseArrays(np.ascontiguousarray(dW), areas, coins, 0)
 
     def states(self, first: int, count: int, end: int) -> np.ndarray:
         """(blocks, T, d, LANES) the states of some blocks at the end of each picture."""
@@ -280,7 +280,7 @@ _LEAST_NS = 1e5  # of work of a thread in a call
 _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
-class Role(IntEnum):
+class PathRole(IntEnum):
     """What the paths of a set are for, by its number."""
 
     EXPONENTS = 0
@@ -314,10 +314,10 @@ class LyapunovPlan(BlocksPlan):
 
     def _pictures_of(self, number: int | None) -> Pulled | None:
         """The pictures, where the number is that of their path set."""
-        return self.pulled if number == Role.PICTURES else None
+        return self.pulled if number == PathRole.PICTURES else None
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths of the exponents, and the states of the pictures, in the order of :class:`Role`."""
+        """The paths of the exponents, and the states of the pictures, in the order of :class:`PathRole`."""
         return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -375,12 +375,12 @@ class LyapunovPlan(BlocksPlan):
         n = self.stops[self.stored - 1] - np.append(0, self.stops)[self.begin]
         return (1.0 + np.sqrt(n)) / (NEAR * n * self.grid.reference_step)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
         if self.pulled:
             steps += sum(self.pulled.steps) * self.case.pullback.points
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES))
+        return PartCost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES))
 
     def lengths(self, number: int) -> dict[str, int]:
         """The lengths of the axes of the sums over paths, or over states of pictures."""
@@ -390,7 +390,7 @@ class LyapunovPlan(BlocksPlan):
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths, or no states of pictures."""
-        return (Counts if number == Role.PICTURES else self.sums).empty(self.lengths(number))
+        return (Counts if number == PathRole.PICTURES else self.sums).empty(self.lengths(number))
 
     def most_blocks(self, number: int) -> int:
         """The largest number of blocks in a batch, because of memory."""
@@ -506,7 +506,7 @@ class LyapunovPlan(BlocksPlan):
 
     def whole(self, state: State) -> dict[str, Any]:
         """Also the pictures."""
-        pictures = self.pulled.results(state.total(Role.PICTURES)) if self.pulled else None
+        pictures = self.pulled.results(state.total(PathRole.PICTURES)) if self.pulled else None
         return super().whole(state) | {"pictures": pictures}
 
     def estimates(self, sums: LyapunovSums) -> dict[str, Any]:

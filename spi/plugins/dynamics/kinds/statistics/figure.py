@@ -82,7 +82,7 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     matrix = matrix / np.outer(scale, scale)
     names = [style.maths(reading.functions[f], reading.about.variables) for f in varies]
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
         for i, j in np.ndindex(matrix.shape):
             text = f"{matrix[i, j]:.2f}".replace("-", "\N{MINUS SIGN}")
@@ -97,7 +97,7 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     )
 
 
-def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[Statistics]) -> list[plots.Entry]:
+def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[Statistics]) -> list[plots.LegendEntry]:
     """The density at one of the times, or the Gibbs law, in the colours of all schemes at that time."""
     density_map: Any = reading.density_map
     at = -1 if m is None else m
@@ -123,7 +123,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
     share = s.factor / s.mode[:, :1]
     top = omega[np.flatnonzero((share > 1e-2 * share.max()).any(axis=0))[-1]]  # above it there is next to nothing
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         values = np.maximum(share, 1e-3 * share.max())
         drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
         ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
@@ -236,14 +236,14 @@ PANELS: dict[str, Any] = {
             only=_drawn("autocorrelation"),
         )
     ],
-    "correlations": [panels.Own(_correlations)],
+    "correlations": [panels.OwnPanels(_correlations)],
     "time_correlation": [_over_lag("correlation", r"\mathrm{{Cov}}({f}(s),{f}(s+t))")],
     "integral": [_over_lag("integral", r"\int_0^t\mathrm{{Cov}}({f}(s),{f}(s+t'))\,\mathrm{{d}}t'")],
     "spectrum": [
         _over_lag("spectrum", r"\mathrm{{spectrum}}\ \mathrm{{of}}\ {f}", "omega", r"angular frequency $\omega$")
     ],
-    "structure": [panels.Own(_structure)],
-    "spreading": [panels.Own(_spreading)],
+    "structure": [panels.OwnPanels(_structure)],
+    "spreading": [panels.OwnPanels(_spreading)],
     "maps": [maps.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
 }
 

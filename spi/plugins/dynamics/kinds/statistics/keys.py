@@ -52,9 +52,9 @@ _Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
-Panels = tuple[Literal[PANELS], ...]
-Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
-Times = tuple[NonNegative, ...]
+StatisticsPanels = tuple[Literal[PANELS], ...]
+Probabilities = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
+OutputTimes = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 _MOST_MAPS = 8
 _FUNCTIONAL = ", or a functional, as in {maximum: y1}"
@@ -77,14 +77,14 @@ def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationIn
     return () if info.context is None else curve(info.context.text(given.file, "file"), given.file)
 
 
-Known = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
+ReferenceKey = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
 
 
 class Density(Keys):
     """Maps of a density."""
 
     of: key_of(_Names, f"{SPHERE}, where |y|^2 is a Casimir function, or the names of two functions") = (SPHERE,)
-    times: key_of(Times, "times of the maps, among those of the statistics; default: the last", "time") = ()
+    times: key_of(OutputTimes, "times of the maps, among those of the statistics; default: the last", "time") = ()
     cells: key_of(Annotated[int, Ge(4), Le(128)], "cells along a side; of a sphere bands, each with twice as many") = 24
 
     @property
@@ -169,8 +169,8 @@ class Case(CodeKeys, StepCase):
     ) = pydantic.Field(default_factory=dict)
     statistics: key_of(Quantities, f"what is found of them, some of {', '.join(QUANTITIES)}") = ("mean",)
     every: key_of(Annotated[int, Ge(1)], "statistics after every n-th step") = 1
-    times: key_of(Times, "instead of every: the times of the statistics, multiples of the step", "time") = ()
-    quantiles: key_of(Levels, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
+    times: key_of(OutputTimes, "instead of every: the times of the statistics, multiples of the step", "time") = ()
+    quantiles: key_of(Probabilities, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
     bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of a histogram") = 64
     density: key_of(Maps | None, "maps of the density on the sphere or of two functions") = None
     autocorrelation: key_of(dict[str, NonNegative], "for functions by name the time from which it counts", "time") = (
@@ -181,11 +181,13 @@ class Case(CodeKeys, StepCase):
         "of stationary paths: covariances at two times, over all first times, their integrals and spectra",
     ) = None
     reference: key_of(
-        dict[str, Known],
+        dict[str, ReferenceKey],
         f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
         f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
+    panels: key_of(
+        StatisticsPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
+    ) = ()
 
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Statistics)

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 
-Array = np.ndarray
-Step = Callable[[Array, int], Array]  #: states (n, d) after a very short step, with noise from a block of paths on
+#: States (n, d) after a very short step, with noise from a block of paths on.
+BridgeStep = Callable[[Array, int], Array]
 
 _NEAREST = 2**12  # states next to the threshold at which the noise is measured, and as many of the others
 _TOGETHER = 64, 512  # states of which a rate is the mean: the fewest and the most
@@ -31,7 +32,9 @@ class Distances(NamedTuple):
     slope: float  #: below the first value
 
     @classmethod
-    def measured(cls, condition: Callable[[Array], Array], states: Array, step: Step, h: float) -> "Distances | None":
+    def measured(
+        cls, condition: Callable[[Array], Array], states: Array, step: BridgeStep, h: float
+    ) -> "Distances | None":
         """By the mean squares of short steps of length h from states (d, ...), for states of like values together.
 
         None without states on both sides of the threshold, or next to it, or without noise.
@@ -68,7 +71,7 @@ class Distances(NamedTuple):
         return np.interp(values, self.value, self.distance) + beyond
 
 
-class Looks(NamedTuple):
+class LookTimes(NamedTuple):
     """How the paths of a case are looked at."""
 
     between: float  #: time between two looks

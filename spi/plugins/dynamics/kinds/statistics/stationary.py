@@ -15,6 +15,7 @@ import numpy as np
 
 from spi.ensemble.protocol import geometry
 from spi.numerics.rng import LANES, PARTS
+from spi.numerics.types import Array
 from spi.plugins import Registry
 from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
@@ -22,8 +23,6 @@ from spi.statistics.intervals import skewed_half_width
 from spi.statistics.rounding import is_rounding
 
 from .results import Structure, TimeCorrelations
-
-Array = np.ndarray
 
 #: What this plug-in asks others for: linear waves, a record of ``check(case)`` and ``frequencies(case, waves)``.
 FURTHER, WAVES = Registry("further"), "dynamics.waves"
