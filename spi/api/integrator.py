@@ -1,4 +1,4 @@
-"""The integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
+"""Integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -25,7 +25,7 @@ _NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))  # for schemes that
 
 
 class StepNoise(NamedTuple):
-    """The noise of some steps of some paths, see :meth:`Integrator.noise`."""
+    """Noise of some steps of some paths, see :meth:`Integrator.noise`."""
 
     dW: FloatArray  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
     areas: FloatArray  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
@@ -44,7 +44,7 @@ def increments(
     noise: Any = None,
     final_time: float | None = None,
 ) -> FloatArray:
-    """The increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
+    """Increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
 
     They are, to the last bit, those of a run with this seed and this step (in a study of errors this reference step;
     the increment of a step twice as large is the sum of two), so that another program can follow the same paths.
@@ -108,7 +108,7 @@ class Integrator:
         self._observer = last_states_only(self._grid)
 
     def start(self, paths: int, *, seed: int = 1) -> FloatArray:
-        """The initial state of so many paths, (paths, dimension); at random those of a run with this seed."""
+        """Initial state of so many paths, (paths, dimension); at random those of a run with this seed."""
         count = whole("paths", paths, 1)
         y = first_states(self._initial, brownian(whole("seed", seed, 0)), 0, -(-count // LANES))
         return np.array(np.broadcast_to(y, (len(y), max(count, y.shape[1]))).T[:count], order="C")
@@ -116,7 +116,7 @@ class Integrator:
     def step(
         self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: FloatArray | None = None, time: float = 0.0
     ) -> FloatArray:
-        """The states after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
+        """States after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
         dW = np.asarray(dW)
         areas, coins = (None if each is None else np.asarray(each)[np.newaxis] for each in (areas, coins))
         return self.steps(y, dW[np.newaxis] if dW.ndim == 2 else dW, areas, coins, out, time)
@@ -124,7 +124,7 @@ class Integrator:
     def steps(
         self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: FloatArray | None = None, time: float = 0.0
     ) -> FloatArray:
-        """The states after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
+        """States after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
 
         `areas` (steps, paths, pairs) and `coins` (steps, paths) are what the scheme needs besides; ``noise`` has both.
         `time` is that of the first step, for a model that depends on time.
@@ -152,7 +152,7 @@ class Integrator:
         first_step: int = 0,
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """The states after so many steps along the paths of a seed: from `first_path` on, those of a run.
+        """States after so many steps along the paths of a seed: from `first_path` on, those of a run.
 
         `first_path` is a multiple of 64, and `first_step`, the number of steps that the paths have made before, one
         of 128; numbers are drawn in such portions.
@@ -165,7 +165,7 @@ class Integrator:
         return self._moved(y, self._stream(seed), steps, first_step, first_path, out)
 
     def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> StepNoise:
-        """The noise of :meth:`sample`, (dW, areas, coins): ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+        """Noise of :meth:`sample`, (dW, areas, coins): ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         given = empty_noise(self._scheme, self._model, *shape)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
@@ -178,7 +178,7 @@ class Integrator:
         return StepNoise(*given[:3])
 
     def _stream(self, seed: int) -> Any:
-        """The noise of a run with this seed."""
+        """Noise of a run with this seed."""
         return stream_of(self._case.model_copy(update={"seed": whole("seed", seed, 0)}))
 
     def _moved(
@@ -191,7 +191,7 @@ class Integrator:
         out: Any,
         time: float = 0.0,
     ) -> FloatArray:
-        """The states after steps along some noise."""
+        """States after steps along some noise."""
         if out is None:
             out = np.empty_like(y)
         elif not (isinstance(out, np.ndarray) and out.shape == y.shape and out.dtype == float and out.flags.writeable):
@@ -221,7 +221,7 @@ class Integrator:
 
     @property
     def report(self) -> dict[str, float]:
-        """The report of the scheme on its equations in the last call, and the largest angle above pi/4."""
+        """Report of the scheme on its equations in the last call, and the largest angle above pi/4."""
         total = add_reports(np.zeros((1, len(REPORT))), self._report)[0]
         return {name: float(value) for name, value in report_columns(total).items()}
 

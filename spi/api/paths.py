@@ -97,7 +97,7 @@ def trajectory(
 
 
 def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
-    """The plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
+    """Plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
     if needless := [f"{key}: {reason}" for key, reason in _OF_SPECS.items() if key in keys]:
         raise SpecError(*needless)
     fixed = {"kind": "trajectory", "model": model, "schemes": [scheme], "panels": ["components"]}
@@ -109,7 +109,7 @@ def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
 
 
 def computed(plan: Any, line: ProgressDisplay, show: Callable[[State], None]) -> State:
-    """The final state of a plan; until then `show` is called with the state now and then."""
+    """Final state of a plan; until then `show` is called with the state now and then."""
     state = State(plan)
     compile_missing(kernel_calls([plan]), line.watch.report_compiling)
     workers.advance_here([state], lambda number: show(state))
@@ -125,12 +125,12 @@ def _one_path(plan: Any, line: ProgressDisplay) -> xr.Dataset:
 
 
 def times_of(plan: TrajectoryPlan) -> np.ndarray:
-    """The times of the stored states."""
+    """Times of the stored states."""
     return np.arange(plan.case.recorded + 1) * plan.case.spacing * plan.case.step
 
 
 def _batches(plan: Any, samples: int, line: ProgressDisplay, at_once: bool) -> Iterator[np.ndarray]:
-    """The states (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
+    """States (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
 
     Warns where they take much memory; SpecError if this machine has less.
     """
@@ -157,7 +157,7 @@ def _batches(plan: Any, samples: int, line: ProgressDisplay, at_once: bool) -> I
 
 
 def _all_states(plan: TrajectoryPlan, samples: int, line: ProgressDisplay) -> xr.Dataset:
-    """The states of all paths with their invariants."""
+    """States of all paths with their invariants."""
     y, times = np.concatenate(list(_batches(plan, samples, line, at_once=True))), times_of(plan)
     energy, conserved = invariants_of(plan.model, y.reshape(-1, y.shape[2]), np.tile(times, len(y)))
     return xr.Dataset(
@@ -177,7 +177,7 @@ def _all_states(plan: TrajectoryPlan, samples: int, line: ProgressDisplay) -> xr
 
 
 def _observed(plan: TrajectoryPlan, samples: int, observe: ObserverFunction, line: ProgressDisplay) -> xr.Dataset:
-    """The values that an observer makes of all paths."""
+    """Values that an observer makes of all paths."""
     parts: dict[str, list[np.ndarray]] = {}
     times = times_of(plan)
     for y in _batches(plan, samples, line, at_once=False):
@@ -201,12 +201,12 @@ def _observed(plan: TrajectoryPlan, samples: int, observe: ObserverFunction, lin
 
 
 def _attributes(plan: TrajectoryPlan) -> dict[str, Any]:
-    """The attributes of many paths."""
+    """Attributes of many paths."""
     return _of_paths({"step": plan.case.step, "every": plan.case.every, **plan.description().attributes()})
 
 
 def _of_paths(attributes: dict[str, Any]) -> dict[str, Any]:
-    """The attributes that say something of paths, as far as they have values."""
+    """Attributes that say something of paths, as far as they have values."""
     return netcdf_attributes({name: value for name, value in attributes.items() if name not in _OF_EXPERIMENTS})
 
 
@@ -261,12 +261,12 @@ def expectations(
 
 
 def functions_by_name(functions: Any) -> Mapping[str, Any]:
-    """The functions by their names, one alone as phi."""
+    """Functions by their names, one alone as phi."""
     return functions if isinstance(functions, Mapping) else {"phi": functions}
 
 
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
-    """The functions by their names, of expressions by NumPy; SpecError if one is none."""
+    """Functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
     own = finest.case.variables, named_numbers(undamped(finest.case.model))
     for name, phi in functions_by_name(functions).items():
@@ -298,12 +298,12 @@ class MeansPlan(BlocksPlan):
 
     @property
     def samples(self) -> int:
-        """The number of paths."""
+        """Number of paths."""
         return self.count
 
     @cached_property
     def grid(self) -> TimeGrid:
-        """The times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
+        """Times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
         doublings = [round(math.log2(step / self.h[-1])) for step in self.h]
         for step, times in zip(self.h, doublings, strict=True):
             if abs(self.h[-1] * 2.0**times - step) > 1e-12 * step:
@@ -319,11 +319,10 @@ class MeansPlan(BlocksPlan):
         return np.where(np.isfinite(values), values, 0.0)
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         return {"level": len(self.steps), "function": len(self.functions)}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
+        """Values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
         states, _ = self.integrated(first, blocks, end)
         y = paths_of(states, len(self.initial))[..., : end - first * LANES]
         values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
@@ -337,7 +336,7 @@ class MeansPlan(BlocksPlan):
 
 
 def values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
-    """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
+    """Values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
     y = y.view()
     y.flags.writeable = False  # so that no function changes what the next one is given
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""The progress of a run: in a notebook one display that is updated, in a terminal one line that is written over."""
+"""Progress of a run: in a notebook one display that is updated, in a terminal one line that is written over."""
 
 import math
 import sys
@@ -33,7 +33,7 @@ class ProgressDisplay:
 
     @property
     def watch(self) -> Watch:
-        """The callbacks for a run."""
+        """Callbacks for a run."""
         return Watch(self._report, self._report_compiling, self._tell) if self.shown else NOBODY
 
     def share(self, unit: str, done: float, total: float, work: Work | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The command line: arguments and messages only."""
+"""Command line: arguments and messages only."""
 
 import os
 import signal
@@ -29,7 +29,7 @@ from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, 
 
 
 class Commands(TyperGroup):
-    """The commands by what they are for, each with its whole first sentence."""
+    """Commands by what they are for, each with its whole first sentence."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a section for each panel."""
@@ -139,7 +139,7 @@ _PLUGIN_PROBLEM = _add_commands()
 
 
 def main() -> NoReturn:
-    """The entry point: turns the errors that a person can make into one line and an exit code."""
+    """Entry point: turns the errors that a person can make into one line and an exit code."""
     STOP.listen()
     write_what_the_terminal_can()
     arguments = sys.argv[1:]
@@ -187,7 +187,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _usage(error: typer.TyperException) -> str:
-    """The mistake in a command line; where an argument is missing, also its help."""
+    """Mistake in a command line; where an argument is missing, also its help."""
     message = error.format_message().replace("Value error, ", "")  # how pydantic begins what typer says
     argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
     if not (argument and context and message.startswith("Missing argument")):
@@ -197,7 +197,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _code(error: BaseException) -> int | None:
-    """The exit code of an error that has a message for people, or None."""
+    """Exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError

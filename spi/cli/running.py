@@ -1,4 +1,4 @@
-"""The commands that compute: run and trace."""
+"""Commands that compute: run and trace."""
 
 import math
 import re

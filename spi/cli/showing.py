@@ -1,4 +1,4 @@
-"""The commands that show stored results, and what there is: show, plot and list."""
+"""Commands that show stored results, and what there is: show, plot and list."""
 
 import contextlib
 import re
@@ -230,7 +230,7 @@ def list_(
 
 
 def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[ListedPart]:
-    """The parts of the list, at least that which is asked for; adds the mistakes in experiments to `problems`."""
+    """Parts of the list, at least that which is asked for; adds the mistakes in experiments to `problems`."""
     if only in (None, "experiments", *GROUPS):
         yield from _experiments(folder, problems)
     if only in (None, "models"):
@@ -258,7 +258,7 @@ def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[List
 
 
 def _experiments(folder: Path, problems: list[str]) -> Iterable[ListedPart]:
-    """The experiments that come with spi, of the groups that are here, and those in a folder, by group."""
+    """Experiments that come with spi, of the groups that are here, and those in a folder, by group."""
     from ..running import shipped
     from ..running.load import headings
 

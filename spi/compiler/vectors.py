@@ -27,7 +27,7 @@ _DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TI
 
 
 class VectorType(types.Type):
-    """The Numba type of a vector."""
+    """Numba type of a vector."""
 
     def __init__(self):
         super().__init__("Vector")
@@ -92,7 +92,7 @@ def flipped(vector):
 
 
 def _checked_pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
-    """The pointer to WIDTH numbers."""
+    """Pointer to WIDTH numbers."""
     if context.enable_boundscheck:
         check_places(context, builder, array_type, array, i, builder.add(i, i.type(WIDTH - 1)))
     return _pointer(context, builder, array_type, array, i, numba_vector)
@@ -185,7 +185,7 @@ def _at_once(builder, n, first):
 
 
 def _numbers(builder, first):
-    """The number of the pair to which each float of a window belongs."""
+    """Number of the pair to which each float of a window belongs."""
     lanes = ir.Constant(ir.VectorType(ir.IntType(64), TILE), [place // 2 for place in range(TILE)])
     return builder.add(lanes, _splat(builder, first))
 

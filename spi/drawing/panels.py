@@ -27,7 +27,7 @@ Records = Sequence[Any]
 
 
 def names_along(record: Stored, axis: str, count: int) -> list[str]:
-    """The name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
+    """Name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
     if axis in ("function", "variable", "quantity"):
         return [style.maths(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
     symbols = {"casimir": "C", "number": r"\lambda"}
@@ -44,7 +44,7 @@ def scheme_look(record: Stored, looks: style.Looks, **more: Any) -> dict[str, An
 
 
 class Same(NamedTuple):
-    """The fact that a quantity is one number everywhere, and the panels that would show it."""
+    """Fact that a quantity is one number everywhere, and the panels that would show it."""
 
     text: str
     panels: list[plots.Plot]
@@ -81,7 +81,7 @@ class CurvePanel(NamedTuple):
     then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
 
     def numbers(self, record: Stored) -> Estimate | None:
-        """The numbers of a record, the largest along axes that the panel lacks; None if there is nothing to draw."""
+        """Numbers of a record, the largest along axes that the panel lacks; None if there is nothing to draw."""
         numbers = record.estimate(self.field)
         if numbers is None or not numbers.value.size or any(place(record) is None for place in self.at.values()):
             return None
@@ -90,7 +90,7 @@ class CurvePanel(NamedTuple):
         return numbers if self.nan_diverged or np.isfinite(numbers.value).any() else None
 
     def expand(self, records: Records, looks: style.Looks) -> Iterator[Any]:
-        """The panels of one case."""
+        """Panels of one case."""
         pairs = [(record, numbers) for record in records if (numbers := self.numbers(record))]
         if not pairs:
             return
@@ -137,7 +137,7 @@ class CurvePanel(NamedTuple):
     def _lines(
         self, record: Any, numbers: Estimate, looks: style.Looks, place: int, schemes: int
     ) -> Iterator[plots.Series]:
-        """The lines of one scheme."""
+        """Lines of one scheme."""
         x = record.get(self.over) if self.along is None else self.along(record, place)
         value, ends, poor = self._values(record, numbers, place)
         in_time = self.over in ("t", "lag")
@@ -152,7 +152,7 @@ class CurvePanel(NamedTuple):
             yield plots.series(x, mine[0], own, "" if i else text, poor=mine[1], band=in_time and bool(ends), **more)
 
     def _values(self, record: Any, numbers: Estimate, place: int) -> tuple[plots.Array, list[plots.Array], plots.Array]:
-        """The values at one place along the facet, the ends of their intervals, and whether they are not resolved."""
+        """Values at one place along the facet, the ends of their intervals, and whether they are not resolved."""
         if self.half is not None:
             half = self.half(record)
             numbers = numbers._replace(low=numbers.value - half, high=numbers.value + half)
@@ -172,7 +172,7 @@ class CurvePanel(NamedTuple):
         return value, ends, poor
 
     def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
-        """The part of an array at one place along the facet: (lines, over), or (over,), or a number."""
+        """Part of an array at one place along the facet: (lines, over), or (over,), or a number."""
         index = tuple(
             slice(None) if axis in (self.lines, self.over) else place if axis == self.facet else self.at[axis](record)
             for axis in axes
@@ -223,7 +223,7 @@ def ErrorPanel(field: str, **options: Any) -> CurvePanel:
 
 
 def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
-    """The note of a line: the fitted order in a field, one for all or one for each place along the facet."""
+    """Note of a line: the fitted order in a field, one for all or one for each place along the facet."""
 
     def note(record: Any, place: int, line: int) -> str:
         owner = record
@@ -244,14 +244,14 @@ class OwnPanels(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """The figures of a kind: its panels by the words of the key ``panels``."""
+    """Figures of a kind: its panels by the words of the key ``panels``."""
 
     panels: Mapping[str, Sequence[Any]]
     facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
 
     @np.errstate(all="ignore")  # records of paths that diverged hold NaN and infinity
     def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
-        """The figure of the records of each case."""
+        """Figure of the records of each case."""
         looks = style.looks(cases)
         facts = [
             self.facts(records) if callable(self.facts) else style.facts(records[0], *self.facts) for records in cases
@@ -264,7 +264,7 @@ class Figures(NamedTuple):
         return layout.arranged(title, list(zip(headings, drawn, strict=True)), shared)
 
     def _groups(self, records: Records, looks: style.Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
-        """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
+        """Panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
         groups: list[list[plots.Plot]] = []
         same: list[list[plots.Plot]] = []
         for word in self._words(records[0]):
@@ -279,7 +279,7 @@ class Figures(NamedTuple):
         return [group for group in groups if group] or same
 
     def _words(self, record: Any) -> Sequence[str]:
-        """The words of the panels that a record asks for, by default all; ValueError for an unknown one."""
+        """Words of the panels that a record asks for, by default all; ValueError for an unknown one."""
         words = getattr(record, "panels", None) or tuple(self.panels)
         if unknown := [word for word in words if word not in self.panels]:
             raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")

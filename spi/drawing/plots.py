@@ -69,7 +69,7 @@ def series(x: Any, y: Any, look: dict[str, Any], label: str = "", half: Any = No
 
 
 class End(NamedTuple):
-    """The right end of a line, where its name or a number may stand."""
+    """Right end of a line, where its name or a number may stand."""
 
     height: float  #: in data coordinates
     label: str
@@ -216,7 +216,7 @@ def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
 
 
 def _lost(line: Series, inside: Array) -> int | None:
-    """The place from which on a dense line is not finite; None if it ends, or leaves the panel before."""
+    """Place from which on a dense line is not finite; None if it ends, or leaves the panel before."""
     finite = np.flatnonzero(np.isfinite(line.y))
     last = int(finite[-1]) if len(finite) else len(line.y) - 1
     return last if len(line.x) > _DENSE and last < len(line.y) - 1 and inside[last] else None
@@ -345,7 +345,7 @@ def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
 
 
 def _scaled(ax: Axes, label: str) -> str:
-    """The label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
+    """Label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
     formatter = ticker.ScalarFormatter(useOffset=False)
     formatter.set_scientific(False)
     ax.yaxis.set_major_formatter(formatter)
@@ -358,14 +358,14 @@ def _scaled(ax: Axes, label: str) -> str:
 
 
 class Places(NamedTuple):
-    """The places of the values of a parameter on an axis, (V,)."""
+    """Places of the values of a parameter on an axis, (V,)."""
 
     values: Array
     at: Array
     scale: str  #: "linear", "log" or "steps"
 
     def of(self, values: Array) -> Array:
-        """The places of some of the values."""
+        """Places of some of the values."""
         return self.at[np.searchsorted(self.values, values)]
 
     def dress(self, ax: Axes) -> list[LegendEntry]:

@@ -1,4 +1,4 @@
-"""The noise of one step, as the loop over time hands it to a scheme: for whoever makes that step again in Python."""
+"""Noise of one step, as the loop over time hands it to a scheme: for whoever makes that step again in Python."""
 
 from typing import Any, NamedTuple
 

@@ -32,14 +32,14 @@ _ROUNDING = 1e-14  # relative error of a sum of moments
 
 
 class Affine(NamedTuple):
-    """The field y -> A y + c."""
+    """Field y -> A y + c."""
 
     A: np.ndarray  #: (d, d)
     c: np.ndarray  #: (d,)
 
     @classmethod
     def of(cls, field: Any, d: int) -> "Affine | None":
-        """The affine field with the values of `field`, a function of a state, None where that is not affine."""
+        """Affine field with the values of `field`, a function of a state, None where that is not affine."""
         with np.errstate(all="ignore"):
             c = field(np.zeros(d))
             A = np.array([field(e) - c for e in np.eye(d)]).T
@@ -71,7 +71,7 @@ class Linear(NamedTuple):
 
     @classmethod
     def of(cls, model: Any) -> "Linear | None":
-        """The equation of a model if it is linear, and does not depend on time; else None."""
+        """Equation of a model if it is linear, and does not depend on time; else None."""
         if large(model) or dimension(model) > _MOST_COMPONENTS or frozen(model, 0.3, 0.0) != frozen(model, 1.1, 0.0):
             return None
         d, sigma = dimension(model), strengths(model)
@@ -101,7 +101,7 @@ class Linear(NamedTuple):
 
 
 class MomentEquations(NamedTuple):
-    """The moments that functions of the state need, and their equation m' = M m."""
+    """Moments that functions of the state need, and their equation m' = M m."""
 
     monomials: dict[tuple[int, ...], int]  #: the number of each
     M: Any  #: sparse, (moments, moments)

@@ -79,7 +79,7 @@ class LikeTerms(NamedTuple):
 
 
 class Total(NamedTuple):
-    """The sum of all terms, added in pairs in an order that their number decides."""
+    """Sum of all terms, added in pairs in an order that their number decides."""
 
     groups: tuple[LikeTerms, ...]
 
@@ -92,7 +92,7 @@ class WholePower(NamedTuple):
 
 
 class Notation(NamedTuple):
-    """The meaning of an operation, for arrays and as text."""
+    """Meaning of an operation, for arrays and as text."""
 
     array: Callable  #: of arrays
     text: str  #: in the grammar
@@ -101,7 +101,7 @@ class Notation(NamedTuple):
 
 
 def _operation(name, *meaning):
-    """The class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
+    """Class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
     meaning = Notation(*meaning)
     cls = NamedTuple(name, [(operand, NamedTuple) for operand in "ab"[: len(meaning.operands)]])
     cls.meaning = meaning
@@ -109,7 +109,7 @@ def _operation(name, *meaning):
 
 
 def _arctangent(x):
-    """The angle of tangent x, by the reductions and the polynomial of the library fdlibm."""
+    """Angle of tangent x, by the reductions and the polynomial of the library fdlibm."""
     t = np.abs(x)
     near = np.searchsorted(_NEAR, t, "right")
     z = np.where(t < _NEAR[-1], (t - _TANGENTS[near]) / (1.0 + _TANGENTS[near] * t), -1.0 / t)
@@ -195,7 +195,7 @@ for _record in (*_LEAVES, LikeTerms, Total, WholePower, *_SIGNS.values(), *_OF_O
 
 
 class _Trees(Words, Numbers):
-    """The meaning of the grammar in trees; an expression without y stays a number.
+    """Meaning of the grammar in trees; an expression without y stays a number.
 
     `words` are further words and their values, trees or numbers, of which whole ones may stand in indices.
     """
@@ -220,14 +220,14 @@ class _Trees(Words, Numbers):
         self.records = itertools.count(1)
 
     def variable(self, name):
-        """The component x(2) of a system whose variables have indices; y(2) is the second of any other."""
+        """Component x(2) of a system whose variables have indices; y(2) is the second of any other."""
         if name in self.named or "y(" in "".join(self.named):
             return self.named.get(name)
         k = name.removeprefix("y(").removesuffix(")")
         return Component(int(k) - 1) if k.isdigit() and 1 <= int(k) <= self.dimension else None
 
     def counted(self, record):
-        """The record; NumberError if there are too many."""
+        """Record; NumberError if there are too many."""
         if next(self.records) > _MOST_RECORDS:
             raise NumberError(f"more than {_MOST_RECORDS} operations and terms of sums")
         return record
@@ -279,7 +279,7 @@ def _tree(value):
 
 
 def _total(terms):
-    """The sum of trees, those of one shape together."""
+    """Sum of trees, those of one shape together."""
     groups = {}
     for term in terms:
         groups.setdefault(_shape(term), []).append(term)
@@ -296,7 +296,7 @@ def _shape(e):
 
 
 def _merged(trees):
-    """The body of trees of one shape."""
+    """Body of trees of one shape."""
     first = trees[0]
     if isinstance(first, Constant | Component):
         return first if len(set(map(repr, trees))) == 1 else Each(tuple(trees))
@@ -315,7 +315,7 @@ def _term(e, k):
 
 
 def terms_of(total):
-    """The terms of a sum."""
+    """Terms of a sum."""
     return [_term(group.body, k) for group in total.groups for k in range(group.count)]
 
 
@@ -353,7 +353,7 @@ def _power(a, exponent):
 
 
 def parse_expression(text, dimension, names=(), words=None):
-    """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
+    """Tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
 
     The components may also be called by the `names` that the system gives them; `words` has the values of others.
     """
@@ -376,12 +376,12 @@ def is_constant(expression):
 
 
 def canonical(expression):
-    """The text of a tree, from which ``parse_expression`` makes the same tree."""
+    """Text of a tree, from which ``parse_expression`` makes the same tree."""
     return _written(expression, 0)
 
 
 def _written(expression, binds):
-    """The text of a tree, in parentheses if it binds less tightly than `binds`."""
+    """Text of a tree, in parentheses if it binds less tightly than `binds`."""
     if isinstance(expression, Constant):
         own, text = 3 if math.copysign(1.0, expression.value) < 0.0 else 4, repr(expression.value)
         text = text if text == "-0.0" else text.removesuffix(".0")
@@ -448,7 +448,7 @@ def _singular_part(operation):
 
 
 def _added(terms):
-    """The sum along the first axis in pairs: the order does not depend on the other axes, as that of NumPy does."""
+    """Sum along the first axis in pairs: the order does not depend on the other axes, as that of NumPy does."""
     while len(terms) > 1:
         half, odd = divmod(len(terms), 2)
         pairs = terms[:half] + terms[half : 2 * half]
@@ -457,7 +457,7 @@ def _added(terms):
 
 
 def as_numpy(expression):
-    """The function phi(y) of arrays y of shape (d, ...) with values of shape (...).
+    """Function phi(y) of arrays y of shape (d, ...) with values of shape (...).
 
     Its attribute ``singular`` has such functions of its :func:`singular_parts`, each with its ``power``.
     """
@@ -602,7 +602,7 @@ def _range_of_power(a: Range, exponent: int) -> Range:
 
 
 def _increasing(function: Any, a: Range) -> Range:
-    """The range of an increasing function over `a`; infinity where it overflows or is not defined."""
+    """Range of an increasing function over `a`; infinity where it overflows or is not defined."""
 
     def at(x: float, beyond: float) -> float:
         try:

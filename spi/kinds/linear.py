@@ -12,7 +12,7 @@ _MOST_TERMS = 2_000  # of a function
 
 
 def linear_moments(model: Any, trees: Sequence[Any], times: Sequence[float]) -> MomentEquations | None:
-    """The moments that the expressions `trees` in the state need; None where they are not known by them.
+    """Moments that the expressions `trees` in the state need; None where they are not known by them.
 
     That is where the equation is not linear, where an expression is no polynomial, and where it would take long.
     """

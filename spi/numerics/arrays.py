@@ -15,12 +15,12 @@ from . import elementary, functions
 
 @method
 def value(function, x):
-    """The value of an elementary function at a float."""
+    """Value of an elementary function at a float."""
 
 
 @method(default=True)
 def far_value(function, x):
-    """The value at a float where :func:`value` is not accurate, beyond 1.6e6."""
+    """Value at a float where :func:`value` is not accurate, beyond 1.6e6."""
     return value(function, x)
 
 
@@ -151,7 +151,7 @@ def whole_power(x, exponent):
 
 
 def runge_kutta(field, y, h, steps):
-    """The state y after `steps` steps h of the classical Runge-Kutta method of order 4 for y' = field(y)."""
+    """State y after `steps` steps h of the classical Runge-Kutta method of order 4 for y' = field(y)."""
     for _ in range(steps):
         a = field(y)
         b = field(y + 0.5 * h * a)

@@ -1,4 +1,4 @@
-"""The type of arrays in annotations."""
+"""Type of arrays in annotations."""
 
 import numpy as np
 

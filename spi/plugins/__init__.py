@@ -56,7 +56,7 @@ class PluginError(ImportError):
 
 
 def _read(file: Path, name: str) -> Plugin:
-    """The record that a Python file assigns to a name, whose arguments are literals; the file is not run."""
+    """Record that a Python file assigns to a name, whose arguments are literals; the file is not run."""
     for line in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(line, ast.Assign) and isinstance(line.value, ast.Call):
             target, call = line.targets[0], line.value
@@ -67,7 +67,7 @@ def _read(file: Path, name: str) -> Plugin:
 
 
 def _read_entry(entry: EntryPoint) -> Plugin:
-    """The record of another package."""
+    """Record of another package."""
     try:
         spec = find_spec(entry.module)
         if spec is None or spec.origin is None:
@@ -80,7 +80,7 @@ def _read_entry(entry: EntryPoint) -> Plugin:
 
 @cache
 def installed() -> dict[str, Plugin]:
-    """The plug-ins that are here, by name; PluginError if one of another package cannot be read.
+    """Plug-ins that are here, by name; PluginError if one of another package cannot be read.
 
     One that needs a plug-in that is not here is not here, either.
     """
@@ -115,7 +115,7 @@ def imported(place: str) -> Any:
 
 
 class Registry(MutableMapping[str, Any]):
-    """The entries of the core and of all plug-ins, by name; those of plug-ins are imported when first asked for."""
+    """Entries of the core and of all plug-ins, by name; those of plug-ins are imported when first asked for."""
 
     def __init__(self, field: str, own: Mapping[str, Any] = _NOTHING, made: Callable[[str], Any] = imported) -> None:
         self.field, self._made = field, made
@@ -146,7 +146,7 @@ class Registry(MutableMapping[str, Any]):
         return sum(1 for _ in self)
 
     def name_of(self, value: Any) -> str | None:
-        """The name of a class or function that is in the registry; nothing is imported for that."""
+        """Name of a class or function that is in the registry; nothing is imported for that."""
         own = next((name for name, other in self._own.items() if other is value), None)
         place = f"{getattr(value, '__module__', '')}:{getattr(value, '__qualname__', '')}"
         return own or next((name for name, other in offers(self.field).items() if other == place), None)

@@ -13,7 +13,7 @@ from .text import fraction, interval_text, power_of_two, short, with_interval
 
 
 def tables(title: str, curves: Sequence[Curve]) -> Iterator[TextTable | StyledText]:
-    """The tables of a case that is swept: for each scheme, estimator and test function a line per value.
+    """Tables of a case that is swept: for each scheme, estimator and test function a line per value.
 
     Quantities of other test functions, as quantiles are, have a table of their own.
     """

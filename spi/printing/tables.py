@@ -60,11 +60,11 @@ class TextTable(NamedTuple):
 
     @property
     def rows(self) -> list[list[str]]:
-        """The texts of all lines."""
+        """Texts of all lines."""
         return [[cell.text for cell in row] for section in self.sections for row in section]
 
     def styles(self, heading: str = "") -> set[str]:
-        """The styles of the cells in the columns of this heading, or of all."""
+        """Styles of the cells in the columns of this heading, or of all."""
         chosen = [i for i, one in enumerate(self.headings) if one == heading or not heading]
         return {row[i].style for section in self.sections for row in section for i in chosen}
 
@@ -95,7 +95,7 @@ class TextTable(NamedTuple):
         yield self.of(shown)._replace(title=title)
 
     def of(self, columns: Sequence[int]) -> "TextTable":
-        """The grid of these of its columns."""
+        """Grid of these of its columns."""
         sections = [[[row[i] for i in columns] for row in section] for section in self.sections]
         return self._replace(headings=[self.headings[i] for i in columns], sections=sections)
 
@@ -123,7 +123,7 @@ class Column(NamedTuple):
     always: bool = False  #: whether the column stands even if no number in it is finite
 
     def parts(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, Estimate]:
-        """The numbers by heading; along axes that the table lacks the last time or the largest number."""
+        """Numbers by heading; along axes that the table lacks the last time or the largest number."""
         if callable(self.field):
             values = self.field(record, readings)
             array = np.asarray(values, object)
@@ -144,7 +144,7 @@ class Column(NamedTuple):
         }
 
     def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> StyledText:
-        """The cell at a place, given by its number along each axis."""
+        """Cell at a place, given by its number along each axis."""
         place = tuple(at[axis] for axis in numbers.axes)
         if any(i >= size for i, size in zip(place, numbers.value.shape, strict=True)):
             return StyledText("-")
@@ -171,7 +171,7 @@ class Table(NamedTuple):
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
 
     def items(self, title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
-        """The table of the records of a case, and what its brackets and its large numbers mean."""
+        """Table of the records of a case, and what its brackets and its large numbers mean."""
         if (grid := self.grid(title, readings)) is None:
             return
         yield grid
@@ -182,7 +182,7 @@ class Table(NamedTuple):
                 yield StyledText(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
 
     def grid(self, title: str, readings: Sequence[Stored]) -> TextTable | None:
-        """The table of the records of a case, without columns in which there is nothing; None if none is left."""
+        """Table of the records of a case, without columns in which there is nothing; None if none is left."""
         axes = self.axes.split()
         columns, parts = self._parts(readings, axes)
         sections = [
@@ -200,7 +200,7 @@ class Table(NamedTuple):
     def _parts(
         self, readings: Sequence[Stored], axes: Sequence[str]
     ) -> tuple[dict[str, Column], list[dict[str, Estimate]]]:
-        """The columns by heading, and for each record its numbers by heading."""
+        """Columns by heading, and for each record its numbers by heading."""
         columns: dict[str, Column] = {}
         parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:
@@ -212,7 +212,7 @@ class Table(NamedTuple):
     def _section(
         self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
     ) -> Iterator[list[StyledText]]:
-        """The lines of one scheme, with labels where they differ from those of the line above."""
+        """Lines of one scheme, with labels where they differ from those of the line above."""
         names = {axis: places(record, axis, parts.values()) for axis in axes}
         lines = list(np.ndindex(*map(len, names.values())) if self.lines is None else self.lines(record))
         schemes, whole = record.about.parts(), record.about.subject()
@@ -231,7 +231,7 @@ class Table(NamedTuple):
 
 
 def _with_contents(sections: Sequence[Sequence[Sequence[StyledText]]], may_be_dashes: Sequence[bool]) -> list[int]:
-    """The numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
+    """Numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
     rows = [row for section in sections for row in section]
     empty = [("",) if may else ("", "-") for may in may_be_dashes]
     return [i for i, texts in enumerate(empty) if not i or any(row[i].text not in texts for row in rows)]
@@ -250,7 +250,7 @@ _LEFT = ("scheme", "function", "h", "level", "casimir")  # whose columns are lef
 
 
 def places(record: Stored, axis: str, numbers: Iterable[Estimate]) -> list[str]:
-    """The names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
+    """Names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
     if (values := record.get(axis)) is None:
         count = max((one.value.shape[one.axes.index(axis)] for one in numbers if axis in one.axes), default=0)
         return [f"C{i}" for i in range(1, count + 1)] if count > 1 else [""]
@@ -270,7 +270,7 @@ def _heading(axis: str, readings: Sequence[Any]) -> str:
 
 
 def printed(title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
-    """The tables of the records of a case, the lines on each record, and those on the case."""
+    """Tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
         yield from table.items(title, readings)
     yield from map(StyledText, _clipped(readings))
@@ -283,7 +283,7 @@ _WHOLE = 0.99995  # a share that is printed as 100 %
 
 
 def _clipped(readings: Sequence[Any]) -> Iterator[str]:
-    """The share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
+    """Share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
     about = readings[0].about
     if not about.truncate_noise:
         return
@@ -311,7 +311,7 @@ def show_items(console: "Console", items: Iterable[TextTable | StyledText]) -> N
 
 
 def _lines(record: Stored) -> Iterator[str]:
-    """The common lines on a record, after its label, and its own."""
+    """Common lines on a record, after its label, and its own."""
     for number, line in enumerate(_common(record)):
         yield f"    {line}" if number else f"{record.about.subject()}: {line}"
     yield from record.remarks()
@@ -347,7 +347,7 @@ def _order(record: Stored) -> Iterator[str]:
 
 
 def _paths(record: Stored) -> Iterator[str]:
-    """The number of paths of one step size, and the time of a step."""
+    """Number of paths of one step size, and the time of a step."""
     step, samples, times, nonfinite, ns = map(record.get, ("step", "samples", "t", "nonfinite", "ns_per_step"))
     if step is None or samples is None:
         return
@@ -358,7 +358,7 @@ def _paths(record: Stored) -> Iterator[str]:
 
 
 def _solver(record: Stored) -> Iterator[str]:
-    """The iterations of a solver of equations and its failures, perhaps over step sizes."""
+    """Iterations of a solver of equations and its failures, perhaps over step sizes."""
     names = "solves", "iterations", "failures", "largest_residual"
     solves, iterations, failures, residuals = map(record.get, names)
     if solves is None or np.ndim(solves) > 1:
@@ -369,7 +369,7 @@ def _solver(record: Stored) -> Iterator[str]:
 
 
 def _accepted(record: Stored) -> Iterator[str]:
-    """The shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
+    """Shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
     noise, drift = map(record.get, ("noise_accepted", "drift_accepted"))
     if noise is None or np.ndim(noise) > 1:
         return
@@ -400,7 +400,7 @@ def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
 
 
 def grid(verdicts: Sequence[Verdict], then: str = " ") -> TextTable:
-    """The table of claims, with `then` before intervals and further swept values."""
+    """Table of claims, with `then` before intervals and further swept values."""
     rows = []
     for one in verdicts:
         result, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
@@ -410,7 +410,7 @@ def grid(verdicts: Sequence[Verdict], then: str = " ") -> TextTable:
 
 
 def _at(one: Verdict) -> str:
-    """The step size and the swept value of what came out."""
+    """Step size and the swept value of what came out."""
     quantity = one.found
     h = f"h = {power_of_two(quantity.h)}" if quantity and quantity.h is not None else ""
     swept = quantity.swept_places.items() if quantity else ()
@@ -418,7 +418,7 @@ def _at(one: Verdict) -> str:
 
 
 def came_out(one: Verdict) -> str:
-    """The value with its interval, and what of it is not finite, or why there is none."""
+    """Value with its interval, and what of it is not finite, or why there is none."""
     if one.found is None:
         return "not computed"
     if math.isnan(one.found.value):
@@ -438,7 +438,7 @@ def _number(quantity: Quantity) -> str:
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """The number of claims with each verdict, and :func:`complaints`; nothing if there are no claims."""
+    """Number of claims with each verdict, and :func:`complaints`; nothing if there are no claims."""
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
@@ -446,7 +446,7 @@ def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
-    """The verdict and the result of each claim that is neither confirmed nor consistent with the results."""
+    """Verdict and the result of each claim that is neither confirmed nor consistent with the results."""
     return [
         (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
         for one in verdicts

@@ -1,4 +1,4 @@
-"""The flows of one step of one path, to see which of them made it NaN or infinite, or changed a Casimir function.
+"""Flows of one step of one path, to see which of them made it NaN or infinite, or changed a Casimir function.
 
 The compiled loop finds the step and its noise.  Plain Python makes that step again, of a model whose flows are watched.
 """
@@ -95,14 +95,14 @@ class TracedPaths(NamedTuple):
         return None
 
     def _integrated(self, times: TimeGrid, block: int, blocks: int, *observer: Any) -> np.ndarray:
-        """The states of some blocks at the end."""
+        """States of some blocks at the end."""
         plan = self.plan
         run = plan.scheme, plan.model, plan.initial, times, self.stream, block, blocks, self.end
         with np.errstate(all="ignore"):
             return integrated(*run, *observer)[0]
 
     def alone(self, level: int) -> TimeGrid:
-        """The times of one step size alone, on the same noise."""
+        """Times of one step size alone, on the same noise."""
         times, at = self.times, slice(level, level + 1)
         coarser = (times.doublings[at] >= np.arange(times.doublings[level] + 2)[:, np.newaxis]).sum(axis=1)
         paths = {name: getattr(times, name)[at] for name in ("doublings", "reversals", "by_reference")}
@@ -124,7 +124,7 @@ class TracedPaths(NamedTuple):
 
 
 def _grids(plan: Any) -> Iterator[TimeGrid]:
-    """The times of each step size where each has paths of its own; none of a plan without paths."""
+    """Times of each step size where each has paths of its own; none of a plan without paths."""
     case = plan.case
     for h, steps in zip(case.steps, getattr(case, "counts", ()), strict=False):
         terms = fourier_terms(plan.model, [plan.scheme], h, areas=case.areas)
@@ -132,7 +132,7 @@ def _grids(plan: Any) -> Iterator[TimeGrid]:
 
 
 def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:
-    """The model as Python sees it, with ``see(name, arguments, result)`` after each call of a method of FLOWS."""
+    """Model as Python sees it, with ``see(name, arguments, result)`` after each call of a method of FLOWS."""
     inside = []
 
     def followed(name: str) -> Callable[..., Any]:
@@ -154,7 +154,7 @@ def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:
 
 
 def flows_of_step(paths: TracedPaths, path: int, level: int, n: int) -> list[TracedFlow]:
-    """The flows of step n of a path, from 0 on, between its states before and after it.  They are made in Python."""
+    """Flows of step n of a path, from 0 on, between its states before and after it.  They are made in Python."""
     plan, times, (block, lane) = paths.plan, paths.alone(level), divmod(path, LANES)
     size, d = 1 << int(times.doublings[0]), dimension(plan.model)
     scheme = times.reference_scheme if times.reference_scheme is not None and times.by_reference[0] else plan.scheme
@@ -193,7 +193,7 @@ def flows_of_step(paths: TracedPaths, path: int, level: int, n: int) -> list[Tra
 
 
 class Trace(NamedTuple):
-    """The step of a path that is looked at."""
+    """Step of a path that is looked at."""
 
     paths: TracedPaths
     path: int
@@ -254,7 +254,7 @@ def _table(plan: Any, flows: list[TracedFlow], t: float) -> Iterator[str]:
 def trace(
     plans: list[Any], path: int | None, tick: TraceTick, begin: Callable[[Any], None] = lambda _: None
 ) -> Trace | None:
-    """The step to look at, of the first path that diverges or of path number `path`; None if all stay finite.
+    """Step to look at, of the first path that diverges or of path number `path`; None if all stay finite.
 
     `begin` is called with each plan before its paths are integrated, `tick` with (paths, of so many) on the way.
     SpecError if there are no paths, or none of that number.

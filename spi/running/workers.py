@@ -1,4 +1,4 @@
-"""The chunks of all parts, computed in this process or by workers.
+"""Chunks of all parts, computed in this process or by workers.
 
 Workers are an executor of ``concurrent.futures``: one of threads with a process each, or any that a user hands in.
 """
@@ -28,7 +28,7 @@ _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two 
 
 
 def compute(source: SpecSource, number: int, chunk: Chunk, threads: int) -> Any:
-    """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
+    """Sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
     with _ONE_AT_A_TIME, limited_threads(threads):
         return sums_of_chunk(plans_of(source)[number], chunk)
 
@@ -38,12 +38,12 @@ class WorkersLost(RuntimeError):
 
     @classmethod
     def over_a_chunk(cls, losses: int) -> "WorkersLost":
-        """The error where a chunk was handed out as often as it may be."""
+        """Error where a chunk was handed out as often as it may be."""
         return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
 class Workers:
-    """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
+    """Base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
 
     size: int  #: the number of chunks that are computed at once
 
@@ -55,7 +55,7 @@ class Workers:
         raise NotImplementedError
 
     def result(self, future: Future) -> Any:
-        """The result of a future that is done."""
+        """Result of a future that is done."""
         return future.result()
 
 
@@ -80,7 +80,7 @@ class Processes(Workers):
         return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
 
     def answer(self, *call: Any) -> Any:
-        """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
+        """Result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
                 connection = self._taken()
@@ -107,7 +107,7 @@ class Processes(Workers):
         self.executor.shutdown(cancel_futures=True)
 
     def _taken(self) -> Connection:
-        """The pipe to a process that is idle, or new."""
+        """Pipe to a process that is idle, or new."""
         with self.lock:
             if self.closed:
                 raise EOFError
@@ -150,7 +150,7 @@ def processes(size: int) -> Iterator[Processes]:
 
 
 class ExecutorWorkers(Workers):
-    """The workers of any executor of ``concurrent.futures``; each of its calls is one chunk, on one thread.
+    """Workers of any executor of ``concurrent.futures``; each of its calls is one chunk, on one thread.
 
     An executor does not say how many calls it makes at once, so it has as many chunks as the largest would need.
     """
@@ -167,7 +167,7 @@ class ExecutorWorkers(Workers):
             return self.executor.submit(_compute, source, number, chunk)
 
     def result(self, future: Future) -> Any:
-        """The result of a future that is done."""
+        """Result of a future that is done."""
         with self._or_lost():
             (result, error), machine = future.result()
         self.machines.add(machine)
@@ -186,7 +186,7 @@ class ExecutorWorkers(Workers):
 
 
 def _compute(source: SpecSource, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
-    """The answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
+    """Answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
     return _answer(compute, source, number, chunk, 1), storage.machine()
 
 

@@ -1,4 +1,4 @@
-"""The key ``initial``: numbers, or a mapping that one of :data:`INITIAL` reads, by the first of its keys that is there.
+"""Key ``initial``: numbers, or a mapping that one of :data:`INITIAL` reads, by the first of its keys that is there.
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
@@ -65,7 +65,7 @@ class OfGauss(Law):
             raise wrong(f"has {' and '.join(given) or 'no width'}", "must have one of sd, covariance")
 
     def state(self, model: Any, files: Files) -> RandomState:
-        """The state that is a standard deviation from the mean in each component, and the law."""
+        """State that is a standard deviation from the mean in each component, and the law."""
         if populations(model):
             raise wrong("is 'gaussian', whose states may be negative", "use points, all of them positive", "law")
         _check_length(self.mean, model, "mean")
@@ -128,11 +128,11 @@ LAWS = Registry("laws", {"gaussian": OfGauss, "points": OfPoints})
 
 
 class OfLaw:
-    """The reader of a mapping with the key ``law``."""
+    """Reader of a mapping with the key ``law``."""
 
     @staticmethod
     def model_validate(data: dict[str, Any]) -> Any:
-        """The record of a mapping, by the name of its law."""
+        """Record of a mapping, by the name of its law."""
         name = data["law"]
         if isinstance(name, str) and name in LAWS:
             return LAWS[name].model_validate(data)
@@ -142,7 +142,7 @@ class OfLaw:
 
     @staticmethod
     def hint() -> Any:
-        """The annotation of all laws."""
+        """Annotation of all laws."""
         return one_of([*LAWS.values()], "law", LAWS)
 
 
@@ -152,7 +152,7 @@ def _check_length(values: tuple, model: Any, key: str) -> None:
 
 
 def surface_through(model: Any, point: tuple[float, ...], key: str) -> Spheres:
-    """The Casimir surface through a state; raises the error where it is none on which states can be drawn."""
+    """Casimir surface through a state; raises the error where it is none on which states can be drawn."""
     if key != "project":
         _check_length(point, model, key)
     surface = spheres(model, point)
@@ -199,7 +199,7 @@ def _names(model: Any) -> list[str]:
 
 
 def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The states (n, d) and weights (n,) in a CSV file."""
+    """States (n, d) and weights (n,) in a CSV file."""
     names = _names(model)
     right = f"must have the columns {', '.join(names)}, and perhaps weight"
     try:
@@ -228,7 +228,7 @@ def _is_number(text: str) -> bool:
 
 
 def _of_npz(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The states (n, d) and weights (n,) in a file of ``numpy.savez``."""
+    """States (n, d) and weights (n,) in a file of ``numpy.savez``."""
     d = dimension(model)
     right = f"must have an array y of {d} columns, and perhaps weight, a number per state"
     try:
@@ -252,7 +252,7 @@ class FromFile(Keys):
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the field on the grid") = False
 
     def state(self, model: Any, files: Files) -> Any:
-        """The numbers of the state, or what the model makes of values on a grid."""
+        """Numbers of the state, or what the model makes of values on a grid."""
         values = array_in(files, self.file)
         if values.ndim == 1:
             return state_of(values)
@@ -278,7 +278,7 @@ INITIAL = Registry("initial", {"law": OfLaw, "file": FromFile})
 
 
 def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
-    """The state that `value` stands for; `numbers` reads a list."""
+    """State that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
         given = numbers(_with_ranges(value, info))
         return state_of(given) if len(given) > LONG else given
@@ -286,7 +286,7 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
 
 
 def state_in(data: dict[str, Any], model: Any, files: Any) -> Any:
-    """The state that a mapping stands for; () if the model is wrong, which is reported."""
+    """State that a mapping stands for; () if the model is wrong, which is reported."""
     key = next((key for key in INITIAL if key in data), None)
     if key is None:
         for name in data:

@@ -1,4 +1,4 @@
-"""The key ``model``: a built-in model by its name, or one from a file.
+"""Key ``model``: a built-in model by its name, or one from a file.
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
@@ -54,13 +54,13 @@ class Source(NamedTuple):
 
 
 class ModelKeys(Keys):
-    """The keys of a model."""
+    """Keys of a model."""
 
     elsewhere = OUTSIDE
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
-    """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
+    """Keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
@@ -69,7 +69,7 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 
 
 def _record(cls: Any, parameters: Keys) -> Any:
-    """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
+    """Record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
     if refused := fault(model):
         key, complaint, right = refused
@@ -98,7 +98,7 @@ def _by_name(data: Any, files: Files) -> Any:
 
 
 def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> Any:
-    """The record of a class that somebody else wrote, from the mapping `data`."""
+    """Record of a class that somebody else wrote, from the mapping `data`."""
     try:
         keys = _keys_of(cls, telling, True)
     except Exception as error:
@@ -119,7 +119,7 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
 
 
 def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
-    """The class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
+    """Class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
         right = "must be the path of a Python file, seen from the folder of this one"
@@ -172,14 +172,14 @@ def _key_of_source(data: Any) -> str | None:
 
 
 def source_of(*layers: Any) -> Source:
-    """The source of a model whose mapping these layers make up."""
+    """Source of a model whose mapping these layers make up."""
     data = {key: True for layer in layers if isinstance(layer, dict) for key in layer}
     source: Source = SOURCES[_key_of_source(data) or "name"]
     return source
 
 
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a model, overridden by those of a higher layer."""
+    """Keys of a model, overridden by those of a higher layer."""
     pairs = {key: (below.get(key), above.get(key)) for key in source_of(below, above).numbers}
     both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
     return {**below, **above, **both}
@@ -195,7 +195,7 @@ def is_another(above: Any, below: Any) -> bool:
 
 
 def name_of(model: Any) -> str:
-    """The name of a model in spec files, or that of its class if it comes from a file."""
+    """Name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
     return MODELS.name_of(cls) or cls.__qualname__
 
@@ -239,7 +239,7 @@ def _read(data: Any, info: pydantic.ValidationInfo) -> Any:
 
 @cache
 def keys_of_model(name: str, complete: bool = True) -> type[Keys]:
-    """The keys of a model with a name, all of them or, unless `complete`, any."""
+    """Keys of a model with a name, all of them or, unless `complete`, any."""
     return _keys_of(MODELS[name], {"name": Literal[name]}, complete)
 
 
@@ -308,20 +308,20 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
 
 
 def _words(model: Mapping[str, Any], numbers: Collection[str], initial: Any) -> set[str]:
-    """The words in the formulas of a model and of an initial state, but not the names under the keys `numbers`."""
+    """Words in the formulas of a model and of an initial state, but not the names under the keys `numbers`."""
     named = {key: list(value.values()) for key, value in model.items() if key in numbers and value}
     states = list(initial.values()) if isinstance(initial, dict) else initial
     return {word for text in _texts([list({**model, **named}.values()), states]) for word in _WORD.findall(text)}
 
 
 def names_under(key: str, model: Any) -> list[str]:
-    """The names in a mapping of a model that stands under a key."""
+    """Names in a mapping of a model that stands under a key."""
     named = model.get(key) if isinstance(model, dict) else None
     return list(named) if isinstance(named, dict) else []
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """The texts in which formulas may stand, keys of mappings included."""
+    """Texts in which formulas may stand, keys of mappings included."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list):

@@ -46,14 +46,14 @@ _WORD = re.compile(r"\b[A-Za-z]\w*")
 
 
 class Code(NamedTuple):
-    """The functions of a Python file."""
+    """Functions of a Python file."""
 
     digest: str  #: of its text
     functions: tuple[tuple[str, Callable], ...]  #: by name
 
 
 def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
-    """The functions in the file of this path."""
+    """Functions in the file of this path."""
     if path is None or isinstance(path, Code):
         return path
     if not isinstance(path, str) or not path:
@@ -75,7 +75,7 @@ def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
 
 
 class CodeKeys(Keys):
-    """The Python file whose functions formulas may name."""
+    """Python file whose functions formulas may name."""
 
     python: key_of(
         Annotated[Any, pydantic.BeforeValidator(_code, json_schema_input_type=str | None)],
@@ -88,7 +88,7 @@ class CodeKeys(Keys):
 
 
 def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | None = None) -> dict[str, Any]:
-    """The words that formulas may name and their values: numbers, and of functions those that stand in the `text`.
+    """Words that formulas may name and their values: numbers, and of functions those that stand in the `text`.
 
     NumberError if one of them is not a function of the state, as a Casimir function with a number that is too high.
     """
@@ -103,7 +103,7 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
 
 
 def numbers_of(case: Any) -> dict[str, float | int]:
-    """The numbers that a formula of a case may name where no state is meant: those of the model, and T."""
+    """Numbers that a formula of a case may name where no state is meant: those of the model, and T."""
     temperature = {"T": case.temperature} if math.isfinite(case.temperature) else {}
     return {**named_numbers(undamped(case.model)), **temperature}
 
@@ -115,7 +115,7 @@ def check_values(case: Any, values: Callable[[Array], Array]) -> None:
 
 
 class Taken:
-    """The words that have a meaning in formulas of a case, so that they do not stand for others of its functions."""
+    """Words that have a meaning in formulas of a case, so that they do not stand for others of its functions."""
 
     def __init__(self, case: Any) -> None:
         own = undamped(case.model)

@@ -43,7 +43,7 @@ class Surface(NamedTuple):
 
 
 def _zeros(x: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float]]:
-    """The zeros of numbers with intervals along ascending x, see :meth:`Surface.zeros`."""
+    """Zeros of numbers with intervals along ascending x, see :meth:`Surface.zeros`."""
     sure = np.flatnonzero((low > 0) | (high < 0))
     for a, b in pairwise(sure.tolist()):
         if middle[a] * middle[b] < 0:
@@ -72,12 +72,12 @@ class Curve(NamedTuple):
 
     @property
     def word(self) -> str:
-        """The parameter."""
+        """Parameter."""
         return self.points[0].at[0] if self.points[0].at else ""
 
     @property
     def label(self) -> str:
-        """The name of the quantity in print."""
+        """Name of the quantity in print."""
         name = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
         return name.replace("casimir", "Casimir")
 
@@ -92,7 +92,7 @@ class Curve(NamedTuple):
         return self.about.swept.second_word if self.about.swept and not self.points[0].swept else ""
 
     def grid(self) -> Surface:
-        """The quantity over both parameters, where there are two."""
+        """Quantity over both parameters, where there are two."""
         points = {
             (point.about.swept.value, point.about.swept.second_value): point
             for point in self.points
@@ -123,7 +123,7 @@ class Curve(NamedTuple):
 
     @property
     def h(self) -> float | None:
-        """The step size of all points; None if they have none, or different ones."""
+        """Step size of all points; None if they have none, or different ones."""
         steps = {point.h for point in self.points}
         return steps.pop() if len(steps) == 1 else None
 
@@ -141,7 +141,7 @@ class Curve(NamedTuple):
 
 
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
-    """The curves of the quantities of these names, in this order.
+    """Curves of the quantities of these names, in this order.
 
     Of a quantity at several step sizes that at the smallest counts, and of several Casimir functions the largest.
     """

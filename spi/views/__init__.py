@@ -36,7 +36,7 @@ class SweptCase(NamedTuple):
 
 
 def wholes(read: Sequence[Stored]) -> list[SweptCase]:
-    """The cases that are swept, in the order of the file; none if no parameter is."""
+    """Cases that are swept, in the order of the file; none if no parameter is."""
     swept = [one for one in read if one.about.swept]
     return [
         _whole([one for one in swept if one.about.owner == owner])
@@ -52,7 +52,7 @@ def _whole(read: list[Stored]) -> SweptCase:
 
 
 def readings(results: StoredResults) -> list[Stored]:
-    """The groups as the records of the kind, see ``kinds/*/results.py``.
+    """Groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
     version of spi wrote.
@@ -73,13 +73,13 @@ def _reading(kind: str, group: Group) -> Stored:
 
 
 def title(results: StoredResults, read: Sequence[Stored]) -> str:
-    """The title of results in tables, figures and reports."""
+    """Title of results in tables, figures and reports."""
     stated = results.attributes.get("title", "")
     return read[0].titled(stated, read) if read else stated
 
 
 def facts(read: Sequence[Stored]) -> list[str]:
-    """The parameters that readings have in common, in mathtext."""
+    """Parameters that readings have in common, in mathtext."""
     from ..drawing import style
 
     own = [{name: getattr(one, name, None) for name in _FACTS} for one in read]
@@ -88,7 +88,7 @@ def facts(read: Sequence[Stored]) -> list[str]:
 
 
 def verdicts(results: StoredResults) -> list[claims.Verdict]:
-    """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
+    """Verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 
@@ -116,7 +116,7 @@ def rows(results: StoredResults) -> list[dict[str, Any]]:
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
-    """The titles of the cases, with their names where several have one title."""
+    """Titles of the cases, with their names where several have one title."""
     abouts = [case[0].about for case in cases]
     counts = Counter(about.case_title for about in abouts)
     return [
@@ -140,7 +140,7 @@ def show(results: StoredResults, console: Any) -> None:
 
 
 def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
-    """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
+    """Tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
     for whole in swept:
@@ -160,7 +160,7 @@ def figure(
     font: str | None = None,
     font_size: float | None = None,
 ) -> "Figure":
-    """The matplotlib figure of results.
+    """Matplotlib figure of results.
 
     It is as wide and high as its panels want to be, or as ``width`` and ``height`` say, in inches or as in "130mm";
     ``width`` may be "one" (3.35 inches) or "two" (7 inches) columns of a paper.  Its text has ``font_size`` points (by
@@ -203,7 +203,7 @@ def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) 
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:
-    """The formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
+    """Formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
 
     Without those of which a case has its own.
     """
@@ -218,7 +218,7 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
 
 
 def film(results: StoredResults) -> "Film":
-    """The film of results; ValueError if there is none for their kind, or nothing that moves."""
+    """Film of results; ValueError if there is none for their kind, or nothing that moves."""
     from ..drawing import page
 
     kind: Any = results.attributes.get("kind")

@@ -1,4 +1,4 @@
-"""The figure of trajectories: quantities over time, the phase plane, the sphere, sections."""
+"""Figure of trajectories: quantities over time, the phase plane, the sphere, sections."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -53,7 +53,7 @@ def window(curves: Sequence[tuple[Trajectory, np.ndarray]], errors: bool = False
 
 
 def times_shown(readings: TrajectoryReadings) -> tuple[float, float]:
-    """The limits of the axis of time."""
+    """Limits of the axis of time."""
     t = readings[0].t
     return float(t[0]), float(t[-1] if len(t) > 1 else t[0] + 1)
 
@@ -116,7 +116,7 @@ def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plo
 
 
 def _phase(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The plane of the first two components, all schemes."""
+    """Plane of the first two components, all schemes."""
     names = _names(readings)
     if len(names) < 2:
         raise ValueError("the panel 'phase' needs two components")
@@ -193,13 +193,13 @@ def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[An
 
 
 def _eye(azimuth: float) -> np.ndarray:
-    """The direction of the eye."""
+    """Direction of the eye."""
     a, e = np.radians([azimuth, ELEVATION])
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
 def _azimuth(start: np.ndarray, y: np.ndarray) -> int:
-    """The azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
+    """Azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
     return max(
         (a for a in range(0, 360, 5) if 25 <= a % 90 <= 65),
         key=lambda a: (start @ _eye(a) > 0.3 * np.linalg.norm(start), (y @ _eye(a) > 0).sum()),

@@ -1,4 +1,4 @@
-"""The film of trajectories: states in the plane, case by case, of what their components belong to."""
+"""Film of trajectories: states in the plane, case by case, of what their components belong to."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ def _filmed(one: Trajectory) -> Any:
 
 
 def film(title: str, cases: Sequence[FilmReadings]) -> Film:
-    """The film of the paths of all cases whose states are seen in the plane; ValueError if none is."""
+    """Film of the paths of all cases whose states are seen in the plane; ValueError if none is."""
     rows = [readings for readings in cases if _filmed(readings[0])]
     if not rows:
         raise ValueError("the results hold no states that are seen in two dimensions; leave out --film")
@@ -72,7 +72,7 @@ def film(title: str, cases: Sequence[FilmReadings]) -> Film:
 
 
 def states_shown(readings: FilmReadings) -> list[list[int]]:
-    """The states of each path that the film shows."""
+    """States of each path that the film shows."""
     return [plots.spread(len(one.t), MOST_FRAMES) for one in readings]
 
 

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind trajectory."""
+"""Keys of an experiment of kind trajectory."""
 
 import math
 from typing import Annotated, ClassVar, Literal, Self
@@ -75,7 +75,7 @@ class Case(CodeKeys, StepCase):
 
     @property
     def spacing(self) -> int:
-        """The steps between states that are recorded: those that are stored, and those that a section looks at."""
+        """Steps between states that are recorded: those that are stored, and those that a section looks at."""
         steps = (round(t / self.step) for t in (self.final_time, *self.save))
         return 1 if self.section else math.gcd(*steps) if self.save else self.every
 
@@ -86,12 +86,12 @@ class Case(CodeKeys, StepCase):
 
     @property
     def recorded(self) -> int:
-        """The number of states recorded after the initial one."""
+        """Number of states recorded after the initial one."""
         return round(self.final_time / self.step) // self.spacing
 
     @property
     def stored(self) -> np.ndarray:
-        """The numbers of the recorded states that are stored, among them the initial one."""
+        """Numbers of the recorded states that are stored, among them the initial one."""
         if not self.save:
             return np.arange(0, self.recorded + 1, self.every // self.spacing)
         return np.unique([0, *(round(t / self.step) // self.spacing for t in self.save)])
@@ -112,7 +112,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_every(self) -> Self:
-        """The case with times of stored states that are exactly multiples of the step."""
+        """Case with times of stored states that are exactly multiples of the step."""
         check_every(self)
         if self.save and self.every != 1:
             raise wrong("is given beside every", "leave out one of them", "save")
@@ -132,7 +132,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_times(self) -> Self:
-        """The case with times that are exactly those of stored states."""
+        """Case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
         between = self.step if self.save else self.every * self.step
@@ -144,7 +144,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions in which names of others are written out."""
+        """Case with functions in which names of others are written out."""
         functions = with_others(self, self.functions)
         for name, text in functions.items():
             check_function(self, name, text)

@@ -1,4 +1,4 @@
-"""The figure of weak errors: against step sizes, numbers of paths, processor time and eps."""
+"""Figure of weak errors: against step sizes, numbers of paths, processor time and eps."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ _BESIDE = 1.08  # factor between the step sizes of two estimates of one error, s
 
 
 def _series(reading: WeakErrors, f: int, look: dict[str, Any], label: str) -> plots.Series:
-    """The errors of test function `f`: points with bars, or a smooth curve where nothing was sampled."""
+    """Errors of test function `f`: points with bars, or a smooth curve where nothing was sampled."""
     error, half = np.abs(reading.error[f]), reading.half[f]
     error = np.where(error < plots.HUGE, error, np.inf)
     note = style.order_text(reading.orders[f])
@@ -68,7 +68,7 @@ def _panel(lines: list[plots.Series], title: str, slopes: Sequence[float] = ()) 
 
 
 def _title(reading: WeakErrors, f: int) -> str:
-    """The formula of a test function, and its name where there are several."""
+    """Formula of a test function, and its name where there are several."""
     if len(reading.functions) == 1:
         return ""
     formula = style.maths(reading.formulas[f], reading.about.variables).strip("$")
@@ -84,7 +84,7 @@ def _is_outdone(reading: WeakErrors, readings: WeakReadings) -> bool:
 
 
 def _largest(readings: WeakReadings, f: int, looks: style.Looks) -> list[plots.Series]:
-    """The largest errors over eps of each scheme with several eps, with their order, as broad lines."""
+    """Largest errors over eps of each scheme with several eps, with their order, as broad lines."""
     lines = []
     chosen = {key: members for key, members in comparable_sweeps(readings).items() if len(members[0].h) > 1}
     for (scheme, estimator), members in chosen.items():
@@ -124,7 +124,7 @@ def _samples(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot 
 
 
 def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
-    """The errors for each number of first paths, and for all of them, and half their intervals."""
+    """Errors for each number of first paths, and for all of them, and half their intervals."""
     first, whole = reading.prefixes, reading.sampled
     if first is None or whole is None:
         return []
@@ -150,7 +150,7 @@ def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
 
 
 class Run(NamedTuple):
-    """The accuracy of an estimator of one error as its work grows."""
+    """Accuracy of an estimator of one error as its work grows."""
 
     estimator: str
     seconds: np.ndarray
@@ -170,7 +170,7 @@ class Run(NamedTuple):
 
 
 def _run(reading: WeakErrors, f: int, i: int) -> Run:
-    """The accuracy at step size number i, of all stages with less work and of the whole."""
+    """Accuracy at step size number i, of all stages with less work and of the whole."""
     last = reading.sampled.error_stderr if reading.sampled else reading.half
     points = [(reading.cpu_seconds, last[f, i])]
     if reading.stages:

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind weak."""
+"""Keys of an experiment of kind weak."""
 
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -24,7 +24,7 @@ PrefixCounts = Annotated[tuple[Samples, ...], MinLen(1)]
 
 
 def _none_lacking(names: Any) -> Any:
-    """The names of estimators; raises the error about one that a plug-in has which is not here."""
+    """Names of estimators; raises the error about one that a plug-in has which is not here."""
     for n, name in enumerate(names if isinstance(names, list) else ()):
         if advice := lacking("estimators", name):
             raise wrong(f"is {shown(name)}", advice, n)
@@ -36,7 +36,7 @@ Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1), BeforeValidator(_n
 
 
 class SampledCase(FunctionsCase):
-    """The keys of all cases in which expectations are estimated."""
+    """Keys of all cases in which expectations are estimated."""
 
     samples: key_of(Samples | None, "number of Brownian paths") = None
     standard_error: key_of(

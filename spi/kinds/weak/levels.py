@@ -1,4 +1,4 @@
-"""The sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
+"""Sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
 
 import time
 from typing import Any, NamedTuple
@@ -54,7 +54,7 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
 
 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    """Paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if limit is not None:
         shape: dict[str, Any] = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
         return shape, [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
@@ -63,7 +63,7 @@ def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], l
 
 
 def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    """Paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if antithetic:
         return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
     if limit is not None:
@@ -155,7 +155,7 @@ class Allocation(NamedTuple):
 
 
 def control_of(case: Any, record: Any) -> tuple | None:
-    """The rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
+    """Rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
     solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
     return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
 
@@ -182,7 +182,7 @@ class LevelMoments(NamedTuple):
 
 
 class LevelSums(NamedTuple):
-    """The totals of several levels."""
+    """Totals of several levels."""
 
     blocks: np.ndarray  #: (levels,)
     sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
@@ -191,7 +191,7 @@ class LevelSums(NamedTuple):
     control: np.ndarray  #: (levels, F) its expectations
 
     def only(self, levels: slice) -> "LevelSums":
-        """The totals of some levels."""
+        """Totals of some levels."""
         return LevelSums(*(values[levels] for values in self))
 
     @property
@@ -230,7 +230,7 @@ class LevelSums(NamedTuple):
         return np.array(means), np.stack(withouts, axis=1)
 
     def moments(self) -> LevelMoments:
-        """The moments of each level."""
+        """Moments of each level."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             powers = self.means_of_powers()
             m1, m2 = powers[DIFFERENCE][:2]
@@ -255,7 +255,7 @@ class LevelSums(NamedTuple):
             return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + moments.stderr[:-1]))
 
     def variance_rates(self, h: np.ndarray) -> tuple[Order, ...]:
-        """The rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
+        """Rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
         rates = []
         for f, beta in enumerate(self.beta().T):
             each = [mean_over_paths(s[:2, :, f], _counts(n)) for s, n in zip(self.sums, self.blocks, strict=True)]
@@ -319,7 +319,7 @@ class Combination(NamedTuple):
     below: np.ndarray  #: for each step of the case the number of levels between it and the reference step
 
     def errors(self, differences: np.ndarray) -> np.ndarray:
-        """The errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
+        """Errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
         sums = np.moveaxis(np.cumsum(0.0 - differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])

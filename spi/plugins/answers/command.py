@@ -1,4 +1,4 @@
-"""The command `spi answer`: an expectation to a wanted accuracy."""
+"""Command `spi answer`: an expectation to a wanted accuracy."""
 
 import math
 from pathlib import Path

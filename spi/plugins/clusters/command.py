@@ -1,4 +1,4 @@
-"""The commands `spi merge` and `spi verify`, and the options --shard and --dask of `spi run`."""
+"""Commands `spi merge` and `spi verify`, and the options --shard and --dask of `spi run`."""
 
 import logging
 from collections.abc import Iterator
@@ -144,7 +144,7 @@ def verify(
 
 
 def verified(check: Any) -> Iterator[str]:
-    """The outcome of a check of results, a ``Verification``, line by line."""
+    """Outcome of a check of results, a ``Verification``, line by line."""
     count = len(check.checked)
     equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
     if check.chunks:

@@ -46,7 +46,7 @@ Algebra = tuple[int, list[BracketEntry]]  #: dimension, brackets
 
 
 def _unit(n: int, i: int, j: int, value: complex = 1.0) -> np.ndarray:
-    """The n x n matrix with one entry."""
+    """N x n matrix with one entry."""
     matrix = np.zeros((n, n), complex)
     matrix[i, j] = value
     return matrix
@@ -96,7 +96,7 @@ def rotations(lengths: Sequence[int], translations: bool = False) -> Matrices:
 
 
 def _scale(name: str, matrix: np.ndarray) -> Any:
-    """The scale of a generator: those of su(n) are such that |y|^2 is a Casimir function."""
+    """Scale of a generator: those of su(n) are such that |y|^2 is a Casimir function."""
     if name != "su":
         return sympy.Integer(1)
     return 1 / sympy.sqrt(2 * round(np.sum(abs(matrix) ** 2)))

@@ -54,7 +54,7 @@ class Bracket(NamedTuple):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """The names of the coordinates."""
+        """Names of the coordinates."""
         return tuple(f"log({name})" if i in self.logarithmic else name for i, name in enumerate(self.variables))
 
     @property
@@ -91,7 +91,7 @@ class Bracket(NamedTuple):
         return i not in self.logarithmic and all(len(monomial) < 2 for entry in entries for monomial in entry)
 
     def field(self, functional: Mapping[int, Any]) -> VectorField:
-        """The field of a linear function, w_i' = sum_j functional[j] {w_i, w_j}."""
+        """Field of a linear function, w_i' = sum_j functional[j] {w_i, w_j}."""
         with mpmath.workdps(DIGITS):
             return summed(
                 ((row, monomial), sign * precise(c) * functional[column])
@@ -140,7 +140,7 @@ def checked(
     values: Mapping[Any, Any] = MappingProxyType({}),
     logarithmic: frozenset[int] = frozenset(),
 ) -> Bracket:
-    """The bracket with given {w_i, w_j}, each pair once or twice, those not given being 0.
+    """Bracket with given {w_i, w_j}, each pair once or twice, those not given being 0.
 
     `values` are those of its parameters.
 
@@ -251,7 +251,7 @@ def _divided(i: int, j: int, monomial: Monomial, chosen: set[int]) -> Monomial:
 
 
 class Symbolics(NamedTuple):
-    """The symbols of formulas and their meaning."""
+    """Symbols of formulas and their meaning."""
 
     bracket: Bracket
     variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
@@ -260,12 +260,12 @@ class Symbolics(NamedTuple):
     casimirs: Sequence[Any] = ()  #: the known Casimir functions
 
     def used(self, expression: Any) -> tuple[int, ...]:
-        """The components that occur in an expression."""
+        """Components that occur in an expression."""
         free = expression.free_symbols
         return tuple(i for i, y in enumerate(self.variables) if y in free)
 
     def at_a_time(self) -> dict[Any, Any]:
-        """The value of time at which formulas are tested."""
+        """Value of time at which formulas are tested."""
         return {self.time: sympy.sqrt(19) / 7} if self.time is not None else {}
 
     def varies(self, expression: Any) -> bool:
@@ -284,7 +284,7 @@ class Symbolics(NamedTuple):
         return str(expression.xreplace(words)).replace("**", "^")
 
     def derivative(self, function: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
+        """Derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
         return self.by_coordinate(sympy.diff(function, self.variables[i]), i)
 
     def by_coordinate(self, derivative: Any, i: int) -> Any:
@@ -292,7 +292,7 @@ class Symbolics(NamedTuple):
         return sympy.Add(*(self.factor(i) * term for term in sympy.Add.make_args(derivative)))
 
     def factor(self, i: int) -> Any:
-        """The derivative of y_i by its coordinate w_i."""
+        """Derivative of y_i by its coordinate w_i."""
         return self.variables[i] if i in self.bracket.logarithmic else sympy.Integer(1)
 
     def rates(self, v: Mapping[int, Any]) -> dict[int, Any]:
@@ -312,16 +312,16 @@ class Symbolics(NamedTuple):
         return {i: self.factor(i) * rate for i, rate in rates.items() if rate != 0}
 
     def along(self, function: Any, direction: Mapping[int, Any]) -> Any:
-        """The derivative of a function along a vector."""
+        """Derivative of a function along a vector."""
         moved = (i for i in self.used(function) if i in direction)
         return sympy.Add(*(sympy.diff(function, self.variables[i]) * direction[i] for i in moved))
 
     def slope(self, function: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i, at the values of the parameters."""
+        """Derivative of a function by the coordinate w_i, at the values of the parameters."""
         return self.derivative(function, i).xreplace(dict(self.parameters))
 
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
-        """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
+        """Gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
         gradient = {}
         for i in self.used(function):
             with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
@@ -379,14 +379,14 @@ def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -
 
 
 def degree_of(value: Any, world: Symbolics) -> int | None:
-    """The degree of a homogeneous polynomial; None for another function."""
+    """Degree of a homogeneous polynomial; None for another function."""
     if not value.is_polynomial(*world.variables):
         return None
     return sympy.Poly(value, *world.variables).homogeneous_order()
 
 
 def monomials(polynomial: Any, variables: Sequence[Any]) -> BracketPolynomial:
-    """The factors of the monomials of a polynomial, those that are not 0."""
+    """Factors of the monomials of a polynomial, those that are not 0."""
     terms = sympy.Poly(polynomial, *variables).terms()
     return {tuple(n for n, power in enumerate(powers) for _ in range(power)): c for powers, c in terms if c != 0}
 

@@ -71,7 +71,7 @@ def _of_part(part: set[int], world: Symbolics) -> tuple[list[tuple[int, Any]], i
 
 
 def _linear(entries: Mapping[tuple[int, int], BracketPolynomial], part: Sequence[int], world: Symbolics) -> list[Any]:
-    """The Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
+    """Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
     constants: dict[tuple[int, int], Any] = {
         **entries,
         **{(j, i): {(): -entry[()]} for (i, j), entry in entries.items()},
@@ -110,7 +110,7 @@ def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[in
 
 
 def _null_space(part: Sequence[int], powers: np.ndarray, bracket: Bracket, product_count: int) -> np.ndarray:
-    """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
+    """Coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
 
     `powers`, (monomial, component), are those of the monomials.  No coefficients where there are no more than
     `product_count`, so that no vectors need be computed.
@@ -162,7 +162,7 @@ def _new_rows(given: list[list[float]], space: np.ndarray) -> Iterator[list[Any]
 
 
 def _without_logarithms(function: Any, world: Symbolics) -> Any:
-    """The product of powers x_i^c_i whose logarithm a function is, if it is one; whole powers if they can be small."""
+    """Product of powers x_i^c_i whose logarithm a function is, if it is one; whole powers if they can be small."""
     terms = function.as_coefficients_dict()
     if not all(term in map(world.coordinate, world.bracket.logarithmic) for term in terms):
         return function

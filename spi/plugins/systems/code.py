@@ -41,7 +41,7 @@ class Formula:
         return lines, [self.code(value) for value in rest]
 
     def code(self, e: Any) -> str:
-        """The code of an expression, in parentheses where it is a sum or has a sign."""
+        """Code of an expression, in parentheses where it is a sum or has a sign."""
         if e.is_Symbol:
             return self.names[e]
         if e.is_Rational or e.is_NumberSymbol or (e.is_number and not e.args):
@@ -68,7 +68,7 @@ class Formula:
         return f"-{text}" if invariant == "-1.0" else text
 
     def _quotient(self, factors: Sequence[Any]) -> tuple[list[str], list[str]]:
-        """The codes of the factors above and below the line of a quotient."""
+        """Codes of the factors above and below the line of a quotient."""
         below = [f for f in factors if f.is_Pow and f.exp.is_number and f.exp.is_negative]
         return [self.code(f) for f in factors if f not in below], [self.code(f.base**-f.exp) for f in below]
 
@@ -118,7 +118,7 @@ class Formula:
         return f"{_PLAIN[e.func]}({inner})"
 
     def _largest(self, e: Any) -> str:
-        """The largest of several, two by two; the least is minus the largest of their opposites."""
+        """Largest of several, two by two; the least is minus the largest of their opposites."""
         sign = "" if isinstance(e, sympy.Max) else "-"
         first, *others = [f"{sign}{self.code(argument)}" for argument in _ordered(e.args, self.names)]
         for other in others:
@@ -127,7 +127,7 @@ class Formula:
 
 
 def _ordered(terms: Sequence[Any], names: Mapping[Any, str]) -> list[Any]:
-    """The terms of a sum in an order that does not depend on the process."""
+    """Terms of a sum in an order that does not depend on the process."""
     order = {symbol: n for n, symbol in enumerate(names)}
     return sorted(terms, key=lambda t: (sorted(order.get(s, len(order)) for s in t.free_symbols), str(t)))
 
@@ -139,7 +139,7 @@ def _literal(number: Any) -> str:
 
 
 class NumberCode:
-    """The code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
+    """Code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
 
     A literal that is no double has two parts, so that products with it are accurate to all digits: errors of
     a transform and its inverse with a rounded factor would add up over the steps.
@@ -165,7 +165,7 @@ class NumberCode:
         return sign, f"times({name}, {name}_REST, {factor})"
 
     def constant(self, value: mpmath.mpf) -> str:
-        """The code of a number that depends on parameters."""
+        """Code of a number that depends on parameters."""
         self.constants.append(value)
         return f"model.constants[{len(self.constants) - 1}]"
 
@@ -200,7 +200,7 @@ def forms(
 
 
 def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: NumberCode) -> list[str]:
-    """The product of a quantity with a factor of two parts that occurs in several rows gets a name."""
+    """Product of a quantity with a factor of two parts that occurs in several rows gets a name."""
     sizes = collections.Counter(mpmath.nstr(abs(row[name]), 30) for row in rows if name in row)
     for size, count in sizes.items():
         value = next(abs(row[name]) for row in rows if name in row and mpmath.nstr(abs(row[name]), 30) == size)

@@ -52,7 +52,7 @@ class _Writer:
         return name
 
     def sum(self, prefix: str, terms: TextTerms) -> str:
-        """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
+        """Name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
         return self.let(prefix, written_sum(terms)) if terms else "0.0"
 
     def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
@@ -83,7 +83,7 @@ class _Writer:
         return code if sign == "+" else f"-{code}"
 
     def total_angle(self, factors: Sequence[mpmath.mpf]) -> str:
-        """The sum of the a with these factors."""
+        """Sum of the a with these factors."""
         terms = []
         for n, c in enumerate(factors):
             if c and self.depends and abs(abs(c) - 1) > NOTHING:
@@ -264,7 +264,7 @@ class _Writer:
                 self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
 
     def _common_factor(self, block: Block) -> mpmath.mpf:
-        """The common factor of all columns by which changes are put back."""
+        """Common factor of all columns by which changes are put back."""
         sizes = {mpmath.nstr(max(map(abs, row.values())), 30) for space in block.spaces for row in space.right}
         if len(sizes) != 1 or self.depends:
             return mpmath.mpf(1)
@@ -316,7 +316,7 @@ def _row(entries: Mapping[tuple[int, int], mpmath.mpf], i: int) -> dict[int, mpm
 
 
 def _coordinates(block: Block) -> list[dict[str, mpmath.mpf]]:
-    """The coordinates in the eigenspaces as linear forms: of complex ones real and imaginary parts in turn."""
+    """Coordinates in the eigenspaces as linear forms: of complex ones real and imaginary parts in turn."""
     rows = []
     for space in block.spaces:
         for row in space.left:
@@ -347,7 +347,7 @@ def motion(
     numbers: NumberCode,
     depends: bool,
 ) -> Motion:
-    """The motion of some blocks, and of coordinates by series, with `count` parameters a.
+    """Motion of some blocks, and of coordinates by series, with `count` parameters a.
 
     `logarithmic`: the variables whose logarithms are coordinates, which begin at 0; `depends`: whether the matrices or
     series depend on parameters.
@@ -400,7 +400,7 @@ class Generator(NamedTuple):
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
-    """The generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
+    """Generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
     bracket = world.bracket
     generators = []
     key: tuple[Any, ...]
@@ -419,7 +419,7 @@ def generators(flow: Flow, world: Symbolics) -> list[Generator]:
 
 
 def motions(generators: Sequence[Generator], bracket: Bracket) -> Moving:
-    """The motions by commuting matrices, block by block, and by series."""
+    """Motions by commuting matrices, block by block, and by series."""
     fields = [generator.field for generator in generators]
     if any(map(is_curved, fields)):
         return [], series(fields), bracket.logarithmic
@@ -461,7 +461,7 @@ class _Shape(NamedTuple):
 
 
 class Tables:
-    """The tables of flows, and the shapes that occur in them."""
+    """Tables of flows, and the shapes that occur in them."""
 
     def __init__(self, world: Symbolics, names: Mapping[Any, str], numbers: NumberCode) -> None:
         self.world, self.numbers = world, numbers
@@ -473,7 +473,7 @@ class Tables:
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
     def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[FlowGroup, ...]:
-        """The table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
+        """Table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()
@@ -516,7 +516,7 @@ class Tables:
         return _Row(made, order, tuple(rates[n].xreplace(inside) for n in parameters))
 
     def _shape(self, row: _Row) -> int:
-        """The number of the shape of a row."""
+        """Number of the shape of a row."""
         made, moves = row.made, [("t", row.rates)]
         writer = Writer(self.names, self.world._replace(variables=tuple(self.local)), {})
         name, angle = "_shape", writer.angle(made, moves)
@@ -570,7 +570,7 @@ class Tables:
         return lines + (method("shape_slopes(model, k, y)", slopes) if slopes else [])
 
     def functions(self) -> list[list[str]]:
-        """The lines of the functions of all shapes."""
+        """Lines of the functions of all shapes."""
         pad = ["0.0"] * self.length
         results = ((shape, [*shape.moved, *pad][: self.length]) for shape in self.shapes.values())
         return [[*shape.function, f"    return {', '.join(result)}"] for shape, result in results]
@@ -635,7 +635,7 @@ class Writer(NamedTuple):
 
 
 def _angles(moves: Moves, codes: Sequence[str], places: Sequence[int]) -> list[str]:
-    """The angles at these places, each the sum of times and rates; `codes` are the rates of all moves in turn."""
+    """Angles at these places, each the sum of times and rates; `codes` are the rates of all moves in turn."""
     angles = []
     for n in places:
         terms = [(t, codes[m * len(rates) + n]) for m, (t, rates) in enumerate(moves)]
@@ -686,7 +686,7 @@ def _leader(first: Flow, second: Flow) -> Flow | None:
 
 
 def motion_function(name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> list[str]:
-    """The lines of the function of a motion; `uses` says whether it is given the model."""
+    """Lines of the function of a motion; `uses` says whether it is given the model."""
     parameters = [*["model"] * uses, "angles", *(f"a{n + 1}" for n in range(len(by))), "y"]
     head = f"def {name}({', '.join(parameters)}):"
     return ["", "@device", head, _said(made, by, uses, bracket), *_whole(made, bracket)]
@@ -703,7 +703,7 @@ def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -
 
 
 def _whole(made: Motion, bracket: Bracket) -> list[str]:
-    """The lines of a motion, from the components of y to the new ones."""
+    """Lines of a motion, from the components of y to the new ones."""
     d, used = bracket.dimension, words_in("\n".join(made.lines))
     zero = bracket.logarithmic.intersection(made.components)
     needed = [i for i in range(d) if f"y{i + 1}" in used or i not in made.components]

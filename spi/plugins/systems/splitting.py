@@ -1,4 +1,4 @@
-"""The splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
+"""Splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
 
 If {l_a, l_b} = 0 for all a, b, the flow of f(l_1, ..., l_r) keeps each l_a, so that its field is linear along the flow:
 y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.  So it is with quadratic functions
@@ -52,7 +52,7 @@ class NowhereFinite(NoExactFlow):
 
 
 def functionals_of(expression: Any, world: Symbolics) -> Span:
-    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
+    """Fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
     if len(used) == 1 or (_is_monomial(expression) and not world.bracket.logarithmic.intersection(used)):
@@ -71,7 +71,7 @@ def _is_monomial(expression: Any) -> bool:
 
 
 def _gradients(expression: Any, used: Sequence[int], world: Symbolics) -> list[Functional]:
-    """The gradients of an expression at random points, without those where it is not defined.
+    """Gradients of an expression at random points, without those where it is not defined.
 
     Where a root or a logarithm is complex, its gradient depends on the same functions as where it is real.
     """
@@ -196,7 +196,7 @@ class Term(NamedTuple):
     joined: int = 0  #: of how many terms it is the sum that do not commute, see ``joining``
 
     def slope(self, symbol: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
+        """Derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
         outer = self.outer if self.inner else self.expression
         inner = [sympy.diff(outer, s) * sympy.diff(u.form, symbol) for s, u in self.inner.items()]
         total = sympy.Add(sympy.diff(outer, symbol), *inner)
@@ -242,7 +242,7 @@ class Flow(NamedTuple):
         return f"{count} terms merged, {joined} of them joined"
 
     def slope(self, symbol: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept."""
+        """Derivative by a variable, Casimir functions being kept."""
         return sympy.Add(*(term.slope(symbol) for term in self.terms))
 
     def reduced(self) -> Span:
@@ -251,7 +251,7 @@ class Flow(NamedTuple):
 
 
 def single(expression: Any, world: Symbolics) -> Term:
-    """The term that an expression is; NoExactFlow if it is none."""
+    """Term that an expression is; NoExactFlow if it is none."""
     functionals, pivots = functionals_of(expression, world)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
@@ -341,7 +341,7 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
 
 
 def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> TermParts:
-    """The terms and products that a sum consists of; NoExactFlow if an addend is neither.
+    """Terms and products that a sum consists of; NoExactFlow if an addend is neither.
 
     Addends of an expanded sum are no functions of quadratic functions: (q^2 + p^2)^2 as a whole is better.
     """
@@ -376,7 +376,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False)
 
 
 def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
-    """The addends of a sum times factors, as they are written; none of other expressions."""
+    """Addends of a sum times factors, as they are written; none of other expressions."""
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
         return []
@@ -393,7 +393,7 @@ def _is_square_within(expression: Any, components: set[int], factor: Any, world:
 
 
 def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics, constants: Constants) -> list[Term]:
-    """The quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
+    """Quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
 
     The factor, 1 or a function of time alone, is that of all of them.
     """
@@ -462,7 +462,7 @@ def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
 
 
 def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
-    """The operands of an expression, with quadratic functions in one: the low terms of a sum, q^3 p^3 as (q p)^3."""
+    """Operands of an expression, with quadratic functions in one: the low terms of a sum, q^3 p^3 as (q p)^3."""
     parts = list(e.args)
     if e.is_Add:
         low = [part for part in parts if degree(part, world) <= 2]
@@ -471,7 +471,7 @@ def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
 
 
 def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
-    """The factors of a product, with the same power of two linear functions as one of their product."""
+    """Factors of a product, with the same power of two linear functions as one of their product."""
     powers = [part.as_base_exp() for part in parts]
     for n in dict.fromkeys(n for _, n in powers):
         pair = [base for base, m in powers if m == n and degree(base, world) == 1]
@@ -482,7 +482,7 @@ def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
 
 
 def degree(e: Any, world: Symbolics) -> Any:
-    """The degree of a polynomial; infinity for another function."""
+    """Degree of a polynomial; infinity for another function."""
     return sympy.Poly(e, *world.variables).total_degree() if e.is_polynomial(*world.variables) else sympy.oo
 
 
@@ -508,13 +508,13 @@ def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any
 
 
 def _symbol_of(u: Quadratic, inner: Mapping[Any, Quadratic]) -> Any:
-    """The symbol that stands for a quadratic function, a new one unless it has one in `inner`."""
+    """Symbol that stands for a quadratic function, a new one unless it has one in `inner`."""
     symbol = next((s for s, other in inner.items() if other.function == u.function), None)
     return symbol or sympy.Symbol(f"ζ{len(inner) + 1}", real=True)
 
 
 def _quadratic(u: Any, world: Symbolics, **more: Any) -> Quadratic:
-    """The function with its polynomial and what else is known of it."""
+    """Function with its polynomial and what else is known of it."""
     numbers = monomials(u.xreplace(dict(world.parameters)), world.variables)
     return Quadratic(u, {((), monomial): precise(c) for monomial, c in numbers.items()}, **more)
 
@@ -541,7 +541,7 @@ def affine_rates(rates: Mapping[int, Any], world: Symbolics) -> tuple[Any, dict[
 
 
 def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
-    """The function with its affine field and the factor of that, if it has one."""
+    """Function with its affine field and the factor of that, if it has one."""
     if (found := affine_rates(rates_of(u, world, world.parameters), world)) is None:
         return None
     terms = ((row, monomials(change, world.variables)) for row, change in found[1].items())
@@ -550,7 +550,7 @@ def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
 
 
 def _by_kept(u: Any, world: Symbolics) -> Quadratic | None:
-    """The function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
+    """Function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
     bracket, variables, rates = world.bracket, world.variables, rates_of(u, world, world.parameters)
     linked = connected({*pair}.union(*entry) for pair, entry in bracket.entries.items())
     within = set().union(*(part for part in linked if part & {*world.used(u)})) - bracket.logarithmic

@@ -40,7 +40,7 @@ ReportChunk = Callable[[int, int, str], None]  #: the number of the next chunk, 
 
 
 class Verification(NamedTuple):
-    """The outcome."""
+    """Outcome."""
 
     chunks: int  #: number of all chunks
     checked: tuple[str, ...]  #: those that were computed again: "case/part, paths of chunk ... of path set ..."
@@ -110,7 +110,7 @@ def verify(
 
 
 def _listed(results: StoredResults) -> dict[str, str]:
-    """The digests of chunks in a file, by their names; StorageError if they cannot be read."""
+    """Digests of chunks in a file, by their names; StorageError if they cannot be read."""
     if not all(re.fullmatch(r".* \d{1,18} \d{1,18} \d{1,18} \w+", line) for line in results.chunks):
         raise StorageError("the digests of chunks in the results file are damaged; run the experiment again")
     return {label: text for label, _, text in (line.rpartition(" ") for line in results.chunks)}
@@ -128,7 +128,7 @@ def _chunks(plan: Plan, listed: dict[str, str]) -> Iterator[Chunk]:
 
 
 def _not_listed(every: Collection[str], listed: Collection[str]) -> Iterator[str]:
-    """The mistakes in the list of chunks, part by part."""
+    """Mistakes in the list of chunks, part by part."""
 
     def count(labels: Iterable[str]) -> Counter[str]:
         return Counter(label.rsplit(" ", 3)[0] for label in labels)
@@ -141,7 +141,7 @@ def _not_listed(every: Collection[str], listed: Collection[str]) -> Iterator[str
 
 
 def _not_of_the_spec(experiment: specs.Experiment, results: StoredResults) -> Iterator[str]:
-    """The attributes of the file that are not those of its spec."""
+    """Attributes of the file that are not those of its spec."""
     expected = root_attributes(experiment)
     for name in ("kind", "seed", "samples", "expect", "title", "asks", "figure"):
         if expected[name] != results.attributes.get(name):
@@ -149,7 +149,7 @@ def _not_of_the_spec(experiment: specs.Experiment, results: StoredResults) -> It
 
 
 def _sums_of(path: Path, results: StoredResults, ready: Sequence[Plan]) -> tuple[Path | None, list[State]]:
-    """The folder with the sums over the paths of results, and the states in it; None if any are missing."""
+    """Folder with the sums over the paths of results, and the states in it; None if any are missing."""
     store, states = storage.Store(path.parent / "sums"), [State(plan) for plan in ready]
     try:
         keys = json.loads(results.attributes["sums"])
@@ -167,7 +167,7 @@ def _sums_of(path: Path, results: StoredResults, ready: Sequence[Plan]) -> tuple
 
 
 def _differing(states: Sequence[State], results: StoredResults, rounding: float, times: bool) -> list[str]:
-    """The names of all that is otherwise in a file than the results of the same plans from states."""
+    """Names of all that is otherwise in a file than the results of the same plans from states."""
     records = gathered(state.plan.results(state) for state in states)
     return differing([record.group() for record in records], results.groups, times, rounding)
 
@@ -218,7 +218,7 @@ _OF_ITS_RUN = ("threads",)
 
 
 def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool, rounding: float = 0.0) -> list[str]:
-    """The names of all that is not the same in `stored` as in what was `derived`, times only if they are wanted.
+    """Names of all that is not the same in `stored` as in what was `derived`, times only if they are wanted.
 
     Numbers may differ by `rounding` times their size.
     """

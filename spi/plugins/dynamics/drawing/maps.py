@@ -45,7 +45,7 @@ _BANDS = 96  # into which a sphere is divided at least, as the edges of its cell
 
 
 def cell_edges(maps: Any, i: int, finer: int = 1) -> list[Array]:
-    """The edges of the cells of map `i` along both of its sides, each cell divided into `finer` parts."""
+    """Edges of the cells of map `i` along both of its sides, each cell divided into `finer` parts."""
     ends = zip(maps.low[i], maps.width[i], maps.density.shape[1:], strict=True)
     return [low + width * np.linspace(0, number, finer * number + 1) for low, width, number in ends]
 
@@ -123,7 +123,7 @@ class HistogramPanel(NamedTuple):
     only: Callable[[Any, int], bool] = lambda record, place: True
 
     def expand(self, records: Records, looks: style.Looks) -> Iterator[plots.Plot]:
-        """The panels of one case."""
+        """Panels of one case."""
         shown = [record for record in records if record.get(self.field) is not None and self.at(record) is not None]
         if not shown:
             return
@@ -141,7 +141,7 @@ class HistogramPanel(NamedTuple):
             yield plots.Plot(lines, title, name, label, ylim=(0.0, 1.12 * peak or 1.0))
 
     def _lines(self, record: Any, index: Any, looks: style.Looks) -> Iterator[plots.Series]:
-        """The density of one scheme without the empty cells at both ends, and that of theory."""
+        """Density of one scheme without the empty cells at both ends, and that of theory."""
         density, bottom, top = (array[index] for array in record.estimate(self.field)[1:])
         exact, low, width = (record.get(name)[index] for name in (self.exact or self.field, self.low, self.width))
         used = np.flatnonzero((density > 0) | (exact > 0))

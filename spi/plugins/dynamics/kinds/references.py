@@ -44,7 +44,7 @@ class References(NamedTuple):
         return isinstance(reference, str) and reference not in self.words
 
     def formula(self, case: Any, text: str) -> Any:
-        """The tree of a formula in parameters of the model, T and perhaps t; NumberError if it is none."""
+        """Tree of a formula in parameters of the model, T and perhaps t; NumberError if it is none."""
         if re.search(r"\by1\b", text):  # as which t stands in the tree
             raise NumberError("unknown name 'y1'")
         return parse_expression(text, len(self.names), self.names, numbers_of(case))
@@ -86,7 +86,7 @@ class References(NamedTuple):
 
 
 def curve(text: str, path: str) -> TimeCurve:
-    """The rows of a file, by t; raises the error about the key ``file``."""
+    """Rows of a file, by t; raises the error about the key ``file``."""
     right = "must have t and value, and may have stderr"
     try:
         table = np.genfromtxt(io.StringIO(text.strip() or "nothing"), delimiter=",", names=True, ndmin=1)
@@ -125,7 +125,7 @@ def gibbs_mean(model: Any, initial: Any, temperature: float, function: PathFunct
 
 
 def reason_of(mean: Callable[[Any, str], Any]) -> Callable[[Any, str], str | None]:
-    """The reason, in a phrase, with which a mean raises ValueError; None where it is known."""
+    """Reason, in a phrase, with which a mean raises ValueError; None where it is known."""
 
     def obstacle(case: Any, name: str) -> str | None:
         try:

@@ -17,7 +17,7 @@ WINDOW = 5
 
 
 def lagged_products(earlier: Array, later: Array) -> Array:
-    """The spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
+    """Spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
 
     `earlier` and `later` (..., L) are a stretch of a series and the next one.
     """
@@ -38,7 +38,7 @@ def lagged_sums(spectrum: Array) -> Array:
 
 
 class Correlation(NamedTuple):
-    """The integrated autocorrelation times of some series, (...), in values."""
+    """Integrated autocorrelation times of some series, (...), in values."""
 
     tau: Array
     window: Array  #: W
@@ -46,7 +46,7 @@ class Correlation(NamedTuple):
 
 
 def integrated(covariance: Array) -> Correlation:
-    """The integrated autocorrelation times from autocovariances (..., L) at lags 0, ..., L - 1."""
+    """Integrated autocorrelation times from autocovariances (..., L) at lags 0, ..., L - 1."""
     with np.errstate(all="ignore"):
         each = 0.5 + np.cumsum(covariance[..., 1:] / covariance[..., :1], axis=-1)
     wide = np.arange(1, covariance.shape[-1]) >= WINDOW * np.maximum(each, 1)  # false for NaN
@@ -76,7 +76,7 @@ class CorrelationTimes(NamedTuple):
 
 
 def resolved_times(correlation: Correlation, count: Array | int) -> CorrelationTimes:
-    """The times of correlations that were estimated from `count` values, with what these tell of them.
+    """Times of correlations that were estimated from `count` values, with what these tell of them.
 
     A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
     """

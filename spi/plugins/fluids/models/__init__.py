@@ -1,4 +1,4 @@
-"""The stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
+"""Stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
 
 The vorticity omega(x) = sum_m omega_m exp(i m.x) on [0, 2 pi)^2 has the modes of ``tables.py``, and (the paper's
 Example 4, for every N = 2M + 1)
@@ -30,7 +30,7 @@ class Process(NamedTuple):
 
 
 class ModeNoise(NamedTuple):
-    """The noise of some modes: each has Wiener processes of its own.
+    """Noise of some modes: each has Wiener processes of its own.
 
     quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
     Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
@@ -110,7 +110,7 @@ class Zeitlin(NamedTuple):
 
     @property
     def processes(model) -> tuple[Process, ...]:
-        """The Wiener processes in their order."""
+        """Wiener processes in their order."""
         forms = {"quadratic": ("quadratic",), "linear": ("cosine", "sine")}
         return tuple(
             Process(mode, noise.sigma, form)
@@ -122,7 +122,7 @@ class Zeitlin(NamedTuple):
 
 
 def _modes_of(noise: ModeNoise, n: int) -> tuple[Mode, ...]:
-    """The modes of a noise, one for each pair m, -m; those of a shell in the order of the state."""
+    """Modes of a noise, one for each pair m, -m; those of a shell in the order of the state."""
     if noise.shell is not None:
         return tuple(m for m in modes(n) if shell(m) == noise.shell)
     stored = set(modes(n))

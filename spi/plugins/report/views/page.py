@@ -112,7 +112,7 @@ def _number(text: str) -> str:
 
 
 def _mantissa(number: str) -> tuple[str, str]:
-    """The digits of a number, and its power of ten as a factor."""
+    """Digits of a number, and its power of ten as a factor."""
     digits, _, exponent = number.partition("e")
     return digits, rf"\cdot 10^{{{int(exponent)}}}" if exponent else ""
 
@@ -159,7 +159,7 @@ def drawn(
 
 
 def _tried(results: StoredResults, prefix: str, alt: str) -> Markup | Exception:
-    """The picture, or the error of one that cannot be drawn, so that the others are."""
+    """Picture, or the error of one that cannot be drawn, so that the others are."""
     try:
         return picture(results, prefix, alt)
     except Exception as error:
@@ -167,7 +167,7 @@ def _tried(results: StoredResults, prefix: str, alt: str) -> Markup | Exception:
 
 
 def picture(results: StoredResults, prefix: str, alt: str) -> Markup:
-    """The figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
+    """Figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
 
     ValueError if there is none for their kind or nothing to draw.
     """
@@ -206,7 +206,7 @@ def files(
     tell: Tell = lambda problem: None,
     short: bool = False,
 ) -> dict[Path, bytes]:
-    """The files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
+    """Files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
     These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
     ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with one record per point of its
@@ -274,7 +274,7 @@ def anchor(number: int) -> str:
 def page(
     sections: Sequence[ReportSection], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
 ) -> str:
-    """The page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
+    """Page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,

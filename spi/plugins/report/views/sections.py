@@ -1,4 +1,4 @@
-"""The sections of a report, one for each experiment."""
+"""Sections of a report, one for each experiment."""
 
 import json
 import math
@@ -76,7 +76,7 @@ def _formula(latex: str, block: bool) -> Markup:
 
 
 def equation(read: Sequence[Stored], attributes: Mapping[str, Any]) -> Iterator[Markup]:
-    """The equation that results are of, with its structure and Hamiltonians as far as the cases have one model."""
+    """Equation that results are of, with its structure and Hamiltonians as far as the cases have one model."""
     about = read[0].about
     damping = _DAMPING if "damping" in about.parameters else ""
     friction, fields = (_FRICTION, _FIELDS) if "temperature" in about.parameters else ("", "")
@@ -110,7 +110,7 @@ def _equal(name: str, formula: str, variables: tuple[str, ...]) -> Markup:
 
 
 def _definition(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The definition of the system in a spec, or in the file that it names; empty if there is none for all cases."""
+    """Definition of the system in a spec, or in the file that it names; empty if there is none for all cases."""
     model = Document(attributes.get("spec") or "{}", str).data.get("model")
     if not isinstance(model, dict):
         return {}
@@ -142,7 +142,7 @@ class Titled(NamedTuple):
 
     @property
     def html(self) -> Markup:
-        """The table as HTML."""
+        """Table as HTML."""
         sides = [" class=l" if side == "l" else "" for side in self.justified]
         head = Markup("").join(
             Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, self.frame.columns, strict=True)
@@ -221,13 +221,13 @@ class ReportSection(NamedTuple):
 
     @property
     def tables(self) -> list[Titled]:
-        """The tables among the items, that of the orders before them."""
+        """Tables among the items, that of the orders before them."""
         printed = [item for item in self.items if isinstance(item, Titled)]
         return [self.orders, *printed] if self.orders else printed
 
 
 def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
-    """The section on the results in the file `path`.
+    """Section on the results in the file `path`.
 
     ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
     """
@@ -265,14 +265,14 @@ def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
 
 
 def _items(results: StoredResults) -> Iterator[Titled | str]:
-    """The tables and lines of `spi show`, those of claims among them."""
+    """Tables and lines of `spi show`, those of claims among them."""
     for items, judged in views.by_cases(results):
         for item in [*items, *[tables.grid(judged)] * bool(judged)]:
             yield Titled.of(item) if isinstance(item, TextTable) else item.text
 
 
 def _answers(read: Sequence[Stored]) -> Facts:
-    """The sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
+    """Sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
     texts = [(whole.title, sweeps.headline(whole.curves)) for whole in views.wholes(read)]
     if not texts:
         cases = by_case(read)
@@ -318,7 +318,7 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _from_spec(name: str, attributes: dict[str, Any]) -> str:
-    """The command that repeats results from their spec, by its name if it came with the program as it stands there."""
+    """Command that repeats results from their spec, by its name if it came with the program as it stands there."""
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]
     else:

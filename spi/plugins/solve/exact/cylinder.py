@@ -59,7 +59,7 @@ REFINEMENT = 1.4  #: ratio of a grid to the coarser one by which its error is es
 
 
 class Problem(NamedTuple):
-    """The equation, initial value and functions in the coordinates of a cylinder."""
+    """Equation, initial value and functions in the coordinates of a cylinder."""
 
     initial: tuple
     T: float
@@ -69,17 +69,17 @@ class Problem(NamedTuple):
 
     @property
     def r(self):
-        """The radius."""
+        """Radius."""
         return float(np.hypot(*self.initial[1:]))
 
     @property
     def speed(self):
-        """The largest speed of y_1 by the drift."""
+        """Largest speed of y_1 by the drift."""
         return abs(self.rates[1]) * self.r
 
     @property
     def diffusion(self):
-        """The largest diffusion coefficient of y_1 by the noise."""
+        """Largest diffusion coefficient of y_1 by the noise."""
         return abs(self.sigma[1]) * self.r
 
     def rough(self, half_width):
@@ -123,7 +123,7 @@ class Mesh:
             counted(seconds_of_kinks(problem.functions[f], self.shape))
 
     def _projected(self, phi, half_width):
-        """The transform of a function with kinks, from a finer grid and through a low-pass filter."""
+        """Transform of a function with kinks, from a finer grid and through a low-pass filter."""
         n1, n_alpha = self.shape
         y1, y2, y3 = self.problem.initial
         angle, r = np.arctan2(y3, y2), self.problem.r
@@ -163,7 +163,7 @@ class Mesh:
         return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * low_pass(self.m), self.shape[1], axis=1)[:, 0]
 
     def seconds(self, plan):
-        """The seconds of a step, roughly."""
+        """Seconds of a step, roughly."""
         begin, branches, end = plan
         groups = len(begin) + len(end) + sum(len(word) for _, word in branches)
         return groups * SECONDS * self.start.shape[0] * prod(self.shape)
@@ -194,7 +194,7 @@ class Mesh:
 
 
 def seconds_of_kinks(phi, shape):
-    """The seconds to look for the kinks of a function on a grid, roughly."""
+    """Seconds to look for the kinks of a function on a grid, roughly."""
     return KINKS[0] * len(phi.singular) * sum(shape) + KINKS[1] * prod(shape)
 
 
@@ -424,7 +424,7 @@ class Refining:
             self.sizes.append(size)
 
     def costs(self, steps):
-        """The seconds of all refinements, with so many steps."""
+        """Seconds of all refinements, with so many steps."""
         functions = self.problem.functions
         kinks = [phi for phi, rough in zip(functions, self.rough, strict=True) if rough]
         of_point = SECONDS * len(functions) * len(self.strang[0]) * float(steps)
@@ -474,7 +474,7 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 
 
 def _largest(problem):
-    """The largest |phi| on the circle of the initial value: less than on the whole cylinder."""
+    """Largest |phi| on the circle of the initial value: less than on the whole cylinder."""
     y1, y2, y3 = problem.initial
     angle, r = np.linspace(0, 2 * np.pi, 256), np.hypot(y2, y3)
     y = np.array([np.full_like(angle, y1), r * np.cos(angle), r * np.sin(angle)])
@@ -489,7 +489,7 @@ def _problem(model, initial, final_time, functions):
 
 
 def _grids(problem, size, half_width, rough):
-    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
+    """Grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
 
     With functions that are `rough` two more: changes from grid to grid may be small by chance where there are kinks.
     """
@@ -504,7 +504,7 @@ def _grids(problem, size, half_width, rough):
 
 
 class _Run(NamedTuple):
-    """The results on one grid for F functions and S step sizes, with their uncertainties."""
+    """Results on one grid for F functions and S step sizes, with their uncertainties."""
 
     limit: np.ndarray  #: (F,)
     limit_uncertain: np.ndarray
@@ -519,7 +519,7 @@ def _bounds(runs, rough, floor, disagreement):
     finest, others = runs[0], runs[1:]
 
     def of_grid(of):
-        """The sum of the changes in both directions; where there are kinks twice the largest change on any grid."""
+        """Sum of the changes in both directions; where there are kinks twice the largest change on any grid."""
         changes = np.abs([of(finest) - of(run) for run in others])
         return np.where(rough.reshape(-1, *[1] * (changes.ndim - 2)), 2 * changes.max(axis=0), sum(changes[:2]))
 

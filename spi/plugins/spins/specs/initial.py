@@ -1,4 +1,4 @@
-"""The directions of spins, under the key ``initial``.
+"""Directions of spins, under the key ``initial``.
 
     initial: {spins: [0, 0, 1]}
     initial: {spins: random, seed: 2}
@@ -36,7 +36,7 @@ class SpinStates(Keys):
     seed: key_of(Seed, "of random directions") = 1
 
     def state(self, model: Any, files: Files) -> Any:
-        """The state of a lattice of spins."""
+        """State of a lattice of spins."""
         if not isinstance(model, Spins):
             raise wrong("has spins, which is for the model spins", "give a list, a number per component", "spins")
         sites, per_cell = dimension(model) // 3, len(model.cell.sites)

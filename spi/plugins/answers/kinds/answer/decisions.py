@@ -1,4 +1,4 @@
-"""The decisions on an answer and their records: stages, pilots, the choice of levels, and what came out."""
+"""Decisions on an answer and their records: stages, pilots, the choice of levels, and what came out."""
 
 import math
 from enum import IntEnum
@@ -36,7 +36,7 @@ class SolveOrSample(IntEnum):
 
 
 class Best(NamedTuple):
-    """The best choice of levels of a scheme, from the estimates of its levels."""
+    """Best choice of levels of a scheme, from the estimates of its levels."""
 
     choice: planner.Choice
     measured: planner.Measured
@@ -87,11 +87,11 @@ class Decisions(NamedTuple):
 
     @property
     def base_set(self) -> SetOf:
-        """The path set with the largest step alone."""
+        """Path set with the largest step alone."""
         return SetOf(self.scheme, Role.POINTS if self.follows_points else Role.VALUES, self.base)
 
     def with_best(self, best: Best) -> "Decisions":
-        """The decisions with other levels."""
+        """Decisions with other levels."""
         levels, base, finest, work, _ = best.choice
         points = bool(best.measured.along[base] > 0)
         return self._replace(
@@ -117,7 +117,7 @@ def _first_steps(scheme: int, schemes: int, levels: int, samples: int) -> np.nda
 
 
 class Outcome(NamedTuple):
-    """The estimates from all sums, arrays (F,)."""
+    """Estimates from all sums, arrays (F,)."""
 
     value: np.ndarray
     half: np.ndarray  #: half the width of the 95 % interval, the bias included
@@ -140,7 +140,7 @@ class Outcome(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """The prediction of an answer, from its pilot alone."""
+    """Prediction of an answer, from its pilot alone."""
 
     how: str  #: the choice, in words
     seconds: float  #: of processor time; NaN where nothing would be sampled

@@ -49,7 +49,7 @@ def remarks(case: Any) -> Iterator[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerPlan(AllocatingPlan):
-    """The answer of a case."""
+    """Answer of a case."""
 
     record = Answer
 
@@ -103,7 +103,7 @@ class AnswerPlan(AllocatingPlan):
     # -----------------------------------------------------------------------------------------------------------------
 
     def results(self, state: State) -> Answer:
-        """The answer, from the final state."""
+        """Answer, from the final state."""
         case, extra = self.case, state.extra
         facts: dict[str, Any] = self.whole(state) | {
             "functions": tuple(case.functions),
@@ -154,7 +154,7 @@ class AnswerPlan(AllocatingPlan):
         return bound < half and half > self.case.accuracy
 
     def _chosen(self, state: State, outcome: Outcome) -> Chosen:
-        """The choice, with the levels that it uses and that of the check."""
+        """Choice, with the levels that it uses and that of the check."""
         extra, measured = state.extra, self.measured(state, state.extra.scheme)
         used = np.arange(extra.base + 1, extra.finest + 2)  # the last one is that of the check
         coupled = self.totals(state, extra.scheme, Role.DIFFERENCES)
@@ -179,7 +179,7 @@ class AnswerPlan(AllocatingPlan):
         )
 
     def _warnings(self, state: State, outcome: Outcome, chosen: Chosen, other: Compared | None) -> Iterator[str]:
-        """The warnings about an answer by sampling."""
+        """Warnings about an answer by sampling."""
         case, extra = self.case, state.extra
         resolved = np.isfinite(outcome.half)
         if not (outcome.half[resolved] <= case.accuracy).all():
@@ -221,7 +221,7 @@ class AnswerPlan(AllocatingPlan):
     # -----------------------------------------------------------------------------------------------------------------
 
     def cost(self) -> PartCost:
-        """The cost of the pilot, with NaN seconds; or of the refinements before the first decision."""
+        """Cost of the pilot, with NaN seconds; or of the refinements before the first decision."""
         if self.solvable:
             _, ahead = self.prospect(self.initial_extra())
             return PartCost(0, float(min(ahead.seconds, self.case.seconds)) * thread_count(), int(BATCH_BYTES))

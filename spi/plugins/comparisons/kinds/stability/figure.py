@@ -1,4 +1,4 @@
-"""The figure of stability: maps of regimes, and single quantities over the swept parameter."""
+"""Figure of stability: maps of regimes, and single quantities over the swept parameter."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -99,7 +99,7 @@ def _quantity(field: str, label: str, median: str = "", **options: Any) -> panel
 
 
 def _law(readings: StabilityReadings, looks: style.Looks) -> Iterator[Any]:
-    """The distance of the laws: of many lines a panel for each scheme, with one look for each step size."""
+    """Distance of the laws: of many lines a panel for each scheme, with one look for each step size."""
     if len(readings) < _APART or min(len(readings[0].values), len(readings[0].h)) < _APART:
         yield from _quantity("law_distance", _LAW).expand(readings, looks)
         return

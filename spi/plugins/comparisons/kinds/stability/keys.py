@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind stability."""
+"""Keys of an experiment of kind stability."""
 
 from typing import Annotated, ClassVar, Literal, Self
 

@@ -102,13 +102,13 @@ parts = each_scheme
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(BlocksPlan):
-    """The paths of one scheme at all step sizes, for one value of the swept parameter."""
+    """Paths of one scheme at all step sizes, for one value of the swept parameter."""
 
     record, sums = Stability, PathExtremes
 
     @functools.cached_property
     def grid(self) -> TimeGrid:
-        """The step sizes of the case and the reference, on the same Brownian paths."""
+        """Step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps)
 
     @property
@@ -128,7 +128,7 @@ class StabilityPlan(BlocksPlan):
 
     @property
     def seconds_of_truth(self) -> float:
-        """The seconds that the true expectations take, roughly."""
+        """Seconds that the true expectations take, roughly."""
         end = self.case.final_time
         return float(seconds_of_equation(self.model, self.initial, end, self.phis, most_seconds=_MOST_SECONDS))
 
@@ -138,12 +138,11 @@ class StabilityPlan(BlocksPlan):
         return deciding if number is None else deciding | {"functions": None}
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         conserved = len(casimirs(self.model, self.initial))
         return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The contributions of some blocks."""
+        """Contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
         states, report = self.integrated(first, blocks, end, observer)
         extremes = observer.extremes
@@ -151,7 +150,7 @@ class StabilityPlan(BlocksPlan):
         return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
     def tasks(self, state: State) -> list[Task]:
-        """The true expectations."""
+        """True expectations."""
         return [Task(_TRUTH, self._truth)] if self.has_truth else []
 
     def _truth(self) -> dict[str, Any]:
@@ -159,11 +158,11 @@ class StabilityPlan(BlocksPlan):
         return {"value": value, "bound": bound}
 
     def description(self) -> Description:
-        """The description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
+        """Description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
         return replace(super().description(), variant=self.part.scheme)
 
     def results(self, state: State) -> Stability:
-        """The results for the value, all arrays without its axis."""
+        """Results for the value, all arrays without its axis."""
         case, paths, n = self.case, state.total(), self.samples
         ((word, value),) = case.sweep.places.items()
         first = np.abs(self.initial_casimirs(0, self.blocks))[:, :n]

@@ -1,4 +1,4 @@
-"""The figure of work and precision: errors, and errors of the Casimirs, against processor time."""
+"""Figure of work and precision: errors, and errors of the Casimirs, against processor time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +20,7 @@ _TARGET: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.7, "linestyle": (
 
 
 def _with_targets(plot: plots.Plot, readings: WorkReadings, place: int) -> plots.Plot:
-    """The panel of errors, the requested ones as lines across; those of a blow-up do not widen its axis."""
+    """Panel of errors, the requested ones as lines across; those of a blow-up do not widen its axis."""
     good = [one.error[one.resolved & (one.error < _SPOILT)] for one in readings]
     top = _FAR * float(np.median([error.max() for error in good if len(error)] or [_SPOILT / _FAR]))
 
@@ -41,7 +41,7 @@ def _over_time(field: str, **options: Any) -> panels.CurvePanel:
 
 
 def _facts(readings: WorkReadings) -> dict[str, str]:
-    """The facts of a case, without the estimator of its weak errors if that differs from scheme to scheme."""
+    """Facts of a case, without the estimator of its weak errors if that differs from scheme to scheme."""
     estimators = {reading.estimator for reading in readings}
     estimator = label_of(estimators.pop()) if len(estimators) == 1 else None
     names = "reference_step", "reference_scheme", "samples", "functions"

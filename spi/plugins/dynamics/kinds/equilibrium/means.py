@@ -43,7 +43,7 @@ class RecordedPaths(LongPaths):
 
 
 class SnapshotSeries(NamedTuple):
-    """The snapshots of the paths of one step size at which functions are evaluated."""
+    """Snapshots of the paths of one step size at which functions are evaluated."""
 
     stride: int  #: steps from one to the next
     total: int  #: their number
@@ -51,24 +51,24 @@ class SnapshotSeries(NamedTuple):
 
     @classmethod
     def of(cls, case: Any, number: int) -> "SnapshotSeries":
-        """The snapshots at step size number `number` of a case."""
+        """Snapshots at step size number `number` of a case."""
         total = round(case.final_time / case.between)
         left = max(0, total - math.ceil(case.burnt / case.between - 1e-9))
         return cls(round(case.between / case.steps[number]), total, left // batches_of(left) * batches_of(left))
 
     @property
     def first(self) -> int:
-        """The number of those that do not count, the first ones."""
+        """Number of those that do not count, the first ones."""
         return self.total - self.used
 
     @property
     def batches(self) -> int:
-        """The number of batches of time."""
+        """Number of batches of time."""
         return batches_of(self.used)
 
     @property
     def lags(self) -> int:
-        """The number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
+        """Number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
         return min(1 << max(1, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
@@ -89,7 +89,7 @@ class FunctionRecorder(NamedTuple):
 
     @classmethod
     def of(cls, case: Any, number: int, bins: Any = (np.nan, np.nan)) -> "FunctionRecorder":
-        """The recorder at step size number `number` of a case, with `bins` (low, width), or such of all values."""
+        """Recorder at step size number `number` of a case, with `bins` (low, width), or such of all values."""
         functions = case.path_functions
         origins = np.array([origin_of(function, case.initial) for function in functions])
         low, width = (np.broadcast_to(each, len(functions)) for each in bins)
@@ -101,7 +101,7 @@ class FunctionRecorder(NamedTuple):
         return bool(np.isnan(self.width).any())
 
     def with_bins_of(self, series: Array) -> "FunctionRecorder":
-        """The recorder with bins around all values (F, kept), the recorder itself where it has bins."""
+        """Recorder with bins around all values (F, kept), the recorder itself where it has bins."""
         if not self.keeps:
             return self
         low, width = bins_around(series + self.origins[:, np.newaxis], self.bins)
@@ -114,7 +114,7 @@ class FunctionRecorder(NamedTuple):
 
     @property
     def lengths(self) -> dict[str, int]:
-        """The lengths of the axes of the fields of :class:`RecordedPaths` about functions."""
+        """Lengths of the axes of the fields of :class:`RecordedPaths` about functions."""
         kept = self.series.used if self.keeps else 0
         return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2, "kept": kept}
 
@@ -142,7 +142,7 @@ class FunctionRecorder(NamedTuple):
         return evaluated(self.functions, state[:, np.newaxis])[:, 0] - self.origins
 
     def recorded(self, paths: RecordedPaths, values: Array, n: int, first: int, end: int) -> RecordedPaths:
-        """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
+        """Paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
         if not count:
@@ -258,14 +258,14 @@ def with_bins(recorders: Sequence[FunctionRecorder], totals: Sequence[RecordedPa
 
 
 def references_of(recorders: Sequence[FunctionRecorder], case: Any) -> FunctionReferences:
-    """The references of the functions of a case, and of the bins of recorders."""
+    """References of the functions of a case, and of the bins of recorders."""
     return known_laws(case, [recorder.edges for recorder in recorders])
 
 
 def averages(
     recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[RecordedPaths], known: Mapping[str, Any] | None
 ) -> Averages:
-    """The record of the functions of a case, from the sums over the paths of each step size.
+    """Record of the functions of a case, from the sums over the paths of each step size.
 
     The fields of `known` are those of :func:`references_of`, None where no reference takes a computation.
     """
@@ -385,7 +385,7 @@ def _without_batches(sums: Array, samples: int) -> tuple[Array, Array]:
 
 
 def _sizes(recorder: FunctionRecorder, mean: Array, case: Any) -> tuple[Array, int]:
-    """The sizes (F,) of functions for rounding, and the steps."""
+    """Sizes (F,) of functions for rounding, and the steps."""
     at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
     return np.maximum(at_start, np.abs(mean + recorder.origins)), recorder.series.total * recorder.series.stride
 
@@ -425,7 +425,7 @@ def _derived(recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[
 
 
 def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:
-    """The order p of the bias of a function in the step size, and C of bias = C h^p.
+    """Order p of the bias of a function in the step size, and C of bias = C h^p.
 
     Averages and errors are (S,), and `without` (groups, S) averages without each group.  With `own` the reference
     is the mean at the smallest step size, which is left out.

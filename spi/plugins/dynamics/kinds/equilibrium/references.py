@@ -70,7 +70,7 @@ def _variance(model: Any, initial: Any, temperature: float, function: PathFuncti
 def _shares(
     model: Any, initial: Any, temperature: float, function: PathFunction, edges: tuple[float, ...]
 ) -> np.ndarray:
-    """The probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
+    """Probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
     law = gibbs.law_of(model, initial, temperature)
     try:
         return np.asarray(law.probabilities(function.values, np.array(edges)))

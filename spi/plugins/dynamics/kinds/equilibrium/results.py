@@ -33,7 +33,7 @@ _SELDOM = 0.01
 
 
 def batches_of(values: int) -> int:
-    """The number of batches of so many values of a path."""
+    """Number of batches of so many values of a path."""
     return BATCHES if values >= FEW else 4 if values >= 8 else 2
 
 
@@ -168,7 +168,7 @@ class Averages(Described):
         return np.isfinite(self.factors) & ~self.of_energy
 
     def response(self, f: int) -> tuple[str, float]:
-        """The response proportional to the variance, by name, and the factor; NaN without a temperature.
+        """Response proportional to the variance, by name, and the factor; NaN without a temperature.
 
         It is the "heat capacity" Var H / T^2, or of another function f the "susceptibility" Var f / T.
         """

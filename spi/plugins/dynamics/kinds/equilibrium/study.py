@@ -41,7 +41,7 @@ class EquilibriumPlan(LongPlan):
 
     @functools.cached_property
     def recorders(self) -> tuple[means.FunctionRecorder, ...]:
-        """The recorder of functions at each step size."""
+        """Recorder of functions at each step size."""
         numbers = range(len(self.case.steps))
         if self.is_long:
             return tuple(means.FunctionRecorder.of(self.case, i) for i in numbers)
@@ -87,7 +87,7 @@ class EquilibriumPlan(LongPlan):
         return series.stride if self.is_long or stop > series.first * series.stride else 0
 
     def looked(self, chunk: Chunk, paths: means.RecordedPaths, before: int, stored: Array) -> means.RecordedPaths:
-        """The paths with the values of functions at the stored states."""
+        """Paths with the values of functions at the stored states."""
         recorder = self.recorders[chunk.path_set]
         values = recorder.values(stored, before, self.lanes)
         return recorder.recorded(paths, values, before, chunk.first, chunk.end)
@@ -100,13 +100,13 @@ class EquilibriumPlan(LongPlan):
     def with_looks(
         self, chunk: Chunk, paths: means.RecordedPaths, before: int, looks: list[Array]
     ) -> means.RecordedPaths:
-        """The path with values of functions."""
+        """Path with values of functions."""
         values = np.transpose(looks)[:, np.newaxis, np.newaxis]
         in_lanes = np.broadcast_to(values, (len(values), 1, LANES, len(looks)))
         return self.recorders[chunk.path_set].recorded(paths, in_lanes, before, chunk.first, chunk.end)
 
     def ended(self, chunk: Chunk, paths: means.RecordedPaths, states: Array) -> means.RecordedPaths:
-        """The paths of a chunk after all steps, with sums over groups in place of values."""
+        """Paths of a chunk after all steps, with sums over groups in place of values."""
         summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end)
         left = {name: getattr(paths, name)[:, :0] for name in ("stretch", "batches", "squares")}
         return super().ended(chunk, paths, states)._replace(**left, **summed)
@@ -121,7 +121,7 @@ class EquilibriumPlan(LongPlan):
         return np.array(sizes)
 
     def tasks(self, state: State) -> list[Task]:
-        """The references that are quadratures of the Gibbs law."""
+        """References that are quadratures of the Gibbs law."""
         if EXACT not in self.case.reference.values():
             return []
         recorders = means.with_bins(self.recorders, self.totals(state))

@@ -1,4 +1,4 @@
-"""The figure of growth: errors of the Casimirs over the steps, and the law of long paths beside the uniform one."""
+"""Figure of growth: errors of the Casimirs over the steps, and the law of long paths beside the uniform one."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any

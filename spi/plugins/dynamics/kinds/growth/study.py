@@ -45,7 +45,7 @@ class GrowthPlan(LongPlan):
 
     @cached_property
     def law(self) -> SphereLaw | None:
-        """The limit of the law of the states, None where that is not known."""
+        """Limit of the law of the states, None where that is not known."""
         model, initial = self.case.model, self.case.initial
         return None if obstacle(model, initial) else SphereLaw.of(model, initial)
 
@@ -64,7 +64,7 @@ class GrowthPlan(LongPlan):
         return paths._replace(moments=moments, counts=counts, snapshots=paths.snapshots + 1)
 
     def found(self, state: State) -> dict[str, Any]:
-        """The law."""
+        """Law."""
         totals = self.totals(state)
         law = law_of_states(self.law, totals) if self.law else None
         return {"law": law, "snapshots": int(totals[0].snapshots)}

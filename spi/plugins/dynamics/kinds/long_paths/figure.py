@@ -20,7 +20,7 @@ _FLOOR_LOOK: dict[str, Any] = {"color": "black", "linestyle": "-.", "linewidth":
 
 
 def _exponent(reading: LongRecord, c: int, i: int) -> str:
-    """The fitted growth of the error of Casimir `c` at step size `i`."""
+    """Fitted growth of the error of Casimir `c` at step size `i`."""
     p, low, high = (float(values[i, c]) for values in (reading.growth, reading.growth_low, reading.growth_high))
     return f"$n^{{{p:.2f}}}$ [{low:.2f}, {high:.2f}]" if math.isfinite(p) else ""
 

@@ -1,4 +1,4 @@
-"""The figure of Lyapunov exponents: averages until t with their 95 % intervals, and pull-back pictures."""
+"""Figure of Lyapunov exponents: averages until t with their 95 % intervals, and pull-back pictures."""
 
 from typing import Any
 

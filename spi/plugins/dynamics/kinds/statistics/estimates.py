@@ -42,7 +42,7 @@ def in_threads() -> Iterator[Map]:
 
 
 class Columns(NamedTuple):
-    """The columns of a case."""
+    """Columns of a case."""
 
     functions: tuple[PathFunction, ...]  #: those of the case
     origins: np.ndarray  #: (F, 1) their values at t = 0, subtracted so that variances do not cancel
@@ -54,7 +54,7 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, case: Any) -> "Columns":
-        """The columns of a case."""
+        """Columns of a case."""
         functions, names = case.path_functions, list(case.functions)
         return cls(
             functions=functions,
@@ -68,7 +68,7 @@ class Columns(NamedTuple):
 
     @property
     def number(self) -> int:
-        """The number of columns."""
+        """Number of columns."""
         return len(self.functions) + len(self.since)
 
     def states(self, y: np.ndarray) -> np.ndarray:
@@ -368,7 +368,7 @@ class PathMoments(NamedTuple):
 
     @property
     def unseen(self) -> float:
-        """The standard error of a share of the paths that is 0 or 1, by the rule of three."""
+        """Standard error of a share of the paths that is 0 or 1, by the rule of three."""
         return float(zero_share_bound(self.samples) / student_of_paths(self.samples, LEAST_GROUPS))
 
 

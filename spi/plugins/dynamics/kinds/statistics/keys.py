@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind statistics."""
+"""Keys of an experiment of kind statistics."""
 
 import math
 from collections.abc import Callable
@@ -89,12 +89,12 @@ class Density(Keys):
 
     @property
     def number(self) -> tuple[int, int]:
-        """The numbers of rows and columns of cells."""
+        """Numbers of rows and columns of cells."""
         return self.cells, self.cells * (2 if self.of == (SPHERE,) else 1)
 
     @property
     def count(self) -> int:
-        """The number of cells."""
+        """Number of cells."""
         return self.number[0] * self.number[1]
 
 
@@ -202,12 +202,12 @@ class Case(CodeKeys, StepCase):
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
-        """The functions, in the order of their names."""
+        """Functions, in the order of their names."""
         return tuple(function_of(self, entry) for entry in self.functions.values())
 
     @property
     def quantile_names(self) -> tuple[str, ...]:
-        """The names of single quantiles in claims."""
+        """Names of single quantiles in claims."""
         return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
@@ -218,19 +218,19 @@ class Case(CodeKeys, StepCase):
 
     @property
     def places(self) -> np.ndarray:
-        """The numbers, from 0 on, of those of the stored states that have statistics."""
+        """Numbers, from 0 on, of those of the stored states that have statistics."""
         if not self.times:
             return np.arange(round(self.final_time / self.step) // self.stride + 1)
         return np.array([round(t / self.step) // self.stride for t in self.times])
 
     @property
     def t(self) -> np.ndarray:
-        """The times of the statistics."""
+        """Times of the statistics."""
         return self.places * self.stride * self.step
 
     @condition
     def _check_times(self) -> Self:
-        """The case with its times in their order."""
+        """Case with its times in their order."""
         check_every(self)
         if self.times and self.every > 1:
             raise wrong("is given beside times", "leave one of them out", "every")
@@ -238,7 +238,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions: the first components, unless it has some."""
+        """Case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
         functions = with_others(self, self.functions) or {name: name for name in names[:4]}
         for name, entry in functions.items():
@@ -267,7 +267,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_reference(self) -> Self:
-        """The case with references in which names of others are written out."""
+        """Case with references in which names of others are written out."""
         references = with_others(self, self.reference, "reference")
         for name, reference in references.items():
             REFERENCES.check(self, name, reference)
@@ -294,7 +294,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_density(self) -> Self:
-        """The case with the times of its maps in their order."""
+        """Case with the times of its maps in their order."""
         if self.density is None:
             return self
         of, given = self.density.of, self.density.times or (float(self.t[-1]),)
@@ -318,7 +318,7 @@ class Case(CodeKeys, StepCase):
             raise wrong(f"is {shown(name)}, not the name of a function", f"known: {', '.join(self.functions)}", *keys)
 
     def place(self, t: float, *keys: str | int) -> int:
-        """The number of t among the times of the statistics; raises the error about `keys` if it is none."""
+        """Number of t among the times of the statistics; raises the error about `keys` if it is none."""
         nearest = int(np.abs(self.t - t).argmin())
         if abs(self.t[nearest] - t) > ROUNDING * max(t, self.step):
             right = f"the nearest is {quantity(float(self.t[nearest]))}"

@@ -66,7 +66,7 @@ class Distances(NamedTuple):
         return cls(value[::-1], distance[::-1], float(2.0 / (sigma[-1] + sigma[0])))
 
     def of(self, values: Array) -> Array:
-        """The distances of values, 0 for those that are not below 0."""
+        """Distances of values, 0 for those that are not below 0."""
         beyond = np.maximum(self.value[0] - values, 0.0) * self.slope
         return np.interp(values, self.value, self.distance) + beyond
 
@@ -146,7 +146,7 @@ class Corrected(NamedTuple):
 
 
 def corrected(fine: Array, coarse: Array, fine_without: Array, coarse_without: Array, bridged: bool) -> Corrected:
-    """The value with half of what it changes by if the looks are twice as close, and as much as may be left.
+    """Value with half of what it changes by if the looks are twice as close, and as much as may be left.
 
     Where bridges are known that is between none and three halves of the difference of the two, whose power of the time
     between looks is 1 or more; where they are not, it may be 1/2.

@@ -59,7 +59,7 @@ def _not_stationary(case: Any, name: str) -> str | None:
 
 
 def _moments(case: Any, name: str) -> MomentEquations | None:
-    """The moments of a linear equation that a function needs, if these are known."""
+    """Moments of a linear equation that a function needs, if these are known."""
     entry = case.functions[name]
     if isinstance(case.initial, RandomState) or not isinstance(entry, str):
         return None
@@ -75,7 +75,7 @@ def seconds_of_means(case: Any) -> float:
 
 
 def reference_formulas(case: Any) -> tuple[str, ...]:
-    """The references that are formulas, in y1 = t and numbers, and "" for others; () without any."""
+    """References that are formulas, in y1 = t and numbers, and "" for others; () without any."""
     given = [case.reference.get(name) for name in case.functions]
     texts = [canonical(REFERENCES.formula(case, one)) if REFERENCES.is_formula(one) else "" for one in given]
     return tuple(texts) if any(texts) else ()

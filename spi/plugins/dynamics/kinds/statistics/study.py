@@ -142,7 +142,7 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def columns(self) -> Columns:
-        """The columns that are summed up."""
+        """Columns that are summed up."""
         return Columns.of(self.case)
 
     @cached_property
@@ -172,7 +172,7 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """The pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
+        """Pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
         left, right = np.triu_indices(len(self.case.functions) if "covariance" in self.case.statistics else 0)
         first = len(self.columns.functions)
         remembered = np.array([f for f, _ in self.columns.since], int)
@@ -205,12 +205,12 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def map_times(self) -> list[int]:
-        """The times of the maps, by their numbers."""
+        """Times of the maps, by their numbers."""
         return [self.case.place(t) for t in self.case.density.times] if self.case.density else []
 
     @cached_property
     def cells(self) -> Cells | None:
-        """The cells of the maps, those of two functions around the values on the first paths; None without maps."""
+        """Cells of the maps, those of two functions around the values on the first paths; None without maps."""
         density = self.case.density
         if density is None or density.of == (SPHERE,):
             return density and Cells.of_sphere(len(self.map_times), density.number)
@@ -218,7 +218,6 @@ class StatisticsPlan(BlocksPlan):
         return Cells.around(self._centred[self.map_times][:, list(pair)], pair, density.number)
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         case, columns = self.case, self.columns
         return {
             "time": len(case.places),
@@ -240,7 +239,7 @@ class StatisticsPlan(BlocksPlan):
         }
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks in a batch, because of the memory of their states."""
+        """Largest number of blocks in a batch, because of the memory of their states."""
         columns = self.columns
         return max(1, int(_BATCH_BYTES / (8 * LANES * columns.stored * len(self.initial))))
 
@@ -249,12 +248,12 @@ class StatisticsPlan(BlocksPlan):
         return stderr_of_means(sums)
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """The states of some blocks, (blocks, stored, d * LANES), and reports."""
+        """States of some blocks, (blocks, stored, d * LANES), and reports."""
         y, report = self.recorded(first, blocks, end, self.case.stride)
         return y, report[:, 0, :SUMMED]
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the states `at`, as many blocks at once as caches hold, if memory does."""
+        """Sums with the states `at`, as many blocks at once as caches hold, if memory does."""
         states, report = (each[at] for each in contributions)
         case, times, columns = self.case, len(self.case.places), self.columns
         copied = ("values", "products", "counts", "ranks", "lost", "cells")
@@ -320,11 +319,10 @@ class StatisticsPlan(BlocksPlan):
         return tasks
 
     def results(self, state: State) -> Statistics:
-        """The results of one scheme of a case, from its final state."""
         return Statistics(**(self.whole(state) | self.estimates(state.total(), state.answers)))
 
     def estimates(self, sums: StatisticsSums, answers: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
-        """The fields of :class:`Statistics` that follow from the sums and the answers of the tasks."""
+        """Fields of :class:`Statistics` that follow from the sums and the answers of the tasks."""
         case, functions = self.case, self.columns.functions
         names, count = tuple(case.functions), len(case.functions)
         estimated = PathMoments.of(sums.values, sums.products, self.samples)
@@ -480,7 +478,7 @@ class StatisticsPlan(BlocksPlan):
         }
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
-        """The maps; None if the case has none."""
+        """Maps; None if the case has none."""
         if self.cells is None:
             return None
         pair = list(self.cells.pair)

@@ -31,7 +31,7 @@ _SEEN = 0.01  # by which a field must exceed the range of the colours so that th
 
 
 class Colours(NamedTuple):
-    """The colours of some fields."""
+    """Colours of some fields."""
 
     low: float
     high: float
@@ -39,7 +39,7 @@ class Colours(NamedTuple):
 
     @property
     def look(self) -> dict[str, Any]:
-        """The options of matplotlib's ``imshow``; fields of one sign have sequential colours."""
+        """Options of matplotlib's ``imshow``; fields of one sign have sequential colours."""
         return {"cmap": SIGNED if self.low < 0 < self.high else ONE_SIGN, "vmin": self.low, "vmax": self.high}
 
 
@@ -57,7 +57,7 @@ def field_values(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
 
 
 def colours_of(readings: TrajectoryReadings, ends: Sequence[tuple[float, float]]) -> Colours:
-    """The colours for fields with these least and largest values.
+    """Colours for fields with these least and largest values.
 
     They suit the schemes that preserve something, if there are any, and the others may go beyond them.
     """
@@ -78,7 +78,7 @@ def _ends(values: np.ndarray) -> tuple[float, float]:
 
 
 def vorticities(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
-    """The fields at the chosen times, a row of panels for each scheme."""
+    """Fields at the chosen times, a row of panels for each scheme."""
     need_lattice(readings, "vorticity")
     shown = [field_values(one, one.shown) for one in readings]
     colours = colours_of(readings, [_ends(values) for values in shown])
@@ -119,7 +119,7 @@ def draw_field(ax: plots.Axes, field: np.ndarray, colours: Colours) -> Any:
 
 
 def spectra(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The energy of the shells at the chosen times, a panel for each scheme."""
+    """Energy of the shells at the chosen times, a panel for each scheme."""
     need_lattice(readings, "spectrum")
     limits = spectrum_limits(readings)
     for k, one in enumerate(readings):
@@ -161,7 +161,7 @@ def spectra_of(reading: Trajectory) -> np.ndarray:
 
 
 def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
-    """The limits of energies in spectra, which suit the schemes that preserve something, if there are any.
+    """Limits of energies in spectra, which suit the schemes that preserve something, if there are any.
 
     They end where rounding errors begin, and not far below the energies at the last time.
     """
@@ -176,7 +176,7 @@ def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
 
 
 def _positive(energies: np.ndarray) -> np.ndarray:
-    """The energies that a logarithmic axis can show."""
+    """Energies that a logarithmic axis can show."""
     return energies[np.isfinite(energies) & (energies > 0)]
 
 
@@ -193,7 +193,7 @@ def enstrophy_change(reading: Trajectory) -> np.ndarray:
 
 
 def enstrophies(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The change of the enstrophy of each path."""
+    """Change of the enstrophy of each path."""
     need_lattice(readings, "enstrophy")
     curves = [(one, enstrophy_change(one)) for one in readings]
     curves = [(one, values) for one, values in curves if np.isfinite(values).any()]
@@ -221,7 +221,7 @@ def enstrophies(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[pl
 
 
 def _screens(fig: Figure, readings: TrajectoryReadings, axes: np.ndarray) -> list[Screen]:
-    """The fields of one case at the start, in colours that suit all of its frames."""
+    """Fields of one case at the start, in colours that suit all of its frames."""
     states = states_shown(readings)
     colours = colours_of(readings, [_extremes(one, chosen) for one, chosen in zip(readings, states, strict=True)])
     images = [draw_field(ax, field_values(one, [0])[0], colours) for ax, one in zip(axes, readings, strict=False)]
@@ -236,7 +236,7 @@ def _refill(image: Any, one: Trajectory, state: int) -> None:
 
 
 def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]:
-    """The least and the largest vorticity in some states, one after the other to spare memory."""
+    """Least and the largest vorticity in some states, one after the other to spare memory."""
     return _ends(np.array([_ends(field_values(reading, [state])) for state in states]))
 
 

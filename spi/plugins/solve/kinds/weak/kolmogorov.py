@@ -106,7 +106,7 @@ class KolmogorovPlan(WeakPlan):
         return Done(len(state.answers), 1, float("nan"))
 
     def results(self, state: State) -> WeakErrors:
-        """The weak errors and expectations."""
+        """Weak errors and expectations."""
         combine, solved = self.extrapolation, state.answers[_SOLUTION]
         error, bound = combine.combined(solved["error"]), combine.combined_bounds(solved["error_bound"])
         h, resolved = self.h, np.abs(error) >= _CLEAR * bound
@@ -131,7 +131,7 @@ class KolmogorovPlan(WeakPlan):
 
 
 def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
-    """The slope between the two finest steps; half its interval is 1.5 times the difference from the slope before.
+    """Slope between the two finest steps; half its interval is 1.5 times the difference from the slope before.
 
     Where the error is C h^p + D h^q, slopes tend to p by at least a factor of 2 each time h is halved.
     """

@@ -158,7 +158,7 @@ def _repeating(model: Spins, s: Array) -> tuple[Array, int]:
 
 
 class Waves(NamedTuple):
-    """The linear waves of a lattice, as the kind statistics asks for them."""
+    """Linear waves of a lattice, as the kind statistics asks for them."""
 
     check: Callable[[Any], None]
     frequencies: Callable[[Any, Array], tuple[Array, Array]]

@@ -41,7 +41,7 @@ def _layer(one: Trajectory, state: int) -> np.ndarray:
 
 
 def _spins(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
+    """Spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
     for one in (one for one in readings if one.place.get("on") == "lattice"):
         places = _places(one)
         if places is None:
@@ -88,7 +88,7 @@ def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.LegendEntry]:
 
 
 def _screens(fig: Figure, readings: TrajectoryReadings, axes: np.ndarray) -> list[Screen]:
-    """The spins of one case at the start."""
+    """Spins of one case at the start."""
     places: Any = _places(readings[0])
     points = [_draw_spins(ax, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
     shows = [partial(_recolour, image, one) for image, one in zip(points, readings, strict=True)]
