@@ -86,7 +86,8 @@ def _predict(experiment: "Experiment") -> None:
         predicted = list(predictions(experiment, line.watch))
     for case, (how, seconds, next_digit) in predicted:
         takes = f": about {human_time(seconds)} of processor time"
-        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
+        if math.isfinite(next_digit):
+            takes += f"; the next digit {human_time(next_digit)}"
         typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")
 
 

@@ -138,7 +138,7 @@ class Answer(Stored):
         """Time that it took, and that the next digit would."""
         took = f"processor time {human_time(self.cpu_seconds)}"
         if self.chosen or math.isfinite(self.predicted_seconds):
-            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" * bool(self.chosen)
+            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" if self.chosen else ""
             took += f" (predicted {human_time(self.predicted_seconds)}{pilot})"
         if np.isfinite(self.half).all() and np.isfinite(self.next_digit_seconds):
             took += f"; the next digit would take about {human_time(self.next_digit_seconds)}"

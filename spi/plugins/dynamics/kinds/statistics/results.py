@@ -273,7 +273,7 @@ class Statistics(Stored):
     def remarks(self) -> Iterator[str]:
         """Values that are not finite, errors that are not known, heavy tails, and passages."""
         if (self.finite < 1.0).any():
-            paths = ", and quantiles are those of these paths" * bool(self.quantiles)
+            paths = ", and quantiles are those of these paths" if self.quantiles else ""
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
         for f in np.flatnonzero(self.is_constant):
             name, change = self.functions[f], float(np.nanmax(self.rounding[f])) if self.rounding is not None else 0.0
