@@ -315,7 +315,7 @@ def write(path: str | Path, results: StoredResults, check: Callable[[], None] = 
 
 
 def read(path: str | Path) -> StoredResults:
-    """:class:`~spi.storage.records.Results` in ``path``; the groups of one case stand together."""
+    """:class:`~spi.storage.records.StoredResults` in ``path``; the groups of one case stand together."""
     path = Path(path)
     with _open_results(path) as file:
         try:

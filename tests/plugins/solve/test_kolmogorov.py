@@ -74,7 +74,7 @@ def _each_limit_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sphere, "semigroup", remembered)
-        patch.setattr(cylinder, "Grid", cache(cylinder.Mesh))
+        patch.setattr(cylinder, "Mesh", cache(cylinder.Mesh))
         yield
 
 
