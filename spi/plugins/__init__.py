@@ -27,12 +27,10 @@ class Plugin(NamedTuple):
     name: str
     needs: tuple[str, ...] = ()  #: plug-ins without which it is not used
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
-    sources: Mapping[str, str] = (
-        _NOTHING  #: key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping
-    )
-    definitions: Mapping[str, str] = (
-        _NOTHING  #: key of a model with a bracket -> what makes the model, not its formulas
-    )
+    #: Key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping.
+    sources: Mapping[str, str] = _NOTHING
+    #: Key of a model with a bracket -> what makes the model, not its formulas.
+    definitions: Mapping[str, str] = _NOTHING
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
     grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
