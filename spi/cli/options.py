@@ -157,7 +157,7 @@ def _with_options(command: Callable[..., None], parameter: str, given: dict[str,
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
-        chosen = {name: value for name in given if (value := values.pop(name))}
+        chosen = {name: value for name in given if (value := values.pop(name)) not in (None, False)}
         command(**values, **{parameter: chosen})
 
     signature = inspect.signature(command)
