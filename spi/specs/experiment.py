@@ -22,13 +22,12 @@ from annotated_types import Ge, MinLen
 from pydantic import ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from ..plugins import lacking
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, CaseName, Keys, attempt, check_here, key_of, one_of, suggestion
 from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
@@ -108,8 +107,8 @@ class Layers:
         files: Any = one_of([self._of(kind)[1] for kind in self.kinds], "kind", self.kinds)
 
         def check(data: Any) -> Any:
-            if isinstance(data, dict) and (advice := lacking("kinds", data.get("kind"))):
-                raise wrong(f"is {shown(data['kind'])}", advice, "kind")
+            if isinstance(data, dict):
+                check_here("kinds", data.get("kind"), "kind")
             return data
 
         whole: Any = Annotated[files, pydantic.BeforeValidator(check)]

@@ -26,7 +26,20 @@ from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
-from .keys import ABSENT, Keys, StateKey, condition, entries_in, key_of, one_of, shown, suggestion, wrong
+from .keys import (
+    ABSENT,
+    Keys,
+    SchemaOf,
+    StateKey,
+    check_here,
+    condition,
+    entries_in,
+    key_of,
+    one_of,
+    shown,
+    suggestion,
+    wrong,
+)
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of initial states, of which each path has its own.
@@ -136,8 +149,7 @@ class OfLaw:
         name = data["law"]
         if isinstance(name, str) and name in LAWS:
             return LAWS[name].model_validate(data)
-        if advice := lacking("laws", name):
-            raise wrong(f"is {shown(name)}", advice, "law")
+        check_here("laws", name, "law")
         return pydantic.TypeAdapter(OfLaw.hint()).validate_python(data)
 
     @staticmethod
@@ -302,13 +314,10 @@ def state_in(data: dict[str, Any], model: Any, files: Any) -> Any:
     return given.state(undamped(model), files)
 
 
-class _AnyInitial:
-    """In the JSON Schema, whatever may stand there; the readers of plug-ins are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
-        whole: Any = reduce(or_, [StateKey, *mappings])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
+def _hint() -> Any:
+    """Annotation of whatever may stand there."""
+    mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
+    return reduce(or_, [StateKey, *mappings])
 
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
@@ -333,6 +342,6 @@ def _plain(value: Any) -> Any:
 #: The annotation of ``initial``.
 Initial = Annotated[
     StateKey,
-    pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, _AnyInitial()]),
+    pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, SchemaOf(_hint)]),
     pydantic.PlainSerializer(_plain),
 ]

@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
+from ..plugins import lacking
 from ..schemes import SCHEMES
 from .document import Location
 
@@ -64,6 +65,25 @@ def quantity(value: float) -> str:
 def wrong(fault: str, right: str, *keys: str | int) -> PydanticCustomError:
     """Error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
     return PydanticCustomError("spec", "{fault}; {right}", {"fault": fault, "right": right, "keys": keys})
+
+
+def check_here(field: str, name: Any, *keys: str | int, value: Any = None) -> None:
+    """Raise the error about a name of a registry that a plug-in has which is not here.
+
+    `keys` are those of :func:`wrong`, and `value` is what stands there, by default the name.
+    """
+    if advice := lacking(field, name):
+        raise wrong(f"is {shown(name if value is None else value)}", advice, *keys)
+
+
+class SchemaOf:
+    """In the JSON Schema, the annotation that a function returns; what plug-ins offer is imported only for that."""
+
+    def __init__(self, hint: Callable[[], Any]) -> None:
+        self.hint = hint
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
+        return handler(pydantic.TypeAdapter(self.hint()).core_schema)
 
 
 # --- keys and numbers ------------------------------------------------------------------------------------------------

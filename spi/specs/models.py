@@ -25,10 +25,10 @@ from ..ensemble.protocol import fault, generated, large, state_fault
 from ..expressions.ranges import meaning_of, taken_name
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
-from ..plugins import Registry, lacking
+from ..plugins import Registry
 from .document import Document, Location
 from .files import Files
-from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, SchemaOf, check_here, fields_of, one_of, shown, suggestion, wrong
 
 #: Keys of a case that people write among those of the model.
 OUTSIDE = dict.fromkeys(
@@ -86,11 +86,10 @@ def _by_name(data: Any, files: Files) -> Any:
     name = data.get("name") if isinstance(data, dict) else None
     if isinstance(name, str) and name in MODELS:
         parameters: Any = keys_of_model(name).model_validate(data)
-    elif advice := lacking("models", name):
-        raise wrong(f"is {shown(name)}", advice, "name")
-    elif absent := next((key for key in data or () if lacking("sources", key)), None):
-        raise wrong(f"is {shown(data[absent])}", f"{lacking('sources', absent)}", absent)
     else:
+        check_here("models", name, "name")
+        for key in data if isinstance(data, dict) else ():
+            check_here("sources", key, key, value=data[key])
         parameters = pydantic.TypeAdapter(one_of([*map(keys_of_model, MODELS)], "name", MODELS)).validate_python(data)
     if named := taken_name(getattr(parameters, "variables", ())):
         raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
@@ -264,19 +263,16 @@ Model = Annotated[
 
 
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
-class _AnyModel:
-    """In the JSON Schema, a mapping of any model; the classes of models are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        parts = [keys_of_model(name, complete=False) for name in MODELS]
-        told = {key: field for source in SOURCES.values() for key, field in source.fields.items()}
-        fields: Any = {key: (Annotated[hint, Field(description=what)], ABSENT) for key, (hint, what) in told.items()}
-        elsewhere = create_model("FromElsewhere", __base__=_FromElsewhere, __doc__=_FromElsewhere.__doc__, **fields)
-        whole: Any = reduce(or_, [*parts, elsewhere])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
+def _any_model() -> Any:
+    """Annotation of a mapping of any model."""
+    parts = [keys_of_model(name, complete=False) for name in MODELS]
+    told = {key: field for source in SOURCES.values() for key, field in source.fields.items()}
+    fields: Any = {key: (Annotated[hint, Field(description=what)], ABSENT) for key, (hint, what) in told.items()}
+    elsewhere = create_model("FromElsewhere", __base__=_FromElsewhere, __doc__=_FromElsewhere.__doc__, **fields)
+    return reduce(or_, [*parts, elsewhere])
 
 
-ModelPart = Annotated[dict[str, Any], _AnyModel()]
+ModelPart = Annotated[dict[str, Any], SchemaOf(_any_model)]
 
 
 _WORD = re.compile(r"[^\W\d]\w*")

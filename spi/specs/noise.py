@@ -17,7 +17,7 @@ from ..ensemble.scheme_protocol import substeps
 from ..plugins import Registry, lacking
 from .document import SpecError
 from .files import Files
-from .keys import Keys, explained, shown, suggestion, wrong
+from .keys import Keys, SchemaOf, check_here, explained, shown, suggestion, wrong
 
 
 class Driver(Keys):
@@ -87,26 +87,17 @@ def _read(value: Any, info: pydantic.ValidationInfo) -> Any:
     if isinstance(kind, str) and kind in NOISES:
         files = info.context if isinstance(info.context, Files) else None
         return NOISES[kind].model_validate(value).read(files)
-    if advice := lacking("noises", kind):
-        raise wrong(f"is {shown(value[key])}", advice, key)
+    check_here("noises", kind, key, value=value.get(key))
     if kind is None:
         raise wrong("missing key 'kind'", f"add kind: {' or '.join(NOISES)}", "kind")
     raise wrong(f"is {shown(kind)}", suggestion(kind, NOISES), "kind")
-
-
-class _AnyDriver:
-    """In the JSON Schema, a mapping of any kind; the classes of plug-ins are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        whole: Any = reduce(or_, [*NOISES.values(), None])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
 
 
 NoiseKey = Annotated[
     Any,
     pydantic.PlainValidator(_read),
     pydantic.PlainSerializer(lambda driver: driver and driver.plain()),
-    _AnyDriver(),
+    SchemaOf(lambda: reduce(or_, [*NOISES.values(), None])),
 ]
 
 

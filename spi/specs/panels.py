@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from annotated_types import MinLen
 from pydantic import BeforeValidator
 
-from ..plugins import Registry, imported, lacking
-from .keys import shown, wrong
+from ..plugins import Registry, imported
+from .keys import check_here, wrong
 
 
 class Further(NamedTuple):
@@ -32,8 +32,7 @@ def panels_of(kind: str, own: Sequence[str]) -> Any:
 
     def check(value: Any) -> Any:
         for i, word in enumerate(value if isinstance(value, list) else ()):
-            if isinstance(word, str) and (advice := lacking("panels", f"{kind}.{word}")):
-                raise wrong(f"is {shown(word)}", advice, i)
+            check_here("panels", f"{kind}.{word}", i, value=word)
         return value
 
     known: Any = Literal[words(kind, own)]

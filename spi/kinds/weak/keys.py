@@ -7,10 +7,9 @@ from annotated_types import MinLen
 from pydantic import BeforeValidator
 
 from spi.ensemble.protocol import Positive
-from spi.plugins import lacking
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
-from spi.specs.keys import ExtrapolationLevels, Functions, Samples, condition, key_of, shown, wrong
+from spi.specs.keys import ExtrapolationLevels, Functions, Samples, check_here, condition, key_of, wrong
 from spi.statistics.claims import Sort, claimable
 
 from .results import WeakErrors
@@ -26,8 +25,7 @@ PrefixCounts = Annotated[tuple[Samples, ...], MinLen(1)]
 def _none_lacking(names: Any) -> Any:
     """Names of estimators; raises the error about one that a plug-in has which is not here."""
     for n, name in enumerate(names if isinstance(names, list) else ()):
-        if advice := lacking("estimators", name):
-            raise wrong(f"is {shown(name)}", advice, n)
+        check_here("estimators", name, n)
     return names
 
 
