@@ -35,6 +35,7 @@ from spi.plugins.answers.kinds.answer.sets import LEVELS, SetOf
 from spi.printing import short
 from spi.running.run import load, results_path, run
 from spi.statistics.estimators import GROUPS, weights, with_powers
+from spi.statistics.tallies import Batch
 from spi.storage import INTERVAL
 
 MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}
@@ -313,7 +314,7 @@ def sums_of(values):
     """The sums of powers over samples (F, paths), as a plan keeps them."""
     powers = np.zeros((4, len(values), GROUPS))
     blocks = values.reshape(len(values), -1, LANES).transpose(1, 0, 2)
-    return with_powers(powers, blocks, 0, values.shape[1])
+    return with_powers(powers, blocks, Batch.of_first(len(blocks)))
 
 
 def test_equal_values_have_the_bound_of_the_rule_of_three():
