@@ -325,8 +325,13 @@ class Plan:
 
     @property
     def is_random(self) -> bool:
-        """Whether paths differ: by noise of some strength, or by their initial states."""
-        return isinstance(self.initial, RandomState) or bool(np.any(np.asarray(strengths(self.model), float)))
+        """Whether paths differ: by noise, or by their initial states."""
+        return isinstance(self.initial, RandomState) or self.is_noisy
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether there is noise of some strength."""
+        return bool(np.any(strengths(self.model)))
 
     def initial_states(self, first: int, blocks: int) -> np.ndarray:
         """(d, 1), or (d, paths): y_0 of the paths of some blocks, of which each has its own where that is random."""

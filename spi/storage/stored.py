@@ -623,6 +623,11 @@ def _taken(cls: type[Described], group: Group, outer: Meaning) -> dict[str, Any]
     return {field.name: _value(field, group, outer) for field in cls.described}
 
 
+def _with_none(value: Any) -> Any:
+    """Value of an entry, in whose tuples None, a noise that is off, is stored as NaN."""
+    return tuple(None if x != x else x for x in value) if isinstance(value, tuple) else value
+
+
 def _value(field: Field, group: Group, outer: Meaning) -> Any:
     """Value of a field in a group; KeyError if it is missing and needed."""
     if field.is_record:
@@ -630,7 +635,9 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
     if field.is_mapping:
         prefix = field.meaning.prefix
-        return {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
+        return {
+            key.removeprefix(prefix): _with_none(it) for key, it in group.attributes.items() if key.startswith(prefix)
+        }
     names = stored_names(field, outer.prefix)
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):

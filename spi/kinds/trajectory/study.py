@@ -13,7 +13,7 @@ import numpy as np
 from spi.compiler.dispatch import answers
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, frozen, geometry, large, one_path, strengths
+from spi.ensemble.protocol import decay_rates, frozen, geometry, large, one_path
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
@@ -212,10 +212,10 @@ class TrajectoryPlan(PathsPlan):
         up, down = (g[:-1] < 0) & (g[1:] >= 0), (g[:-1] >= 0) & (g[1:] < 0)
         found = {"up": up, "down": down, "both": up | down}[case.section.direction]
         found[:1] &= g[:1] != 0  # a path that begins on the section does not cross it there
-        at, record = np.flatnonzero(found), self.model
-        noisy = bool(np.any(np.asarray(strengths(record), float))) or answers(frozen, undamped(case.model))
+        at = np.flatnonzero(found)
         coins = judges(self.scheme) or any(stage.coin is not None for stage in getattr(self.scheme, "stages", ()))
-        by_steps = not noisy and not coins and not memory_size(self.scheme, record)
+        moves = self.is_noisy or answers(frozen, undamped(case.model)) or memory_size(self.scheme, self.model)
+        by_steps = not coins and not moves
         theta, states = g[at] / (g[at] - g[at + 1]), y[at] + 0.0
         for k, n in enumerate(at.tolist()):
             if by_steps:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.loop import one_step, thread_count
-from spi.ensemble.protocol import strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
@@ -156,11 +155,6 @@ class StatisticsPlan(BlocksPlan):
             return Distances.measured(condition, self.columns.states(y), step, h)
 
         return [LookTimes(self.columns.between, tuple(map(measured, conditions)), True) for conditions in each]
-
-    @property
-    def is_noisy(self) -> bool:
-        """Whether there is noise of some strength."""
-        return bool(np.any(np.asarray(strengths(self.model), float)))
 
     @property
     def is_bridged(self) -> bool:
