@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing.panels import CurvePanel, Figures
-from spi.kinds.blocks import BlocksPlan, lanes_of
+from spi.kinds.blocks import SampledPlan, lanes_of
 from spi.kinds.plans import each_scheme
 from spi.printing.tables import Column, Table
 from spi.specs.cases import FunctionKeys, StepCase
@@ -40,7 +40,7 @@ class SpreadSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpreadPlan(BlocksPlan):
+class SpreadPlan(SampledPlan):
     record, sums = Spread, SpreadSums
 
     def lengths(self, number: int) -> dict[str, int]:

@@ -16,7 +16,7 @@ from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..kinds.blocks import BlocksPlan, integrated_batch
+from ..kinds.blocks import SampledPlan, integrated_batch
 from ..kinds.plans import State, path_grid
 from ..kinds.trajectory import study
 from ..kinds.trajectory.study import TrajectoryPlan
@@ -286,7 +286,7 @@ class EndSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeansPlan(BlocksPlan):
+class MeansPlan(SampledPlan):
     """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
     sums = EndSums

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mea
 from spi.statistics.tallies import Batch, Chunk, PathSet, chunk_blocks
 from spi.storage.stored import Array, Described, array
 
-from .plans import Done, PartCost, PathsPlan, Plan, State
+from .plans import Done, KernelCall, PartCost, Plan, State, path_grid
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -52,8 +52,8 @@ class _Reached(NamedTuple):
     added: list[tuple[Chunk, Any]]
 
 
-class Blockwise(Plan):
-    """Base of all plans that sum up paths block after block."""
+class BatchedPlan(Plan):
+    """Base of the two that follow: chunks are computed in batches of blocks, of which a study says what it observes."""
 
     sums: ClassVar[type[Sums]]  #: what is summed up
 
@@ -151,8 +151,36 @@ def paths_moved(model: Any, samples: int) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BlocksPlan(PathsPlan, Blockwise):
-    """Base of all plans with one set of paths, on one grid, that are summed up block after block."""
+class SampledPlan(BatchedPlan):
+    """Base of all plans that sum up one set of paths, of one scheme, on one grid."""
+
+    @property
+    def samples(self) -> int:
+        """Number of paths."""
+        return int(self.case.samples)
+
+    @cached_property
+    def grid(self) -> TimeGrid:
+        """Times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
+        return path_grid(self.case, self.part, self.case.step)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of LANES paths, the last one perhaps partly idle."""
+        return -(-self.samples // LANES)
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(levels,) the number of steps of each step size of the grid, the reference last."""
+        return self.grid.reference_steps >> self.grid.doublings
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block."""
+        return self.calls_of_a_step(self.grid, self.stream)
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """All paths."""
+        return [(self.grid, self.stream)]
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
@@ -282,8 +310,8 @@ def two_steps(antithetic: bool) -> tuple[dict[str, Any], list[float]]:
     return {"doublings": (1, 1, 0, 0), "reversals": reversals}, [-0.5, -0.5, 0.5, 0.5]
 
 
-class SamplesPlan(Blockwise):
-    """Base of all plans that sum up powers of quantities, over samples of several paths."""
+class LevelPlan(BatchedPlan):
+    """Base of all plans that sum up powers of quantities, over samples of several paths, as those of a level."""
 
     @property
     def sets(self) -> Sequence[Sample]:
@@ -293,6 +321,10 @@ class SamplesPlan(Blockwise):
     def wanted(self, extra: Any) -> np.ndarray:
         """(path sets,) the samples that are wanted for now."""
         raise NotImplementedError
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """Paths of the samples."""
+        return [(sample.grid, sample.stream) for sample in self.sets]
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """Samples that are wanted for now."""

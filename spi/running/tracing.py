@@ -11,15 +11,13 @@ import numpy as np
 
 from ..compiler.inlining import uncompiled
 from ..ensemble import protocol
-from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import PAIRS_REVERSED, TimeGrid, for_kernels, grid, paths_of, states_at
+from ..ensemble.loop import PAIRS_REVERSED, TimeGrid, for_kernels, paths_of, states_at
 from ..ensemble.noise_of_step import noise_of_step
 from ..ensemble.observer import growth, invariants_of, state_recorder
 from ..ensemble.protocol import dimension, drift_angle, frozen, joint_angle, large, noise_angle
 from ..ensemble.random_states import RandomState, first_states
 from ..ensemble.scheme_protocol import advance, advance_large, report_row, work_size
-from ..kinds.blocks import BATCH_BYTES, SamplesPlan, in_batches, integrated_batch
-from ..kinds.plans import PathsPlan
+from ..kinds.blocks import BATCH_BYTES, in_batches, integrated_batch
 from ..numerics.rng import LANES
 from ..printing.text import short
 from ..specs import SpecError
@@ -68,12 +66,9 @@ class TracedPaths(NamedTuple):
         plan = plan.of_paths
         if plan.case.in_parts:
             raise SpecError(f"{plan.case.name}: is one large lattice, whose flows are not traced; take a smaller one")
-        first, sizes = getattr(plan.case, "path", 0), plan.sizes()
-        if isinstance(plan, SamplesPlan):
-            return [cls(plan, of.grid, of.stream, 0, n) for of, n in zip(plan.sets, sizes, strict=True)]
-        if isinstance(plan, PathsPlan):
-            return [cls(plan, plan.grid, plan.stream, first, first + plan.samples)]
-        return [cls(plan, times, plan.stream, 0, n) for times, n in zip(_grids(plan), sizes, strict=False)]
+        first, sets = getattr(plan.case, "path", 0), plan.path_sets(plan.initial_extra())
+        each = zip(plan.paths_on(), sets, strict=False)
+        return [cls(plan, times, stream, first, first + path_set.samples) for (times, stream), path_set in each]
 
     def lost(self, tick: TraceTick) -> tuple[int, int] | None:
         """(path, level) of the first path that is not finite at the end, None if there is none."""
@@ -120,14 +115,6 @@ class TracedPaths(NamedTuple):
         alone = Batch(0, block, 1, path + 1)
         self._integrated(times._replace(first_lane=lane), alone, state_recorder(times, rows, 1, lane))
         return rows[0]
-
-
-def _grids(plan: Any) -> Iterator[TimeGrid]:
-    """Times of each step size where each has paths of its own; none of a plan without paths."""
-    case = plan.case
-    for h, steps in zip(case.steps, getattr(case, "counts", ()), strict=False):
-        terms = fourier_terms(plan.model, [plan.scheme], h, areas=case.areas)
-        yield grid(h, steps, truncate=case.clipping, by_reference=(0,), area_terms=terms)
 
 
 def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:

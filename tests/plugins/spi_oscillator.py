@@ -7,7 +7,7 @@ import numpy as np
 
 from spi.drawing.panels import CurvePanel, Figures
 from spi.ensemble.protocol import NonNegative
-from spi.kinds.blocks import BlocksPlan, lanes_of
+from spi.kinds.blocks import SampledPlan, lanes_of
 from spi.kinds.plans import each_scheme
 from spi.plugins import Plugin
 from spi.printing.tables import Column, Table
@@ -90,7 +90,7 @@ class EnergySums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnergyPlan(BlocksPlan):
+class EnergyPlan(SampledPlan):
     """One scheme of a case."""
 
     record, sums = Energy, EnergySums

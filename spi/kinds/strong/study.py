@@ -15,7 +15,7 @@ import numpy as np
 from spi.ensemble.loop import TimeGrid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
-from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.blocks import SampledPlan, lanes_of, reported
 from spi.kinds.plans import Done, State, each_scheme, reference_grid
 from spi.schemes import strong_order
 from spi.statistics.accumulators import Array, Batch, Sums, by_group, counted, largest, reports
@@ -46,7 +46,7 @@ class StrongSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StrongPlan(BlocksPlan):
+class StrongPlan(SampledPlan):
     """Strong errors of one scheme."""
 
     record = StrongErrors

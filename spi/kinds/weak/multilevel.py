@@ -26,7 +26,7 @@ from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.expectations import can_solve
-from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_at_end
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, LevelPlan, Sample, ns_of, values_at_end
 from spi.kinds.plans import Done, KernelCall, PartCost, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -82,7 +82,7 @@ _LONGEST = 1e9  # seconds of work for a target, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultilevelPlan(SamplesPlan, WeakPlan):
+class MultilevelPlan(LevelPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     sums = LevelTotals

@@ -13,7 +13,7 @@ import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
 from spi.ensemble.loop import TimeGrid
-from spi.kinds.blocks import BlocksPlan, ns_of, values_at_end
+from spi.kinds.blocks import SampledPlan, ns_of, values_at_end
 from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS, SCRAMBLES
@@ -48,7 +48,7 @@ class PlainSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainPlan(WeakPlan, BlocksPlan):
+class PlainPlan(WeakPlan, SampledPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
     sums = PlainSums

@@ -21,7 +21,7 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
-from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.blocks import SampledPlan, lanes_of, reported
 from spi.kinds.plans import PartCost, State, Task, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Batch, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
@@ -101,7 +101,7 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityPlan(BlocksPlan):
+class StabilityPlan(SampledPlan):
     """Paths of one scheme at all step sizes, for one value of the swept parameter."""
 
     record, sums = Stability, PathExtremes

@@ -181,6 +181,16 @@ class LongPlan(Plan):
                         yield [(chunk, paths)]
                         until = time.perf_counter() + loop.BATCH_SECONDS
 
+    def paths_on(self) -> list[tuple[loop.TimeGrid, Any]]:
+        """Paths of each step size."""
+        case = self.case
+        terms = [fourier_terms(self.model, [self.scheme], h, areas=case.areas) for h in case.steps]
+        runs = zip(case.steps, case.counts, terms, strict=True)
+        return [
+            (loop.grid(h, n, truncate=case.clipping, by_reference=(0,), area_terms=of_h), self.stream)
+            for h, n, of_h in runs
+        ]
+
     def next_stop(self, n: int, number: int = 0) -> int:
         """Number of steps at which paths that have done n steps stop next."""
         stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)

@@ -31,9 +31,9 @@ from spi.ensemble.random_states import normals as normal_numbers
 from spi.exact.surfaces import at_states, spheres, structure_matrix
 from spi.expressions.arithmetic import NumberError
 from spi.kinds import blocks
-from spi.kinds.blocks import BATCH_BYTES, BlocksPlan, stderr_of_means
+from spi.kinds.blocks import BATCH_BYTES, SampledPlan, stderr_of_means
 from spi.kinds.functions import path_function
-from spi.kinds.plans import KernelCall, PartCost, PathsPlan, State
+from spi.kinds.plans import KernelCall, PartCost, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
@@ -82,7 +82,7 @@ class Counts(Sums):
 class Pulled:
     """Pictures of a plan."""
 
-    plan: PathsPlan
+    plan: SampledPlan
 
     @property
     def _keys(self) -> Any:
@@ -301,7 +301,7 @@ def parts(case: Any) -> list[Part]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LyapunovPlan(BlocksPlan):
+class LyapunovPlan(SampledPlan):
     """Lyapunov exponents of one scheme."""
 
     record = Exponents
@@ -491,7 +491,7 @@ class LyapunovPlan(BlocksPlan):
         return moved.reshape(y.shape)
 
     def added(self, sums: Any, contributions: dict[str, Array], batch: Batch) -> Any:
-        """Sums with the contributions of a batch, see :class:`Blockwise`."""
+        """Sums with the contributions of a batch, see :class:`BatchedPlan`."""
         if pictures := self._pictures_of(batch.path_set):
             return pictures.added(sums, contributions, batch)
         return super().added(sums, contributions, batch)

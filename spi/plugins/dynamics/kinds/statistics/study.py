@@ -12,7 +12,7 @@ import numpy as np
 from spi.ensemble.loop import one_step, thread_count
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
+from spi.kinds.blocks import SampledPlan, reported, stderr_of_means
 from spi.kinds.functions import ns_to_evaluate
 from spi.kinds.plans import KernelCall, PartCost, State, Task, each_scheme
 from spi.numerics.rng import LANES
@@ -91,7 +91,7 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatisticsPlan(BlocksPlan):
+class StatisticsPlan(SampledPlan):
     """Statistics of one scheme."""
 
     record = Statistics
