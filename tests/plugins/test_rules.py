@@ -132,6 +132,12 @@ def test_without_a_plugin_the_others_answer_and_its_names_are_explained(tmp_path
         answer = answer_of(environment, tmp_path, "check", "s.yaml")
         assert answer.returncode == 2
         assert answer.stderr == f"spi: s.yaml:1: kind: is '{kind}'; install the plug-in {plugin}, which has it\n"
+    offered = json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8"))["offered"]
+    for name, plugin in offered.items():
+        program = [sys.executable, "-c", f"import spi; spi.{name}"]
+        answer = subprocess.run(program, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        message = f"module 'spi' has no attribute '{name}'; install the plug-in {plugin}, which has it"
+        assert answer.stderr.splitlines()[-1] == f"AttributeError: {message}"
 
 
 @pytest.mark.slow
