@@ -71,6 +71,11 @@ class Case(FunctionKeys, BaseCase):
     sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
 
+    example: ClassVar[str] = """\
+final_time: 1
+functions: {phi: y1^2}
+accuracy: 1e-4
+"""
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
