@@ -231,6 +231,11 @@ def _table(plan: Any, flows: list[TracedFlow], t: float) -> Iterator[str]:
         lost = np.flatnonzero(~np.isfinite(flow.y))
         which = [f"{names[k] if names else f'y{k + 1}'} = {flow.y[k]}" for k in lost[:_MOST_CASIMIRS]]
         rows.append([flow.name, *own, *numbers, ", ".join([*which, *["..."] * (len(lost) > len(which))])])
+    yield from _aligned(rows)
+
+
+def _aligned(rows: list[list[str]]) -> Iterator[str]:
+    """Lines of a table: columns to the right, but for the first and the last one."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for name, *cells, last in rows:
         padded = [f"{cell:>{width}}" for cell, width in zip(cells, widths[1:-1], strict=True)]
