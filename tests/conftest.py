@@ -54,8 +54,8 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     import left_out
 
-    if names := left_out.names():
-        config.pluginmanager.register(left_out.Skipping(names))
+    if left_out.names():
+        config.pluginmanager.register(left_out.Skipping())
     if file := config.getoption("costs"):
         from costs import Costs
 

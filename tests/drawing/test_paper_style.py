@@ -7,7 +7,6 @@ import pytest
 import yaml
 from damage import call
 from figure_checks import alike_without_colours, collisions
-from long_results import equilibrium, equilibrium_group, growth, growth_group
 from stability_results import stability, stability_group
 from strong_results import LABELS, H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -44,6 +43,12 @@ def weak_errors():
     return weak(*(weak_group("splitting", e, functions=1, prefixes=e == "plain") for e in estimators))
 
 
+def long_runs(kind):
+    of = pytest.importorskip("long_results")  # of the plug-in dynamics
+    group = getattr(of, f"{kind}_group")
+    return getattr(of, kind)(group("splitting"), group("midpoint"))
+
+
 RESULTS = {
     "strong": lambda: errors(1),
     "strong, four cases": lambda: errors(4),
@@ -52,8 +57,8 @@ RESULTS = {
     "weak": weak_errors,
     "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
     "work_precision": work_results,
-    "growth": lambda: growth(growth_group("splitting"), growth_group("midpoint")),
-    "equilibrium": lambda: equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
+    "growth": lambda: long_runs("growth"),
+    "equilibrium": lambda: long_runs("equilibrium"),
 }
 
 

@@ -136,6 +136,13 @@ def test_without_a_plugin_the_others_answer_and_its_names_are_explained(tmp_path
         answer = answer_of(environment, tmp_path, "check", "s.yaml")
         assert answer.returncode == 2
         assert answer.stderr == f"spi: s.yaml:1: kind: is '{kind}'; install the plug-in {plugin}, which has it\n"
+    answer = answer_of(environment, tmp_path, "merge", "s.yaml")
+    assert answer.stderr == "spi: No such command 'merge'; install the plug-in clusters, which has it\n"
+    for *command, option, plugin in [("run", "s", "--shard=1/2", "clusters"), ("new", "s", "--system", "systems")]:
+        answer = answer_of(environment, tmp_path, *command, option)
+        option = option.partition("=")[0]
+        assert answer.returncode == 2
+        assert answer.stderr == f"spi: No such option: {option}; install the plug-in {plugin}, which has it\n"
 
 
 @pytest.mark.slow
